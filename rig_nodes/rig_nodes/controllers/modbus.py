@@ -3,8 +3,8 @@
 
 """The plug for a controller that is a Modbus TCP client, such as a PLC: ``modbus:PORT``; the rig is the server.
 
-Made by load.py; pymodbus is imported then. The registers are those of registers.py, on 127.0.0.1 unless asked otherwise.
-Of several clients the first one that writes is the master; the others may read.
+load.py makes it; pymodbus is imported only then. The registers are those of registers.py; the server listens on
+127.0.0.1 unless another host is given. Of several clients the first one that writes is the master; the others may read.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 OPTIONS = ("host", "timeout")
 READING, WRITING = (3, 4, 23), (6, 16, 23)  # function codes; 23 does both
-CODE, NO_CODE = 7, 0x80  # place of the function code in a request; code of an exception to none
+CODE, NO_CODE = 7, 0x80  # place of the function code in a request; code of an exception without a function
 ILLEGAL_FUNCTION, BUSY = 1, 6  # exceptions; "server device busy": another client is the master
 START = 10.0  # s that the server may take to listen
 
@@ -50,12 +50,12 @@ class Modbus(FreeRunning):
             raise RigError(f"controller {name}: '{port}' is no port; expected modbus:PORT, e.g. modbus:5020")
         super().__init__(name, config, level, f"Modbus TCP {host}:{port}", timeout_of(options, name))
         self._wires, self._commands = given_wires(self.rig_record), commands(self.rig_record, self.level)
-        self._own_registers = 1 + len(self._commands) + len(registers.STATE)  # of a command
+        self._own_registers = 1 + len(self._commands) + len(registers.STATE)  # registers of a command
         self._shown = [0] * registers.COMMAND_BASE
         self._written: list[int] | None = None
         self._heartbeat: int | None = None
-        self._asking = ""  # whose request is served now
-        self._refused: deque[str] = deque(maxlen=1)  # a client that is not the master and wrote
+        self._asking = ""  # the client whose request is served now
+        self._refused: deque[str] = deque(maxlen=1)  # a client that wrote without being the master
         self._bell = threading.Condition()
         self._start(host, int(port), name)
 
@@ -86,14 +86,14 @@ class Modbus(FreeRunning):
         plug = self
 
         class Client(ServerRequestHandler):
-            """A connection; requests that the page does not name, and commands of another than the master, are refused."""
+            """A connection; it refuses functions that docs/how_to/modbus.md does not name, and commands of a client that is no master."""
 
             def callback_data(self, data: bytes, addr: tuple | None = None) -> int:
                 self.code = data[CODE] if len(data) > CODE else 0
                 return super().callback_data(data, addr)
 
             def server_send(self, pdu: ModbusPDU, addr: tuple | None) -> None:
-                if pdu.function_code == NO_CODE:  # pymodbus's answer to a code that it does not know
+                if pdu.function_code == NO_CODE:  # pymodbus's answer to an unknown function code
                     pdu.function_code |= self.code
                 super().server_send(pdu, addr)
 
@@ -105,7 +105,7 @@ class Modbus(FreeRunning):
                 self.who = f"the client {peer[0]}:{peer[1]}" if peer else "a client that has gone"
                 refusal = plug._refusal(request.function_code, self.who)
                 if not refusal:
-                    plug._asking = self.who  # until the answer is there: nothing on the way to _access lets others run
+                    plug._asking = self.who  # valid until the answer: no other task runs before _access
                     await super().handle_request()
                     return
                 answer = ExceptionResponse(request.function_code, refusal, device_id=request.dev_id)
@@ -135,7 +135,7 @@ class Modbus(FreeRunning):
             self._loop.run_until_complete(listen())
             if not problem:
                 self._loop.run_forever()
-            for _ in range(3):  # requests that came meanwhile become tasks
+            for _ in range(3):  # requests that have come meanwhile become tasks
                 self._loop.run_until_complete(asyncio.sleep(0))
             rest = asyncio.all_tasks(self._loop)
             for task in rest:
@@ -149,7 +149,7 @@ class Modbus(FreeRunning):
             raise RigError(f"controller {name}: no server on {host}:{port}: {problem[0] if problem else 'it does not start'}")
 
     def _refusal(self, function: int, who: str) -> int:
-        """The exception that answers a request of a client, 0 when it is served."""
+        """Return the exception that answers a request of a client, 0 when the request is served."""
         if function not in READING + WRITING:
             return ILLEGAL_FUNCTION
         if function in WRITING and not self.may_command(who):
@@ -163,7 +163,7 @@ class Modbus(FreeRunning):
         return [row for row in registers.register_map(self.rig_record) if row.access == "read"]
 
     async def _access(self, function: int, first: int, address: int, count: int, current: list[int], values: list | None) -> None:
-        """Called by pymodbus with each request; ``current`` holds all registers from address ``first`` on."""
+        """Serve a request; pymodbus calls it, and ``current`` holds all registers from address ``first`` on."""
         if values is None:
             current[: registers.COMMAND_BASE - first] = self._shown[first : registers.COMMAND_BASE]
             return
@@ -183,7 +183,7 @@ class Modbus(FreeRunning):
         sample = inputs.sample & 0xFFFFFFFF
         raw = [wire.encode(value) & 0xFFFF for wire, value in zip(self._wires, values_of(inputs), strict=True)]
         shown = [sample >> 16, sample & 0xFFFF, inputs.gear_request, int(self.level == "current"), *raw]
-        self._shown = shown + [0] * (registers.COMMAND_BASE - len(shown))  # one assignment: a reader never sees half
+        self._shown = shown + [0] * (registers.COMMAND_BASE - len(shown))  # one assignment, so that a reader never sees half of it
 
     def _listen(self, until: float) -> None:
         while True:

@@ -3,7 +3,7 @@
 
 """The plugs for a controller that is a ROS 2 node: in lockstep, or by its own clock (docs/how_to/ros_controller.md).
 
-Made by load.py. The topics are ros_topics.py; the node may start before or after the rig and serves many runs.
+load.py makes them. The topics are in ros_topics.py; the node may start before or after the rig and serves many runs.
 """
 
 from __future__ import annotations
@@ -29,18 +29,38 @@ from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs,
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-TOKEN = "[A-Za-z](_?[A-Za-z0-9])*_?"  # ROS 2 takes no two underscores one after the other
+TOKEN = "[A-Za-z](_?[A-Za-z0-9])*_?"  # ROS 2 does not allow two underscores in succession
 NAME = re.compile(f"{TOKEN}(/{TOKEN})*")
 OPTIONS = ("timing", "wants", "settings", "signals")
 TIMINGS = ("lockstep", "free")
 LEVEL_BITS = {"duty": 1, "current": 2}
 RESEND = 0.02  # s of wall clock without an answer after which a step is sent again
-FAREWELL = 0.5  # s of wall clock that the last words to a controller may take
+FAREWELL = 0.5  # s of wall clock that the last message to a controller may take
 GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
 
 
 def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Plug:
-    """ros:NAME?timing=free&wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state; all of it may be left out."""
+    """Return the plug of ros:NAME?timing=free&wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state.
+
+    Parameters
+    ----------
+    rest : str
+        The specification behind "ros:"; all of its parts may be left out.
+    config : RigConfig
+        The rig's configuration.
+    level : str or None
+        "duty" or "current"; None takes the plug's default.
+
+    Returns
+    -------
+    Plug
+        A RosNode, or a FreeRosNode with timing=free.
+
+    Raises
+    ------
+    RigError
+        When a part of the specification is not right.
+    """
     spec = f"ros:{rest}"
     name, options = split_options(rest, spec, OPTIONS)
     name = checked_topics(name or "controller", f"controller {spec}: ")
@@ -59,7 +79,25 @@ def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Pl
 
 
 def checked_topics(name: str, where: str = "") -> str:
-    """The name, which the topics of a rig and its controller begin with; RigError when ROS 2 would not take it."""
+    """Check the name with which the topics of a rig and its controller begin.
+
+    Parameters
+    ----------
+    name : str
+        The name.
+    where : str
+        Begin of the error's sentence.
+
+    Returns
+    -------
+    str
+        The name.
+
+    Raises
+    ------
+    RigError
+        When ROS 2 would not accept the name.
+    """
     if not NAME.fullmatch(name):
         raise RigError(f"{where}'{name}' is no name of topics; expected letters, digits and single underscores, e.g. controller")
     return name
@@ -78,19 +116,19 @@ def _setting(item: str, spec: str) -> tuple[str, float]:
 
 
 class Gone(Exception):
-    """The controller is not there any more; why."""
+    """The controller has gone; the message says why."""
 
 
 class _OtherSide:
-    """Who is at the other end of the topics: waits for it, and sees when it has gone."""
+    """The controller at the other end of the topics: waits for it, and detects when it has gone."""
 
     def __init__(self, plug: Plug, name: str) -> None:
         self._plug, self.name = plug, name
-        self.topics = None  # until they are opened: `rig run` looks at a plug before its domain is known
-        self.controller = 0  # number of the one that is at work, 0 while none is
+        self.topics = None  # None until they are opened: `rig run` reads a plug before its domain is known
+        self.controller = 0  # number of the controller at work, 0 while there is none
         self.was_here = False
         self.session = self._seq = 0
-        self._life: int | None = None  # descriptor that tells of the end of the controller's process
+        self._life: int | None = None  # descriptor that becomes readable when the controller's process ends
         self._said: set[tuple] = set()
 
     @property
@@ -100,23 +138,23 @@ class _OtherSide:
 
     @property
     def advice(self) -> str:
-        """What to do when none comes, in words."""
+        """Advice for the user when no controller comes, in words."""
         return f"start its node in the same ROS domain (export ROS_DOMAIN_ID={self.topics.domain} in both terminals)"
 
     def awaited(self) -> str:
-        """As of the plug."""
+        """Return the sentence of every plug that no controller has come."""
         if self.was_here or self.topics is None:
             return ""
         return self._plug.not_here(self.place, self.advice)
 
     def open(self) -> None:
-        """Join the graph, once."""
+        """Join the graph; further calls do nothing."""
         if self.topics is None:
             self.topics = Topics(self.name)
             self.begin()
 
     def begin(self) -> None:
-        """A new session, for whoever is there or comes."""
+        """Begin a new session for the controller that is there or comes."""
         self.forget()
         self.session = int.from_bytes(os.urandom(4), "little") or 1
         self._seq = 0
@@ -140,21 +178,36 @@ class _OtherSide:
         )
 
     def forget(self) -> None:
-        """The controller that was at work is not any more."""
+        """Forget the controller that was at work."""
         self.controller = 0
         if self._life is not None:
             os.close(self._life)
             self._life = None
 
     def next_step(self, inputs: ControllerInputs) -> bytes:
-        """The message of the next step."""
+        """Return the message of the next step."""
         self._seq += 1
         return pack_step(self.session, self.controller, self._seq, inputs)
 
     def take(self, seconds: float, fault: Callable[[str], None]) -> Answered | None:
-        """The next answer of this session within so many seconds; None without one, or when a controller is ready.
+        """Return the next answer of this session.
 
-        Gone when the one at work has left. ``fault`` gets what came and is not used.
+        Parameters
+        ----------
+        seconds : float
+            Longest wait [s of wall clock].
+        fault : callable
+            Receives a sentence on what came and is not used.
+
+        Returns
+        -------
+        Answered or None
+            None when no answer comes in time, and when a controller becomes ready.
+
+        Raises
+        ------
+        Gone
+            When the controller at work has left.
         """
         try:
             came = self.topics.take(seconds)
@@ -163,7 +216,7 @@ class _OtherSide:
             return None
         if isinstance(came, Answered):
             if came.session != self.session or self.controller not in (0, came.controller):
-                return None  # of a run before, or of a controller that is not asked
+                return None  # from an earlier run, or from a controller that was not asked
             if came.seq > self._seq:
                 fault(f"an answer to step {came.seq} came before that was asked")
                 return None
@@ -173,11 +226,11 @@ class _OtherSide:
         return None
 
     def is_newest(self, answered: Answered) -> bool:
-        """True for an answer to the newest step."""
+        """Return whether an answer is to the newest step."""
         return answered.seq == self._seq
 
     def _hear(self, ready: ControllerReady) -> None:
-        """A controller says that it is ready, or that it is not."""
+        """Handle a controller's message that it is ready, refuses or leaves."""
         plug, text = self._plug, " ".join(ready.message.split()) or "it gave no reason"
         why = ""
         if ready.state == ready.LEAVES:
@@ -204,7 +257,7 @@ class _OtherSide:
             plug.say(f"controller on {self.place} is here{process}")
 
     def _watch(self, ready: ControllerReady) -> None:
-        """Be told by the kernel when the controller's process ends, unless its number is another container's."""
+        """Let the kernel report the end of the controller's process, unless the process number belongs to another container."""
         if ready.process_id and ready.pid_namespace == os.readlink("/proc/self/ns/pid"):
             try:
                 self._life = os.pidfd_open(ready.process_id)
@@ -212,14 +265,14 @@ class _OtherSide:
                 raise Gone("its process has ended") from None
 
     def look_after(self) -> None:
-        """Gone when the controller at work has ended without a word."""
+        """Raise Gone when the controller at work has ended without a message."""
         if self._life is not None and select.select([self._life], [], [], 0.0)[0]:
             raise Gone("its process has ended")
         if self.controller and not self.topics.somebody_answers():
             raise Gone("its node has left the graph")
 
     def close(self, message: str) -> None:
-        """The run is over."""
+        """End the run: send the last message and leave the graph."""
         if self.topics is not None:
             self.topics.start(self._start(over=True, message=message))
             self.topics.close(FAREWELL if self.controller else 0.0)
@@ -228,22 +281,22 @@ class _OtherSide:
 
 
 class RosNode(Plug):
-    """One step out, its answer in; simulated time waits."""
+    """A node in lockstep: one step out, its answer in; simulated time waits."""
 
     def __init__(self, name: str, config: RigConfig, level: str) -> None:
         super().__init__(name, config, level)
         self.other_side: _OtherSide | None = None
-        self._away = True  # nobody answered the newest sample
-        self._waiting: Waiting | None = None  # in real time, since then
+        self._away = True  # the newest sample was not answered
+        self._waiting: Waiting | None = None  # in real time: the wait since then
         self._faults: set[str] = set()
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
-        """As of every plug; the topics are opened."""
+        """Set the pace as in every plug, and open the topics."""
         super().pace(step_timeout, real_time)
         self.other_side.open()
 
     def wait(self, patience: float | None = None) -> None:
-        """As of every plug: until a controller says that it is ready."""
+        """Wait, as in every plug, until a controller reports that it is ready."""
         side = self.other_side
         side.open()
         self.refused = ""
@@ -257,10 +310,10 @@ class RosNode(Plug):
             try:
                 side.take(0.2, self._fault)
             except Gone:
-                side.begin()  # it came and went before it was asked anything
+                side.begin()  # the controller came and went before its first step
 
     def awaited(self) -> str:
-        """As of every plug."""
+        """Return the sentence of every plug that no controller has come."""
         return self.other_side.awaited()
 
     def _fault(self, text: str) -> None:
@@ -284,7 +337,7 @@ class RosNode(Plug):
         return outputs_of(answered, self)
 
     def _exchange(self, inputs: ControllerInputs) -> Answered | None:
-        """The answer; None in real time while there is none."""
+        """Return the answer; None in real time while there is none."""
         side, began = self.other_side, time.monotonic()
         patience = GLANCE if self.real_time and self._away else self.step_timeout
         waiting, sent_to = None, 0
@@ -330,29 +383,29 @@ class RosNode(Plug):
 
 
 class FreeRosNode(FreeRunning):
-    """Steps go out, the newest answer is used once; nobody waits."""
+    """A node by its own clock: steps go out, the newest answer is used once; the rig does not wait."""
 
     def __init__(self, name: str, config: RigConfig, level: str | None) -> None:
-        super().__init__(name, config, level, place="")  # told when the domain is known
+        super().__init__(name, config, level, place="")  # the place is set when the domain is known
         self.other_side: _OtherSide | None = None
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
-        """As of every plug; the topics are opened."""
+        """Set the pace as in every plug, and open the topics."""
         super().pace(step_timeout, real_time)
         self._open()
 
     def wait(self, patience: float | None = None) -> None:
-        """As of every plug: until a first answer has come."""
+        """Wait, as in every plug, until a first answer has come."""
         self._open()
         super().wait(patience)
 
     def awaited(self) -> str:
-        """As of every plug."""
+        """Return the sentence of every plug that no controller has come."""
         return "" if self._was_here else self.other_side.awaited()
 
     def _is_here(self) -> None:
         if self.other_side.was_here:
-            self._was_here = True  # the other side has said so
+            self._was_here = True  # the other side has reported it
         super()._is_here()
 
     def _open(self) -> None:
@@ -385,7 +438,7 @@ class FreeRosNode(FreeRunning):
 
 
 def record_message(record: ControllerRecord) -> ControllerRecordMessage:
-    """A record as a message, without time and number."""
+    """Return a record as a message, without time and number."""
     return ControllerRecordMessage(
         id=record.id,
         outputs=[output.name for output in record.outputs],
@@ -398,7 +451,7 @@ def record_message(record: ControllerRecord) -> ControllerRecordMessage:
 
 
 def outputs_of(answered: Answered, plug: Plug) -> ControllerOutputs:
-    """What an answer says, for the seam, which checks it."""
+    """Return the content of an answer for the seam, which checks it."""
     signals = None
     if answered.status == Status.OK and plug.signals:
         whole = len(answered.signals) == len(plug.signals)

@@ -3,9 +3,9 @@
 
 """A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig.
 
-The messages are those of docs/how_to/ros_controller.md. Copied as it is to where a controller runs; needs rclpy and rig_msgs.
-``serve(controller)`` answers until it is stopped; a node with more to do than that makes a ControllerNode and spins it
-as it likes. include/rig_ros.hpp is the same for C++.
+The messages are those of docs/how_to/ros_controller.md. The file is copied unchanged to where a controller runs and needs
+rclpy and rig_msgs. ``serve(controller)`` answers until it is stopped; a node with further tasks makes a ControllerNode
+and spins it itself. include/rig_ros.hpp is the same for C++.
 """
 
 from __future__ import annotations
@@ -27,26 +27,37 @@ from rclpy.task import Future
 from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
 
 try:
-    from rclpy.experimental import EventsExecutor as Executor  # in a third of the time
+    from rclpy.experimental import EventsExecutor as Executor  # takes a third of the time
 except ImportError:
     from rclpy.executors import SingleThreadedExecutor as Executor
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 UNCONFIRMED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the rig asks again for a lost answer
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# a reader's depth is for all writers together: one rig's goodbye must not displace the next one's start
+# a reader's depth is shared by all writers: the last message of one rig must not displace the start of the next
 FROM_MANY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LEVELS = {
     "duty": (ControllerStart.LEVEL_DUTY, ControllerReady.DUTY),
     "current": (ControllerStart.LEVEL_CURRENT, ControllerReady.CURRENT),
 }
-MORE = {"settings": ":VALUE"}  # what the rig is told of them beside the name
+MORE = {"settings": ":VALUE"}  # what follows the name in the rig's option
 
 
 class ControllerNode(Node):
-    """``controller`` has initialize / step / terminate as a Python class of the rig has.
+    """A node that brings a controller to the rig.
 
-    levels: "duty", "current" or both; topics: NAME of the rig's ``--controller ros:NAME``; others: as for rclpy's Node.
+    Parameters
+    ----------
+    controller : Any
+        An object with initialize / step / terminate like the rig's Python classes.
+    levels : tuple of str
+        "duty", "current" or both.
+    topics : str
+        NAME of the rig's ``--controller ros:NAME``.
+    name : str
+        The node's name.
+    **others : Any
+        Further arguments of rclpy's Node.
     """
 
     def __init__(
@@ -59,9 +70,9 @@ class ControllerNode(Node):
     ) -> None:
         super().__init__(name, **others)
         self.controller, self.levels = controller, levels
-        # as the class has it: what an attribute of that name holds later is the controller's own
+        # read once, at the start: the controller may use attributes of these names for itself later
         self.needs = {kind: tuple(getattr(controller, kind, ())) for kind in ("wants", "settings", "signals")}
-        self.number = random.randrange(1, 2**32)  # tells this controller from others on the same topics
+        self.number = random.randrange(1, 2**32)  # distinguishes this controller from others on the same topics
         self.session, self.running, self.answer = 0, False, None
         self.start = None
         self._ready = self.create_publisher(ControllerReady, f"/{topics}/ready", LASTING)
@@ -70,7 +81,7 @@ class ControllerNode(Node):
         self.create_subscription(ControllerStart, f"/{topics}/start", self.on_start, FROM_MANY)
 
     def tell(self, state: int, message: str = "") -> None:
-        """ControllerReady: this node is ready, refuses or leaves."""
+        """Publish a ControllerReady: this node is ready, refuses or leaves."""
         levels = sum(LEVELS[name][1] for name in self.levels)
         self._ready.publish(
             ControllerReady(
@@ -85,9 +96,9 @@ class ControllerNode(Node):
         )
 
     def on_start(self, start: ControllerStart) -> None:
-        """A run begins or is over."""
+        """Begin or end a run."""
         if start.over and start.session != self.session:
-            return  # the goodbye of a rig before
+            return  # the last message of an earlier rig
         if self.running:
             self.end()
         if start.over:
@@ -119,7 +130,20 @@ class ControllerNode(Node):
         self.tell(ControllerReady.READY)
 
     def refusal(self, start: ControllerStart, level: str) -> str:
-        """Why the controller cannot work in a run, or nothing: the level, or what its class names and the rig not."""
+        """Return why the controller cannot work in a run, or an empty str.
+
+        Parameters
+        ----------
+        start : ControllerStart
+            The run.
+        level : str
+            The run's level.
+
+        Returns
+        -------
+        str
+            The reason: the level, or something that the controller's class names and the rig does not offer.
+        """
         if level not in self.levels:
             return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
         for kind, names in self.needs.items():
@@ -129,7 +153,7 @@ class ControllerNode(Node):
         return ""
 
     def on_step(self, step: ControllerStep) -> None:
-        """A sample: compute once, and send the same answer again when the step comes again."""
+        """Answer a sample: compute once, and send the same answer again when the same step comes again."""
         if not self.running or step.session != self.session or step.controller not in (0, self.number):
             return
         if self.answer is None or step.seq > self.answer.seq:
@@ -138,7 +162,7 @@ class ControllerNode(Node):
             self._answer.publish(self.answer)
 
     def compute(self, step: ControllerStep) -> ControllerAnswer:
-        """The ControllerAnswer to a ControllerStep."""
+        """Return the ControllerAnswer to a ControllerStep; an error in the controller becomes an answer with status ERROR."""
         answer = ControllerAnswer()
         answer.session, answer.controller, answer.seq = step.session, self.number, step.seq
         try:
@@ -156,7 +180,7 @@ class ControllerNode(Node):
             )
             answer.status, answer.message = int(getattr(out, "status", 0)), str(getattr(out, "message", ""))
             answer.gear, answer.shifting, answer.flags = int(out.gear), bool(out.shifting), int(out.flags)
-            # messages do not check types: what is no float would go out as another number
+            # messages do not check types: a value that is no float would be sent as another number
             answer.command = [float(value) for value in out.command or [0.0] * len(step.current)]
             answer.setpoint = [float(value) for value in out.setpoint or ()]
             answer.signals = [float(out.signals[name]) for name in self.start.signals]
@@ -166,7 +190,7 @@ class ControllerNode(Node):
         return answer
 
     def end(self) -> None:
-        """The run is over for the controller."""
+        """End the run for the controller."""
         self.running = False
         try:
             self.controller.terminate()
@@ -174,7 +198,7 @@ class ControllerNode(Node):
             self.get_logger().error(f"terminate failed:\n{traceback.format_exc()}")
 
     def leave(self, why: str) -> None:
-        """Say goodbye when a run is on, and wait until that is heard."""
+        """Send the reason of the end when a run is on, and wait until it has arrived."""
         if self.running:
             self.tell(ControllerReady.LEAVES, why)
             self._ready.wait_for_all_acked(Duration(seconds=0.5))
@@ -182,9 +206,17 @@ class ControllerNode(Node):
 
 
 def serve(controller: Any, levels: tuple[str, ...] = ("duty",), topics: str = "controller") -> int:
-    """Connect a controller with rigs that are started with ``--controller ros:NAME``, in any order, until Ctrl-C.
+    """Connect a controller with rigs that are started with ``--controller ros:NAME``, until Ctrl-C; either may start first.
 
-    Returns 130 after Ctrl-C, 0 after SIGTERM, 2 when ROS_DOMAIN_ID is no domain.
+    Parameters
+    ----------
+    controller, levels, topics
+        As in :class:`ControllerNode`.
+
+    Returns
+    -------
+    int
+        130 after Ctrl-C, 0 after SIGTERM, 2 when ROS_DOMAIN_ID is no domain.
     """
     domain = os.environ.get("ROS_DOMAIN_ID", "") or "0"
     if not (domain.isdecimal() and int(domain) <= 232):

@@ -3,8 +3,8 @@
 
 """The rig's end of the topics of a controller that is a ROS 2 node: start, ready, step, answer.
 
-Used by the plug (ros.py); the protocol is docs/how_to/ros_controller.md. No executor, but one wait set over two subscriptions
-and messages as bytes, which takes less than half the time (the page, "Cost").
+The plug (ros.py) uses it; docs/how_to/ros_controller.md describes the protocol. Instead of an executor there is one wait
+set over two subscriptions, with messages as bytes; this takes less than half the time ("Cost" on that page).
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
 # Published reliably, so that any subscriber may listen; received best effort, because a reliable reader costs an
-# acknowledgement for each message, and a step without an answer is sent again anyway. Of both only the newest counts.
+# acknowledgement for each message, and a step without an answer is sent again anyway. In both only the newest counts.
 SENT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 HEARD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Those who come later get the newest one too.
+# Nodes that come later receive the newest message too.
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# A reader's depth is for all writers together: with 1, one node's refusal would displace another's ready.
+# A reader's depth is shared by all writers: with 1, one node's refusal would displace another's ready.
 FROM_MANY = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-ENCAPSULATION = b"\x00\x01\x00\x00"  # of little-endian CDR
+ENCAPSULATION = b"\x00\x01\x00\x00"  # little-endian CDR
 # session, controller, seq, sample, time, gear request; four lists follow
 STEP = struct.Struct("<4s2I2QdB3x")
 # session, controller, seq, status, gear, shifting, flags; three lists and the message follow
@@ -46,11 +46,11 @@ COUNT = struct.Struct("<I")
 
 
 class NoAnswer(ValueError):
-    """Bytes that are no ControllerAnswer."""
+    """The bytes are no ControllerAnswer."""
 
 
 class Answered(NamedTuple):
-    """A ControllerAnswer."""
+    """The fields of a ControllerAnswer."""
 
     session: int
     controller: int
@@ -66,7 +66,20 @@ class Answered(NamedTuple):
 
 
 def pack_step(session: int, controller: int, seq: int, inputs: ControllerInputs) -> bytes:
-    """The bytes of a ControllerStep."""
+    """Return the bytes of a ControllerStep.
+
+    Parameters
+    ----------
+    session, controller, seq : int
+        Numbers of the session, of the controller and of the step.
+    inputs : ControllerInputs
+        The sample.
+
+    Returns
+    -------
+    bytes
+        The message in CDR.
+    """
     data = STEP.pack(ENCAPSULATION, session, controller, seq, inputs.sample, inputs.time, inputs.gear_request)
     for values in (inputs.current, inputs.measured, inputs.others.values(), inputs.settings.values()):
         data += _list(values, len(data))
@@ -74,14 +87,14 @@ def pack_step(session: int, controller: int, seq: int, inputs: ControllerInputs)
 
 
 def _list(values: Collection[float], at: int) -> bytes:
-    """A float64[] that begins ``at`` bytes after the message's begin, a multiple of 4."""
+    """Return the bytes of a float64[] that begins ``at`` bytes after the begin of the message, a multiple of 4."""
     count = len(values)
-    gap = 4 if count and at % 8 else 0  # numbers lie on multiples of 8 behind the encapsulation's 4 bytes
+    gap = 4 if count and at % 8 else 0  # numbers lie on multiples of 8, counted from behind the encapsulation's 4 bytes
     return struct.pack(f"<I{gap}x{count}d", count, *values)
 
 
 def unpack_answer(data: bytes) -> Answered:
-    """The ControllerAnswer of bytes; NoAnswer when they are none."""
+    """Return the ControllerAnswer that bytes hold; NoAnswer when they hold none."""
     try:
         if data[1] != 1:
             raise NoAnswer("an answer is not little-endian CDR")
@@ -100,7 +113,7 @@ def unpack_answer(data: bytes) -> Answered:
 
 
 def _take_list(data: bytes, at: int) -> tuple[tuple[float, ...], int]:
-    """The float64[] at a place, and where it ends."""
+    """Return the float64[] at a place, and where it ends."""
     at += -at % 4
     (count,) = COUNT.unpack_from(data, at)
     at += 4
@@ -111,10 +124,21 @@ def _take_list(data: bytes, at: int) -> tuple[tuple[float, ...], int]:
 
 
 class Topics:
-    """/NAME/start and /NAME/step out, /NAME/ready and /NAME/answer in, in the ROS domain of this process."""
+    """The topics /NAME/start and /NAME/step out, /NAME/ready and /NAME/answer in, in the ROS domain of this process.
+
+    Parameters
+    ----------
+    name : str
+        NAME of the topics.
+
+    Raises
+    ------
+    RigError
+        When another rig holds these topics in this domain, or ROS_DOMAIN_ID is no domain.
+    """
 
     def __init__(self, name: str) -> None:
-        """RigError when another rig holds these topics in this domain, or ROS_DOMAIN_ID is none."""
+        """Open the topics."""
         before = dict(os.environ)
         use_own_transports()
         try:
@@ -137,7 +161,7 @@ class Topics:
         self._wait_set = rclpy_c.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
 
     def _hold(self, name: str) -> socket.socket:
-        """The topics' name in this domain, which the kernel frees when this process dies."""
+        """Reserve the topics' name in this domain; the kernel frees it when this process dies."""
         held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             held.bind(f"\0rig-ros-controller-{self.domain}-{name}")
@@ -150,7 +174,7 @@ class Topics:
         return held
 
     def start(self, message: ControllerStart) -> None:
-        """Publish what a run is, for those who are there and those who come."""
+        """Publish what a run is, for the controllers that are there and those that come."""
         self._start.publish(message)
 
     def step(self, data: bytes) -> None:
@@ -158,11 +182,27 @@ class Topics:
         self._step.publish(data)
 
     def somebody_answers(self) -> bool:
-        """True while a node on the graph offers answers; one that was killed counts for another 20 s."""
+        """Return whether a node on the graph offers answers; a node that was killed counts for another 20 s."""
         return self._answers.get_publisher_count() > 0
 
     def take(self, seconds: float) -> Answered | ControllerReady | None:
-        """The next message within so many seconds of wall clock; NoAnswer for one that cannot be read."""
+        """Return the next message.
+
+        Parameters
+        ----------
+        seconds : float
+            Longest wait [s of wall clock].
+
+        Returns
+        -------
+        Answered, ControllerReady or None
+            None when no message comes in time.
+
+        Raises
+        ------
+        NoAnswer
+            When a message cannot be read.
+        """
         found = self._look()
         if found is not None or seconds <= 0.0:
             return found
@@ -180,7 +220,7 @@ class Topics:
         return found[0] if found else None
 
     def close(self, patience: float) -> None:
-        """Leave the graph when the last words have arrived, after ``patience`` s of wall clock at the latest."""
+        """Leave the graph when the last message has arrived, after ``patience`` s of wall clock at the latest."""
         self._start.wait_for_all_acked(Duration(seconds=patience))
         self._node.destroy_node()
         self._context.shutdown()
@@ -188,4 +228,4 @@ class Topics:
 
 
 def _nothing(_message: object) -> None:
-    """Callbacks are not used: messages are taken by hand."""
+    """Do nothing, because messages are taken by hand and callbacks are not used."""

@@ -3,7 +3,7 @@
 
 """The Alfa46 law as a user's controller in plain Python: profiles P1-P6, delays t12 to t32, current loop.
 
-``./rig simulate demo --controller python:rig_nodes.controllers.examples.alfa46:Alfa46``; it gives the same
+Run it with ``./rig simulate demo --controller python:rig_nodes.controllers.examples.alfa46:Alfa46``; it gives the same
 bits as the built-in controller, at both levels.
 """
 
@@ -24,11 +24,11 @@ class Output:
         self.setpoint = self.integral = self.filtered = self.duty = 0.0
 
     def switch(self, phase: int, sample: int) -> None:
-        """Rise or fall from a sample on."""
+        """Begin to rise or fall at a sample."""
         self.pending, self.pending_at = phase, sample
 
     def follow_profile(self, sample: int, period: float) -> None:
-        """Leaves the setpoint [A]: straight lines from switch-on over P1-P3, from switch-off over P4-P6."""
+        """Set the setpoint [A]: straight lines from switch-on over P1-P3, from switch-off over P4-P6."""
         if self.pending != OFF and sample >= self.pending_at:
             self.phase, self.start, self.from_current = self.pending, self.pending_at, self.setpoint
             self.pending = OFF
@@ -47,7 +47,7 @@ class Output:
             self.phase, self.setpoint = OFF, 0.0
 
     def close_loop(self, current: float, period: float, p: Mapping[str, float]) -> None:
-        """Leaves the duty: PID in volts, derivative filtered, integral held inside the supply."""
+        """Set the duty: PID in volts, with a filtered derivative and an integral limited to the supply voltage."""
         if self.phase == OFF:
             self.duty, self.integral, self.filtered = 0.0, 0.0, -current
             return
@@ -60,7 +60,7 @@ class Output:
 
 
 class Alfa46:
-    """The controller: initialize once, step each sample, terminate once."""
+    """The controller: initialize is called once, step for each sample, terminate once."""
 
     levels = ("duty", "current")
 
@@ -71,7 +71,7 @@ class Alfa46:
         self.gear, self.shift_end = 0, 0
 
     def order(self, gear: int, sample: int) -> None:
-        """Switch the valves of the old and the new gear; the delay of this change lets one of them wait."""
+        """Switch the valves of the old and the new gear; the delay of this gear change makes one of them wait."""
         delay = self.parameters.get(f"t{self.gear}{gear}", 0.0)  # t12, t21, t23, t32
         wait = round(delay / self.period)
         self.shift_end = sample
@@ -84,7 +84,7 @@ class Alfa46:
         self.gear = gear
 
     def step(self, inputs: ControllerInputs) -> ControllerOutputs:
-        """The answer to one sample."""
+        """Return the answer to one sample."""
         if inputs.gear_request != self.gear and inputs.sample >= self.shift_end:
             self.order(inputs.gear_request, inputs.sample)
         for output, current in zip(self.outputs, inputs.current, strict=True):
@@ -96,4 +96,4 @@ class Alfa46:
         return ControllerOutputs(command, setpoint, self.gear, inputs.sample < self.shift_end, on)
 
     def terminate(self) -> None:
-        """Nothing to give back."""
+        """Release nothing; this controller holds no resources."""

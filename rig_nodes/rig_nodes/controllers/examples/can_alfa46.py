@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
-GAP = 1000  # samples: what is further ahead of the last one is a counter that has jumped back
+GAP = 1000  # samples: a counter further ahead of the last one than this has jumped back
 
 
 class CanController:
@@ -43,12 +43,12 @@ class CanController:
         self.messages = {message.frame_id: message for message in messages}
         self.names = {message.name: message for message in messages}
         self.currents, self.measured = currents(self.record), measured(self.record)
-        self.told = {}  # signal -> its newest value
-        self.unread = {}  # what came and could not be read -> how often
+        self.told = {}  # newest value by signal
+        self.unread = {}  # number of times by text, for what came and could not be read
         self.law = self.sample = None
 
     def run(self, stop: threading.Event) -> None:
-        """Until ``stop``, a threading.Event, is set."""
+        """Answer until ``stop`` is set."""
         while not stop.is_set():
             frame = receive(self.bus, 0.1, self.fault)
             if frame is None or frame.arbitration_id not in self.messages:
@@ -61,13 +61,13 @@ class CanController:
                 self.answer()
 
     def fault(self, text: str) -> None:
-        """Said the first time, counted from then on."""
+        """Print a text the first time; from then on count it."""
         self.unread[text] = self.unread.get(text, 0) + 1
         if self.unread[text] == 1:
             print(f"can_alfa46: {text}; it is not used, nor are others like it", file=sys.stderr, flush=True)
 
     def answer(self) -> None:
-        """One sample of the law, in SI; a counter that jumps back is a new run."""
+        """Compute one sample of the law in SI; a counter that jumps back begins a new run."""
         told = self.told
         ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
         if self.law is None or ahead > GAP:
@@ -86,7 +86,7 @@ class CanController:
         self.send(name, {"sample": counter, **commands})
 
     def send(self, name: str, values: dict[str, float]) -> None:
-        """Send the message of this name with these values of its signals."""
+        """Send the message with this name and these values of its signals."""
         message = self.names[name]
         data = message.encode(values, strict=False)
         self.bus.send(self.frame(arbitration_id=message.frame_id, data=data, is_extended_id=False, is_fd=False))

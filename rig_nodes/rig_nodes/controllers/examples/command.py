@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the example programs begin and end: one sentence for what a person got wrong, nothing for Ctrl-C."""
+"""Begin and end of the example programs: one sentence for a user's mistake, no message for Ctrl-C."""
 
 import socket
 import sys
@@ -12,19 +12,19 @@ from rig_nodes.errors import RigError, printable
 
 
 def parser(text: str, module: str) -> Parser:
-    """A parser of arguments that refuses in one sentence; text: the docstring of the program's module."""
+    """Return a parser of arguments that refuses in one sentence; ``text`` is the docstring of the program's module."""
     return Parser(prog=f"python -m rig_nodes.controllers.examples.{module}", description=text.splitlines()[0])
 
 
 def port(text: str) -> int:
-    """A port's number from the command line; RigError when it is none."""
+    """Return a port's number from the command line; RigError when it is no port."""
     if not (text.isdecimal() and 0 < int(text) < 65536):
         raise RigError(f"'{text}' is no port; expected 1 to 65535")
     return int(text)
 
 
 def address(text: str) -> str:
-    """A machine's name or address from the command line; RigError when nobody knows it."""
+    """Return a machine's name or address from the command line; RigError when there is no such machine."""
     try:
         socket.getaddrinfo(text, None, socket.AF_INET)
     except (OSError, UnicodeError):

@@ -33,7 +33,7 @@ PERIOD = 1e-3  # s of a sample
 
 
 class ModbusController:
-    """Reads a sample and writes the answer to the one before, in one request (function 23) after the other."""
+    """Reads a sample and writes the answer to the previous one in the same request (function 23), one request after another."""
 
     def __init__(self, port: int, config: RigConfig, host: str = "127.0.0.1") -> None:
         self.host, self.port, self.config = host, port, config
@@ -43,7 +43,7 @@ class ModbusController:
         self.law, self.sample, self.heartbeat = None, -1, 0
 
     def run(self, stop: threading.Event) -> None:
-        """Until ``stop``, a threading.Event, is set."""
+        """Answer until ``stop`` is set."""
         from pymodbus.client import ModbusTcpClient
         from pymodbus.exceptions import ModbusException
 
@@ -53,13 +53,13 @@ class ModbusController:
                 if client.connect():
                     self.serve(client, stop)
             except (ModbusException, OSError):
-                pass  # the rig has gone: look for it again
+                pass  # the rig has gone: connect again
             finally:
                 client.close()
             stop.wait(0.1)
 
     def serve(self, client: ModbusTcpClient, stop: threading.Event) -> None:
-        """Requests until the rig goes."""
+        """Send requests until the rig goes."""
         written = [1, *[0] * (self.outputs + 4)]
         while not stop.is_set():
             answer = client.readwrite_registers(read_address=0, read_count=self.read, write_address=COMMAND_BASE, values=written)
@@ -67,11 +67,11 @@ class ModbusController:
                 return
             found = self.answer(answer.registers)
             written = found or written
-            if not found or self.sample == 0:  # no new sample yet, or none at all: leave others the processor
+            if not found or self.sample == 0:  # no new sample yet, or no run: leave the processor to others
                 stop.wait(2e-4 if not found else 2e-3)
 
     def answer(self, told: Sequence[int]) -> list[int] | None:
-        """The registers to write for those that were read; None when the sample is answered already."""
+        """Return the registers to write for those that were read; None when the sample is answered already."""
         sample = told[0] << 16 | told[1]
         if sample == self.sample and sample != 0:
             return None
@@ -96,7 +96,7 @@ def main() -> None:
     given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
     arguments = given.parse_args()
     config = load_gearbox_rig(arguments.rig, None, "this example")
-    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # a rig that is not there yet is no error
     print(f"answering the rig at {arguments.host}:{arguments.port}, until Ctrl-C", flush=True)
     ModbusController(arguments.port, config, arguments.host).run(threading.Event())
 
