@@ -86,7 +86,7 @@ class Modbus(FreeRunning):
         plug = self
 
         class Client(ServerRequestHandler):
-            """A connection; it refuses functions that docs/how_to/modbus.md does not name, and commands of a client that is no master."""
+            """A connection; it refuses functions missing in docs/how_to/modbus.md, and commands of clients other than the master."""
 
             def callback_data(self, data: bytes, addr: tuple | None = None) -> int:
                 self.code = data[CODE] if len(data) > CODE else 0

@@ -3,5 +3,6 @@
 
 """FMUs: the rig as one, and shift controllers of rig_controller.h as one; the plug that runs them is controllers.fmu.
 
-`rig export` and users' own programs call build.py; the importer's side is C (c/), the rig's side is rig_process.py.
+`rig export` and users' own programs call build.py; the code inside the FMU is C (c/), the rig behind it is
+rig_process.py.
 """

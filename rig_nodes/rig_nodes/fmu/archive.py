@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an FMU's archive may hold: everything is checked before anything of it is written or understood.
+"""The limits of an FMU's archive: everything is checked before anything of it is written or interpreted.
 
-Used by fmu.importer. The limits stand in docs/how_to/fmu.md.
+fmu.importer uses it. The limits stand in docs/how_to/fmu.md.
 """
 
 from __future__ import annotations
@@ -18,17 +18,30 @@ from ..errors import RigError, printable
 
 DESCRIPTION = "modelDescription.xml"
 MOST_FILES = 10_000
-MOST_BYTES = 1 << 30  # unpacked, of all files together
-MOST_RATIO = 200  # unpacked to packed, of a file that is larger than SMALL
+MOST_BYTES = 1 << 30  # unpacked size of all files together
+MOST_RATIO = 200  # unpacked to packed size of a file that is larger than SMALL
 SMALL = 1 << 20
 MOST_XML = 32 << 20  # bytes of modelDescription.xml
-MOST_ELEMENTS, MOST_DEPTH = 1_000_000, 50  # of its elements
+MOST_ELEMENTS, MOST_DEPTH = 1_000_000, 50  # number and depth of its elements
 LONGEST_NAME, LONGEST_PART = 1000, 255  # bytes
-METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # all that FMI allows; others unpack without a bound
+METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # all methods that FMI allows; others unpack without a bound
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Unpack a checked FMU into a folder; RigError, which does not name the FMU, before anything is written."""
+    """Check an FMU and unpack it into a folder.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU.
+    folder : Path
+        An existing folder.
+
+    Raises
+    ------
+    RigError
+        Before anything is written, when a check fails; the sentence does not name the FMU.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             _check_files(archive)
@@ -82,7 +95,7 @@ def _check_files(archive: zipfile.ZipFile) -> None:
 
 
 def _wrong_name(name: str) -> str:
-    """Why a path may not stand in an archive; empty when it may."""
+    """Return why a path may not stand in an archive; empty when it may."""
     parts = name.split("/")
     if name.startswith("/") or name[1:2] == ":":
         return "an absolute path"
@@ -96,7 +109,7 @@ def _wrong_name(name: str) -> str:
 
 
 def _check_description(xml: bytes) -> None:
-    """RigError unless it is XML that a tree can be made of: no document type (and so no entities), bounded depth."""
+    """Raise RigError unless a tree can be made of the XML: no document type (and so no entities), bounded depth."""
     parser = expat.ParserCreate()
     depth = elements = 0
 

@@ -3,7 +3,7 @@
 
 """Builds FMUs: the rig as one (`rig export fmu`), and a shift controller in C or C++ as one (`rig export controller-fmu`).
 
-The files are compiled with the user's compilers against the FMI headers that FMPy brings.
+The files are compiled with the user's compilers against the FMI headers that FMPy provides.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ SOURCES = Path(__file__).parent / "c"
 PLATFORMS = {2: "linux64", 3: "x86_64-linux"}  # folders of binaries/
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
 FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC")
-STAMP = (1980, 1, 1, 0, 0, 0)  # of every file in the FMU: the same input gives the same file
+STAMP = (1980, 1, 1, 0, 0, 0)  # date of every file in the FMU, so that the same input gives the same file
 
 
 def fmpy_headers() -> Path:
-    """Folder of the FMI headers; RigError when FMPy is not there."""
+    """Return the folder of the FMI headers; RigError when FMPy is not installed."""
     try:
         import fmpy
     except ImportError:
@@ -53,18 +53,50 @@ def fmpy_headers() -> Path:
 
 
 def compiler(suffix: str) -> list[str]:
-    """The user's compiler for a source file, by its suffix, with the language's standard; RigError when there is none."""
+    """Return the user's compiler for a source file, with the language's standard.
+
+    Parameters
+    ----------
+    suffix : str
+        Suffix of the source file, a key of COMPILERS.
+
+    Returns
+    -------
+    list of str
+        Begin of the command.
+
+    Raises
+    ------
+    RigError
+        When there is no such compiler.
+    """
     variable, names, standard, missing = COMPILERS[suffix]
     found = shlex.split(os.environ.get(variable, "")) or next(([path] for path in map(shutil.which, names) if path), None)
     if not found:
         raise RigError(f"an FMU is compiled, but there is no {missing}")
-    return [*found, "-std=gnu11" if suffix == ".c" else standard]  # ours use POSIX
+    return [*found, "-std=gnu11" if suffix == ".c" else standard]  # the rig's own C files use POSIX
 
 
 def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, flags: Sequence[str] = ()) -> None:
-    """One shared library of fmi2.c or fmi3.c with these C and C++ sources; RigError with the compiler's first complaint.
+    """Compile fmi2.c or fmi3.c with C and C++ sources into one shared library.
 
-    header: the text of variables.h.
+    Parameters
+    ----------
+    fmi : int
+        2 or 3.
+    header : str
+        Text of variables.h.
+    sources : sequence of Path
+        The model's source files.
+    target : Path
+        The library to write.
+    flags : sequence of str
+        Further options of the compiler.
+
+    Raises
+    ------
+    RigError
+        When there is no compiler, or with its first error message.
     """
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         Path(folder, "variables.h").write_text(header, encoding="utf-8")
@@ -72,7 +104,7 @@ def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, 
         for number, path in enumerate([SOURCES / f"fmi{fmi}.c", SOURCES / "instance.c", *sources]):
             objects.append(f"{folder}/{number}.o")
             _run([*compiler(path.suffix), *FLAGS, *flags, *includes, "-c", "-o", objects[-1], str(path)])
-        # C++ among them wants its own runtime
+        # with C++ sources the C++ compiler links, for its runtime
         suffix = next((path.suffix for path in sources if COMPILERS[path.suffix] is not COMPILERS[".c"]), ".c")
         _run([*compiler(suffix), "-shared", "-Wl,-Bsymbolic", "-o", str(target), *objects, "-lm"])
 
@@ -100,7 +132,36 @@ def write_fmu(
     flags: Sequence[str] = (),
     more: str = "",
 ) -> None:
-    """Compile and zip an FMU into ``target``, which is replaced only by a whole one. more: C text for variables.h."""
+    """Compile and zip an FMU into ``target``, which is replaced only by a complete one.
+
+    Parameters
+    ----------
+    target : Path
+        The FMU's file.
+    fmi : int
+        2 or 3.
+    identifier : str
+        The model's identifier, a name in C.
+    text : str
+        Description of the model.
+    variables : sequence of Variable
+        The FMU's variables, in the order of their value references.
+    sources : sequence of Path
+        C and C++ files of the model.
+    defines : dict of str to int
+        Constants for variables.h.
+    resources : dict of str to str
+        Text of each file in the FMU's resources, by name.
+    flags : sequence of str
+        Further options of the compiler.
+    more : str
+        C text for variables.h.
+
+    Raises
+    ------
+    RigError
+        When the version is unknown, the target's folder is missing, or the model does not compile.
+    """
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
     token = token_of(identifier, variables, str(fmi))
@@ -125,10 +186,24 @@ def write_fmu(
 
 
 def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
-    """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
+    """Write the rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
-    rig, overrides: as testbench.configuration.load_rig takes them, with gears. The files of a rig that is not installed go
-    into the FMU. The FMU starts this interpreter with this package (docs/how_to/fmu.md).
+    The files of a rig that is not installed go into the FMU. The FMU starts this interpreter with this package
+    (docs/how_to/fmu.md).
+
+    Parameters
+    ----------
+    target : str or Path
+        The FMU's file.
+    rig, overrides
+        As testbench.configuration.load_rig takes them; the rig needs gears.
+    fmi : int
+        2 or 3.
+
+    Raises
+    ------
+    RigError
+        When the rig cannot be an FMU, or as in :func:`write_fmu`.
     """
     config = load_gearbox_rig(rig, overrides, "export fmu")
     if config.cut_out:
@@ -154,10 +229,26 @@ def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[st
 
 
 def files_of(rig: str) -> tuple[str, dict[str, str]]:
-    """The file of a rig that is not installed and all files that it is read from, name among an FMU's resources -> text.
+    """Return the files of a rig that is not installed.
 
-    They lie as their folders do, so that a base or a controller named by its way from there is found; an installed rig has
-    none. RigError for one that is named by its place on this machine.
+    They are in the same folders relative to each other, so that a base or a controller that is named by its relative path
+    is found.
+
+    Parameters
+    ----------
+    rig : str
+        Name or file of the rig.
+
+    Returns
+    -------
+    tuple
+        (file, files): the name of the rig's own file among the FMU's resources, and the text of each file by its name
+        there; both are empty for an installed rig.
+
+    Raises
+    ------
+    RigError
+        When a base or a controller is named by an absolute path of this machine.
     """
     found = []
     for path, node in with_bases(rig):
@@ -185,9 +276,21 @@ def controller_variables(
     signals: Mapping[str, str] = MappingProxyType({}),
     settings: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Variable]:
-    """The seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out.
+    """Return the seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out.
 
-    wants, signals, settings: as a plug has them, the controller's own.
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    levels : tuple of str
+        Levels at which the controller works.
+    wants, signals, settings
+        The controller's own, as a plug has them.
+
+    Returns
+    -------
+    list of Variable
+        The variables, in the order of their value references.
     """
     limit = float(config.alfa46.values.current_limit)
     level = Variable(
@@ -258,7 +361,22 @@ def controller_variables(
 def controller_defines(
     record: ControllerRecord, variables: Sequence[Variable], wants: int = 0, signals: int = 0, settings: int = 0
 ) -> dict[str, int]:
-    """Where c/controller_model.c finds the values of :func:`controller_variables`, and how many are its own."""
+    """Return the constants with which c/controller_model.c finds the values of :func:`controller_variables`.
+
+    Parameters
+    ----------
+    record : ControllerRecord
+        The rig's record.
+    variables : sequence of Variable
+        As :func:`controller_variables` returns them.
+    wants, signals, settings : int
+        Numbers of the controller's own.
+
+    Returns
+    -------
+    dict of str to int
+        Places and numbers, by the name of the constant.
+    """
     names = [v.name for v in variables]
     first = names.index("gear_request")
     return {
@@ -277,7 +395,7 @@ def controller_defines(
 
 
 def record_text(record: ControllerRecord) -> str:
-    """The record by name, as c/controller_model.c tells it to the controller."""
+    """Return the record by name as C text, from which c/controller_model.c reports it to the controller."""
 
     def text(word: str) -> str:
         return json.dumps(word)
@@ -296,9 +414,25 @@ def record_text(record: ControllerRecord) -> str:
 def build_controller_fmu(
     sources: Sequence[str | Path], target: str | Path, config: RigConfig, fmi: int = 2, flags: Sequence[str] = ()
 ) -> None:
-    """C and C++ files with the functions of rig_controller.h as a co-simulation FMU; RigError when they do not fit.
+    """Write C and C++ files with the functions of rig_controller.h as a co-simulation FMU.
 
-    flags: for the compiler, e.g. folders of headers.
+    Parameters
+    ----------
+    sources : sequence of str or Path
+        The source files.
+    target : str or Path
+        The FMU's file.
+    config : RigConfig
+        The configuration of the rig for which the controller is made.
+    fmi : int
+        2 or 3.
+    flags : sequence of str
+        Further options of the compiler, e.g. folders of headers.
+
+    Raises
+    ------
+    RigError
+        When a file is missing, does not compile, or does not fit rig_controller.h or the rig.
     """
     files = [Path(source) for source in sources]
     for path in files:
@@ -311,8 +445,8 @@ def build_controller_fmu(
     more = record_text(record)
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         Path(folder, NAME).write_text(header_text(record), encoding="utf-8")
-        flags = [*flags, f"-I{folder}"]  # for sources that bring no rig_record.h
-        probe = Path(folder, f"{identifier}.so")  # of its own, to ask which levels the controller knows
+        flags = [*flags, f"-I{folder}"]  # for sources without a rig_record.h of their own
+        probe = Path(folder, f"{identifier}.so")  # a first build, to ask at which levels the controller works
         variables = controller_variables(config, ("duty", "current"))
         header = c_header(fmi, variables, "", controller_defines(record, variables)) + more
         compile_model(fmi, header, model, probe, flags)
@@ -340,7 +474,7 @@ def build_controller_fmu(
 
 
 class _Described(CLibrary):
-    """A library of rig_controller.h, to see that it loads, its levels (``bits``) and what it names its own."""
+    """A library of rig_controller.h that is loaded to read its levels (``bits``) and the names of its own."""
 
     def __init__(self, library: Path, name: str, record: ControllerRecord) -> None:
         self._host, self._made_for = None, record
@@ -352,6 +486,6 @@ class _Described(CLibrary):
 
 
 def _identifier(name: str) -> str:
-    """A name that C takes."""
+    """Return a name that is valid in C."""
     name = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"_{name}" if not name or name[0].isdigit() else name

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""modelDescription.xml and variables.h of an FMU from one list of variables, for FMI 2.0 and 3.0.
+"""Makes modelDescription.xml and variables.h of an FMU from one list of variables, for FMI 2.0 and 3.0.
 
-Used by fmu.build; a variable's place in the list is its value reference, in both versions.
+fmu.build uses it; a variable's place in the list is its value reference, in both versions.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-TYPES = {  # type -> (letter in C, element of FMI 2.0, of FMI 3.0)
+TYPES = {  # type -> (letter in C, element of FMI 2.0, element of FMI 3.0)
     "real": ("r", "Real", "Float64"),
     "integer": ("i", "Integer", "Int32"),
     "boolean": ("b", "Boolean", "Boolean"),
     "string": ("s", "String", "String"),
 }
-# an integer whose values have words is an enumeration in FMI 3.0; in FMI 2.0, where importers are about that refuse
-# enumerations, it stays an integer, with a type that says the words
+# an integer whose values have words is an enumeration in FMI 3.0; in FMI 2.0, where some importers refuse
+# enumerations, it stays an integer with a type that states the words
 ENUMERATION = ("e", "Integer", "Enumeration")
 KINDS = {"parameter": "p", "input": "i", "output": "o"}
 TUNABLE = "t"  # the letter of a parameter that may be set between steps
@@ -66,19 +66,40 @@ BASE_UNITS = {  # unit -> its base units
     "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "V/(A.s)": {"kg": 1, "m": 2, "s": -4, "A": -2},
 }
-# the size of what moves in a test, for importers that weigh errors; of inputs and outputs
+# typical size of inputs and outputs in a test, for importers that scale errors
 NOMINALS = {"rad/s": 100.0, "N.m": 100.0, "Pa": 1e6, "J": 1e4, "N": 1e4, "m": 1e-3, "m3/s": 1e-4}
-# as c/model.h
+# as in c/model.h
 CATEGORIES = ("logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable. type: a key of TYPES; causality: a key of KINDS; start: of parameters and inputs, SI.
+    """One variable of an FMU.
 
-    unit: a key of BASE_UNITS. display: (unit that people read, factor from ``unit``). tunable: a parameter that may be
-    set between steps. words: of an integer that is a state, what its values mean. initial_by: of an output, the variables
-    that its value at the initialization depends on; between two steps it depends on none.
+    Parameters
+    ----------
+    name : str
+        The variable's name.
+    type : str
+        A key of TYPES.
+    causality : str
+        A key of KINDS.
+    text : str
+        Its description.
+    start : float, int, bool, str or None
+        Start value of a parameter or an input [SI].
+    unit : str
+        A key of BASE_UNITS.
+    display : (str, float) or None
+        The unit that people read, and the factor to it from ``unit``.
+    low, high : float or None
+        Smallest and largest value.
+    tunable : bool
+        Whether a parameter may be set between steps.
+    words : tuple of (int, str)
+        Meaning of each value of an integer that is a state.
+    initial_by : tuple of str
+        Variables on which an output depends at the initialization; between two steps it depends on none.
     """
 
     name: str
@@ -96,12 +117,12 @@ class Variable:
 
     @property
     def in_c_and_xml(self) -> tuple[str, str, str]:
-        """Its entry of TYPES."""
+        """Its entry of TYPES, or ENUMERATION."""
         return ENUMERATION if self.words else TYPES[self.type]
 
     @property
     def declared(self) -> str | None:
-        """Name of its type in TypeDefinitions."""
+        """Name of its type in TypeDefinitions, None when it needs none."""
         return f"{self.name}_type" if self.words else None
 
     @property
@@ -118,14 +139,31 @@ class Variable:
 
 
 def token_of(identifier: str, variables: Sequence[Variable], extra: str = "") -> str:
-    """The GUID or instantiation token: equal for equal variables, so that an FMU is the same each time."""
+    """Return the GUID or instantiation token; equal variables give an equal token, so that an FMU is the same each time."""
     text = json.dumps([identifier, extra, *([v.name, v.type, v.causality, v.start] for v in variables)])
     digest = hashlib.sha256(text.encode()).hexdigest()
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
 
 
 def c_header(fmi: int, variables: Sequence[Variable], token: str, defines: dict[str, int]) -> str:
-    """variables.h: what c/model.h says it holds."""
+    """Return the text of variables.h, with the content that c/model.h requires.
+
+    Parameters
+    ----------
+    fmi : int
+        2 or 3.
+    variables : sequence of Variable
+        The FMU's variables.
+    token : str
+        The GUID or instantiation token.
+    defines : dict of str to int
+        Further constants.
+
+    Returns
+    -------
+    str
+        C text.
+    """
     texts = [v.name for v in variables if v.type == "string"]
     starts = [texts.index(v.name) if v.type == "string" else float(v.start or 0.0) for v in variables]
     lines = [
@@ -153,7 +191,7 @@ def c_header(fmi: int, variables: Sequence[Variable], token: str, defines: dict[
 
 
 def _attributes(values: dict) -> str:
-    """XML attributes of those values that are given."""
+    """Return XML attributes of the values that are neither None nor empty."""
     return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items() if value is not None and value != "")
 
 
@@ -164,7 +202,7 @@ def _word(value: object) -> str:
 
 
 def _units(variables: Sequence[Variable]) -> list[str]:
-    lines, displays = [], {"s": {}}  # of time
+    lines, displays = [], {"s": {}}  # the unit of time is always there
     for v in variables:
         if v.unit:
             shown = displays.setdefault(v.unit, {})
@@ -172,7 +210,7 @@ def _units(variables: Sequence[Variable]) -> list[str]:
                 shown[v.display[0]] = v.display[1]
     for unit, shown in displays.items():
         lines.append(f"    <Unit name={quoteattr(unit)}>")
-        if unit in BASE_UNITS:  # a controller's own signal may have a unit that nobody knows
+        if unit in BASE_UNITS:  # a controller's own signal may have a unit that is not in the table
             lines.append(f"      <BaseUnit{_attributes(BASE_UNITS[unit])}/>")
         lines += [f"      <DisplayUnit{_attributes({'name': name, 'factor': factor})}/>" for name, factor in shown.items()]
         lines.append("    </Unit>")
@@ -202,7 +240,7 @@ def _types(fmi: int, variables: Sequence[Variable]) -> list[str]:
 
 
 def _structure(fmi: int, variables: Sequence[Variable]) -> list[str]:
-    """ModelStructure: no output answers to an input before the next step, at the initialization to parameters only."""
+    """Return ModelStructure: no output depends on an input before the next step, and at the initialization only on parameters."""
     place = {v.name: k if fmi == 3 else k + 1 for k, v in enumerate(variables)}
     lines = []
     for element, initial in (("Output", False), ("InitialUnknown", True)):
@@ -225,9 +263,31 @@ def _structure(fmi: int, variables: Sequence[Variable]) -> list[str]:
 def model_description(
     fmi: int, identifier: str, text: str, variables: Sequence[Variable], token: str, version: str, tool: bool, step: float = 1e-3
 ) -> str:
-    """modelDescription.xml of FMI 2.0 or 3.0 for co-simulation.
+    """Return modelDescription.xml of FMI 2.0 or 3.0 for co-simulation.
 
-    tool: the FMU needs a program that is installed already (needsExecutionTool). step: [s], the default one.
+    Parameters
+    ----------
+    fmi : int
+        2 or 3.
+    identifier : str
+        The model's identifier.
+    text : str
+        Description of the model.
+    variables : sequence of Variable
+        The FMU's variables.
+    token : str
+        The GUID or instantiation token.
+    version : str
+        Version of rig_nodes.
+    tool : bool
+        Whether the FMU needs a program that is already installed (needsExecutionTool).
+    step : float
+        Default communication step [s].
+
+    Returns
+    -------
+    str
+        The XML.
     """
     offers = {
         "modelIdentifier": identifier,
@@ -271,7 +331,7 @@ def model_description(
 
 
 def _values(v: Variable) -> dict:
-    """Attributes that a variable's type takes in both versions, but for its start."""
+    """Return the attributes that a variable's type has in both versions, without the start."""
     if v.type not in ("real", "integer"):
         return {}
     number = float if v.type == "real" else int
@@ -284,7 +344,7 @@ def _values(v: Variable) -> dict:
 
 
 def _start(v: Variable) -> float | bool | str | None:
-    """The start value as XML says it; None for outputs."""
+    """Return the start value as the XML states it; None for outputs."""
     if v.causality == "output":
         return None
     return {"real": float, "integer": int, "boolean": bool, "string": str}[v.type](v.start)

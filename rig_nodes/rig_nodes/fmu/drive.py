@@ -20,15 +20,23 @@ from ..testbench.sequence import Sequence, SequenceRunner, load_sequence
 from .importer import Fmu
 from .rig_variables import enable_of
 
-TICK = 5  # ms between two looks of a sequence
-SCALAR = 10  # ms between two messages of a transducer, whose newest one a sequence reads
+TICK = 5  # ms between two polls of a sequence
+SCALAR = 10  # ms between two messages of a transducer; a sequence reads the newest one
 
 
 class FmuBench:
-    """The bench of a sequence (testbench.sequence.Bench) over the inputs and outputs of the FMU."""
+    """The bench of a sequence (testbench.sequence.Bench) over the inputs and outputs of the FMU.
+
+    Parameters
+    ----------
+    fmu : Fmu
+        The rig's FMU.
+    config : RigConfig
+        Configuration of the rig in the FMU.
+    """
 
     def __init__(self, fmu: Fmu, config: RigConfig) -> None:
-        """config: of the rig in the FMU."""
+        """Prepare the reading of all signals."""
         self.fmu, self.steps = fmu, config.settings.steps
         self.names = list(config.catalogue.signals)
         measured = config.catalogue.measured().values()
@@ -38,60 +46,80 @@ class FmuBench:
         self._gear: int | None = None
 
     def hear(self, ms: int) -> None:
-        """Take the outputs as a listener on the rig's topics would: transducers at 100 Hz, states at 200 Hz."""
+        """Read the outputs as often as a listener on the rig's topics receives them: transducers at 100 Hz, states at 200 Hz."""
         for name, value, state in zip(self.names, self._read(), self._states, strict=True):
             if ms % SCALAR == 0 or state:
                 self._told[name] = float(value)
 
     def ready(self) -> bool:
-        """The FMU is there from the start."""
+        """Return True, because the FMU is ready from the start."""
         return True
 
     def set(self, step: str, value: float, enable: bool) -> None:
-        """A setpoint [SI] of a device and its switch, as inputs of the FMU."""
+        """Set a device's setpoint [SI] and its switch, as inputs of the FMU."""
         setpoint = self.steps[step].setpoint
         self.fmu.set(**{setpoint.name: value, enable_of(setpoint): enable})
 
     def order_gear(self, gear: int) -> None:
-        """Ask for a gear by the input gear_request."""
+        """Request a gear by the input gear_request."""
         self.fmu.set(gear_request=gear)
         self._gear = gear
 
     def shift_done(self) -> bool:
-        """True when no shift runs and the ordered gear is the one that was asked for."""
+        """Return whether no shift runs and the ordered gear is the one that was requested."""
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return not shifting and self._gear in (None, gear)
 
     def controller_says(self) -> tuple[int, bool]:
-        """(gear, shifting) of the embedded controller."""
+        """Return (gear, shifting) of the embedded controller."""
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return int(gear), bool(shifting)
 
     def reading(self, signal: str) -> float:
-        """The value [SI] of a signal that was heard last; nan before the first."""
+        """Return the newest value [SI] that was read of a signal; nan before the first."""
         return self._told.get(signal, float("nan"))
 
     def change(self, name: str, value: float) -> None:
-        """A setting [SI], by the tunable parameter of its name; RigError for one that the FMU has not."""
+        """Set a setting [SI] by the tunable parameter of its name; RigError when the FMU has no such parameter."""
         if name not in self.fmu.variables:
             raise RigError(f"the FMU has no parameter {name}")
         self.fmu.set(**{name: value})
 
     def changed(self) -> bool:
-        """True: a parameter has its value when it is given."""
+        """Return True, because a parameter has its value as soon as it is set."""
         return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
-        """Print the sentence of a new step; other events are of no interest here."""
+        """Print the sentence of a new step; other events are ignored here."""
         if name == "step":
             print(f"            {printable(text)}", flush=True)
 
 
 def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters: float | str) -> float:
-    """Run the sequence on the FMU; returns its length [s]. config: of the rig in the FMU; parameters: e.g.
-    record="runs/fmu-demo", seed=1.
+    """Run a sequence on the FMU; the FMU is terminated at the end.
 
-    FmuFailed when the rig trips, SequenceFailed when a step does not come to its end. The FMU is terminated.
+    Parameters
+    ----------
+    fmu : Fmu
+        The rig's FMU.
+    sequence : Sequence
+        The sequence.
+    config : RigConfig
+        Configuration of the rig in the FMU.
+    **parameters : float or str
+        Parameters of the FMU, e.g. record="runs/fmu-demo", seed=1.
+
+    Returns
+    -------
+    float
+        Length of the run [s].
+
+    Raises
+    ------
+    FmuFailed
+        When the rig trips.
+    SequenceFailed
+        When a step of the sequence does not come to its end.
     """
     fmu.set(**parameters)
     fmu.initialize()

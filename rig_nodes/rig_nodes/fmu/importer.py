@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An FMU in the hands of FMPy: variables by name, statuses as such, for FMI 2.0 and 3.0 co-simulation.
+"""An FMU opened with FMPy: variables by name and statuses as they are, for FMI 2.0 and 3.0 co-simulation.
 
-Used by fmu.drive, which drives the rig's own FMU, and by controllers.fmu_process, which runs a user's controller.
-FMPy is imported when an FMU is opened.
+fmu.drive, which drives the rig's own FMU, and controllers.fmu_process, which runs a user's controller, use it. FMPy is
+imported when an FMU is opened.
 """
 
 from __future__ import annotations
@@ -37,12 +37,18 @@ GROUPS = {
     **dict.fromkeys(("Integer", "Enumeration"), "Integer"),
 }
 GROUPS_3 = {"Enumeration": "Int64"}
-KEPT, LONGEST = 3, 500  # messages of an FMU that a sentence has at most, and characters of each
+KEPT, LONGEST = 3, 500  # largest number of an FMU's messages in a sentence, and of characters of each
 
 
 class FmuFailed(RigError):
-    """A call that the FMU answered with discard, error or fatal; ``status`` is its word, or "terminated" where the FMU ends
-    the simulation by itself.
+    """A call that the FMU answered with discard, error or fatal.
+
+    Parameters
+    ----------
+    message : str
+        Why the call failed.
+    status : str
+        The FMU's status in words, or "terminated" when the FMU ended the simulation by itself.
     """
 
     exit_code = 1
@@ -55,8 +61,21 @@ class FmuFailed(RigError):
 class Fmu:
     """One instance of a co-simulation FMU; close it, or use it in a ``with``.
 
-    ``variables``: name -> FMPy's ScalarVariable. ``keep`` is told the newest message of the FMU as soon as it comes, so
-    that it outlives a crash. RigError for a file that cannot be used here.
+    ``variables`` holds FMPy's ScalarVariable by name.
+
+    Parameters
+    ----------
+    path : str or Path
+        The FMU's file.
+    name : str
+        Name of the instance.
+    keep : callable
+        Receives each message of the FMU as soon as it comes, so that the newest one outlives a crash.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be used here.
     """
 
     def __init__(self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None) -> None:
@@ -72,7 +91,7 @@ class Fmu:
         self._error = FMICallException
         self._instance = self._folder = None
         self.path, self._keep = Path(path), keep
-        self._heard: deque[tuple[int, str]] = deque(maxlen=KEPT)  # status and text of its newest messages
+        self._heard: deque[tuple[int, str]] = deque(maxlen=KEPT)  # status and text of the FMU's newest messages
         if not self.path.is_file():
             raise RigError(f"{path}: {no_file(path)}")
         self._folder = tempfile.mkdtemp(prefix="rig-fmu-")
@@ -100,21 +119,21 @@ class Fmu:
         except RigError:
             self._remove()
             raise
-        except Exception as error:  # FMPy raises what ctypes and the loader raise
+        except Exception as error:  # FMPy passes on errors of ctypes and the loader
             self._remove()
             raise RigError(f"{path}: the FMU cannot be loaded: {_in_one_line(error)}") from None
 
     def _read(self, fmpy: ModuleType) -> ModelDescription:
-        """The model description of the archive, which is unpacked."""
+        """Unpack the archive and return its model description."""
         try:
             unpack(self.path, Path(self._folder))
             return fmpy.read_model_description(self._folder, validate=False)
         except RigError as error:
             raise RigError(f"{self.path}: it cannot be read as an FMU: {error}") from None
-        except Exception as error:  # XML of something else: FMPy raises what it stumbles over
+        except Exception as error:  # for other XML FMPy raises errors of many classes
             raise RigError(f"{self.path}: it cannot be read as an FMU: {_in_one_line(error)}") from None
 
-    # ---- what it says
+    # ---- messages of the FMU
 
     def _hear(self, status: int, text: str) -> None:
         if text := _in_one_line(text)[:LONGEST]:
@@ -122,18 +141,18 @@ class Fmu:
             self._keep(text)
 
     def forget(self) -> None:
-        """What it has said so far is no reason of what comes."""
+        """Forget the messages so far, so that they are not given as the reason of a later failure."""
         self._heard.clear()
 
     def _why(self, otherwise: str) -> str:
-        """Why a call failed: what the FMU called more than a note, else ``otherwise`` with its newest note."""
+        """Return why a call failed: the FMU's warnings and errors, else ``otherwise`` with the newest message."""
         reasons = list(dict.fromkeys(text for status, text in self._heard if status > 0))
         if reasons:
             return "; ".join(reasons)
         return f"{otherwise}; the last it said: {self._heard[-1][1]}" if self._heard else otherwise
 
     def _instantiate(self) -> None:
-        """Makes the instance and listens to what it says."""
+        """Make the instance and receive its messages."""
         if self.version == 3:
 
             def log(environment: int | None, status: int, category: bytes | None, message: bytes | None) -> None:
@@ -184,7 +203,7 @@ class Fmu:
         return GROUPS.get(variable.type, variable.type)
 
     def get(self, *names: str) -> list:
-        """Values of variables by name."""
+        """Return the values of variables by name, in the order of the names."""
         out = []
         for name in names:
             variable = self._variable(name)
@@ -193,7 +212,7 @@ class Fmu:
         return out
 
     def set(self, **values: float | str) -> None:
-        """Values of variables by name; names with dots by ``set(**{"alfa46.t12": -0.2})``."""
+        """Set variables by name; names with dots are set by ``set(**{"alfa46.t12": -0.2})``."""
         for name, value in values.items():
             variable = self._variable(name)
             group = self._group(variable)
@@ -201,7 +220,7 @@ class Fmu:
             self._call(f"set{group}", [variable.valueReference], [value])
 
     def reader(self, names: list[str]) -> Callable[[], list]:
-        """A function that gives the values of these variables, with one call for each of their types."""
+        """Return a function that reads these variables in their order, with one call for each of their types."""
         groups: dict[str, list[int]] = {}
         for k, name in enumerate(names):
             groups.setdefault(self._group(self._variable(name)), []).append(k)
@@ -219,7 +238,7 @@ class Fmu:
         return read
 
     def writer(self, names: list[str]) -> Callable[[Sequence[float]], None]:
-        """A function that sets these variables, with one call for each of their types."""
+        """Return a function that sets these variables from values in their order, with one call for each of their types."""
         groups: dict[str, list[int]] = {}
         for k, name in enumerate(names):
             groups.setdefault(self._group(self._variable(name)), []).append(k)
@@ -242,7 +261,17 @@ class Fmu:
     # ---- life
 
     def initialize(self, start: float = 0.0, stop: float | None = None, **inputs: float | str) -> None:
-        """Enter and leave the initialization, with values of inputs and parameters by name. stop: time [s] of the end."""
+        """Enter and leave the initialization.
+
+        Parameters
+        ----------
+        start : float
+            Start time [s].
+        stop : float or None
+            End time [s], when it is known.
+        **inputs : float or str
+            Values of inputs and parameters by name.
+        """
         if self.version == 2:
             self._call("setupExperiment", startTime=start, stopTime=stop)
             self._call("enterInitializationMode")
@@ -252,7 +281,20 @@ class Fmu:
         self._call("exitInitializationMode")
 
     def step(self, time: float, size: float) -> None:
-        """One communication step; FmuFailed with the status when the FMU refuses it or ends the simulation."""
+        """Make one communication step.
+
+        Parameters
+        ----------
+        time : float
+            Time at its begin [s].
+        size : float
+            Its length [s].
+
+        Raises
+        ------
+        FmuFailed
+            With the status, when the FMU refuses the step or ends the simulation.
+        """
         try:
             done = self._call("doStep", currentCommunicationPoint=time, communicationStepSize=size)
         except FmuFailed as failure:
@@ -263,10 +305,10 @@ class Fmu:
             raise FmuFailed(self._why("the FMU ended the simulation"), "terminated")
 
     def _ended(self) -> bool:
-        """Whether an FMU of FMI 2.0 that discarded a step has ended the simulation with it."""
+        """Return whether an FMU of FMI 2.0 that discarded a step has thereby ended the simulation."""
         from fmpy.fmi2 import fmi2Terminated
 
-        with contextlib.suppress(Exception):  # it need not have the function
+        with contextlib.suppress(Exception):  # the function is optional
             return bool(self._instance.getBooleanStatus(fmi2Terminated))
         return False
 
@@ -275,11 +317,11 @@ class Fmu:
         self._call("terminate")
 
     def reset(self) -> None:
-        """Bring the instance back to where it was before its initialization."""
+        """Bring the instance back to its state before the initialization."""
         self._call("reset")
 
     def close(self) -> None:
-        """Free instance and library and remove what was unpacked; safe to call twice."""
+        """Free the instance and the library and remove the unpacked files; it may be called twice."""
         instance, self._instance = self._instance, None
         if instance is not None:
             if getattr(instance, "component", None):

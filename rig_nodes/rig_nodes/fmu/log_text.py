@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an FMU of FMI 2.0 says to its logger: a printf format and its values, made into text without trusting them.
+"""Makes text of what an FMU of FMI 2.0 sends to its logger, a printf format and its values, without trusting them.
 
-Used by fmu.importer. A variadic C function takes its values where one with many parameters would (System V, x86-64): so
-the logger is declared with room for some, and the format tells which of them were given.
+fmu.importer uses it. A variadic C function takes its values from the same places as one with many parameters (System V,
+x86-64). So the logger is declared with a fixed number of parameters, and the format says which of them were given.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import ctypes as ct
 import os
 import re
 
-WORDS, DOUBLES = 16, 8  # values that can be looked at: integers and pointers, floating-point numbers
+WORDS, DOUBLES = 16, 8  # largest number of values that are read: integers and pointers, floating-point numbers
 LONGEST = 1000  # bytes of a text
 SIGNATURE = ct.CFUNCTYPE(
     None,
@@ -31,14 +31,14 @@ _LONG = ("l", "ll", "j", "z", "t")
 
 
 def text_at(address: int | None) -> str:
-    """The C string at an address, its first bytes; what is told of it where nothing can be read."""
+    """Return the first bytes of the C string at an address as text; "(null)" or "(unreadable)" where there is none."""
     if not address:
         return "(null)"
     data = b""
     try:
         memory = os.open("/proc/self/mem", os.O_RDONLY)
         try:
-            # in two pieces: the end of the string may be the end of what is mapped
+            # in two pieces, because the mapped memory may end with the string
             for size in (-address % 4096 or 4096, LONGEST):
                 data += os.pread(memory, min(size, LONGEST), address + len(data))
                 if b"\0" in data:
@@ -52,7 +52,20 @@ def text_at(address: int | None) -> str:
 
 
 def formatted(form: str, values: tuple) -> str:
-    """The text of a printf format and of the values behind it as SIGNATURE brings them; what is no conversion stays."""
+    """Return the text of a printf format and its values.
+
+    Parameters
+    ----------
+    form : str
+        The format; what is no conversion in it stays.
+    values : tuple
+        The values behind the format, as SIGNATURE passes them.
+
+    Returns
+    -------
+    str
+        The text; the format itself when it names more values than are read.
+    """
     words, doubles = iter((values[0], *values[1 + DOUBLES :])), iter(values[1 : 1 + DOUBLES])
 
     def signed(length: str | None) -> int:
@@ -78,7 +91,7 @@ def formatted(form: str, values: tuple) -> str:
             return f"{head}s" % text_at(next(words))
         if kind == "p":
             return hex(next(words))
-        if kind == "n":  # it writes; nothing is written here
+        if kind == "n":  # %n would write to memory; nothing is written here
             next(words)
             return ""
         return f"{head}{'g' if kind in 'aA' else kind}" % next(doubles)
@@ -86,4 +99,4 @@ def formatted(form: str, values: tuple) -> str:
     try:
         return _CONVERSION.sub(one, form)
     except StopIteration:
-        return form  # more values than are looked at
+        return form  # more values than are read

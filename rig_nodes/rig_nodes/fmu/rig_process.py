@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The process behind the rig as an FMU: requests of c/rig_process.c in, the same Rig as everywhere, values out.
+"""The process behind the rig as an FMU: it takes requests of c/rig_process.c, runs the same Rig as everywhere, and answers.
 
-Started by the FMU with the number of its socket and the FMU's folder of resources; ends when the socket does.
+The FMU starts it with the number of its socket and the FMU's folder of resources; it ends when the socket is closed.
 """
 
 from __future__ import annotations
@@ -27,12 +27,29 @@ if TYPE_CHECKING:
 
 INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-HEAD = struct.Struct("<II")  # what and samples of a request; status and samples done of an answer
-TEXT = 1024  # bytes of a string and of a sentence, as in c/model.h
+HEAD = struct.Struct("<II")  # request: what, samples; answer: status, samples done
+TEXT = 1024  # bytes of each string and of the sentence, as in c/model.h
 
 
 class Recording:
-    """The bag of a run inside an FMU, as `rig simulate` writes it, and its report."""
+    """The bag of a run inside an FMU, as `rig simulate` writes it, and its report.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty or new folder.
+    rig : Rig
+        The rig.
+    config : RigConfig
+        Its configuration.
+    seed : int
+        Seed of the run.
+
+    Raises
+    ------
+    RigError
+        When the folder is not empty.
+    """
 
     def __init__(self, folder: Path, rig: Rig, config: RigConfig, seed: int) -> None:
         from ..bags.writer import BagWriter
@@ -84,7 +101,13 @@ class Recording:
 
 
 class RigModel:
-    """One instance of the FMU: parameters and inputs in ``values``, outputs there after each call."""
+    """One instance of the FMU; ``values`` holds parameters and inputs, and the outputs after each call.
+
+    Parameters
+    ----------
+    resources : Path
+        The FMU's folder of resources.
+    """
 
     def __init__(self, resources: Path) -> None:
         from ..testbench.configuration import load_rig
@@ -97,7 +120,7 @@ class RigModel:
         self._given: dict[str, tuple] = {}
 
     def initialize(self) -> None:
-        """A new rig with the parameters as they are."""
+        """Make a new rig with the present parameters; RigError when one is not right."""
         from ..testbench.rig import Rig
         from .rig_variables import CONTROLLERS, Reader, Tunables, with_parameters
 
@@ -116,7 +139,18 @@ class RigModel:
         self._reader.read()
 
     def step(self, samples: int) -> int:
-        """Move by samples with the inputs as they are, or to a trip; returns how many it has moved by."""
+        """Advance the rig with the present inputs, at most to a trip.
+
+        Parameters
+        ----------
+        samples : int
+            Number of samples.
+
+        Returns
+        -------
+        int
+            Number of samples done.
+        """
         from ..description.settings import CHANGED, CONTROLLER
 
         if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
@@ -133,7 +167,7 @@ class RigModel:
             if command is None:
                 self._order()
             elif self.rig.sample:
-                # as in testbench.simulate: what answers sample s acts from s + 1 on
+                # as in testbench.simulate: the answer to sample s takes effect from s + 1 on
                 self.rig.set_command(int(self.values["controller"]) - 1, self.rig.sample - 1, *command)
             part = 1
             if self._recording is not None:
@@ -145,7 +179,7 @@ class RigModel:
         return self.rig.sample - first
 
     def _give_setpoints(self) -> None:
-        """Those of devices, where their inputs have changed."""
+        """Set the setpoints of devices whose inputs have changed."""
         from .rig_variables import enable_of
 
         values = self.values
@@ -159,7 +193,7 @@ class RigModel:
                 self._recording.outputs.setpoint(setpoint.topic, *given)
 
     def _command(self) -> tuple:
-        """(duty, setpoint, gear, shifting, flags) of the importer's controller."""
+        """Return (command, setpoint, gear, shifting, flags) of the importer's controller."""
         values = self.values
         asked = [values[f"command_{k}"] for k in range(1, len(self.rig.duty) + 1)]
         return (
@@ -171,7 +205,7 @@ class RigModel:
         )
 
     def _order(self) -> None:
-        """Order the gear that is asked for, once no shift runs."""
+        """Order the requested gear when no shift runs."""
         request = int(self.values["gear_request"])
         if request == self.rig.gear or self.rig.shifting:
             return
@@ -181,7 +215,7 @@ class RigModel:
             self._recording.outputs.event("/controller/events", "shift_ordered", f"shift to {gear} ordered", request)
 
     def _until_shift_end(self, samples: int) -> int:
-        """So many samples, but only to the end of a running shift when another gear is asked for."""
+        """Return the number of samples, limited to the end of a running shift when another gear is requested."""
         if int(self.values["gear_request"]) == self.rig.gear or not self.rig.shifting:
             return samples
         return max(1, min(samples, self.rig.shift_end + 1 - self.rig.sample))
@@ -247,10 +281,10 @@ def _padded(text: str) -> bytes:
 
 
 def main() -> int:
-    """Entry point: number of the socket, folder of resources."""
+    """Run the process and return its exit code; arguments: number of the socket, folder of resources."""
     number, resources = int(sys.argv[1]), Path(sys.argv[2])
-    os.closerange(number + 1, 1024)  # what the importer left open
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the importer decides
+    os.closerange(number + 1, 1024)  # descriptors that the importer left open
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the importer, which ends this process
     try:
         with socket.socket(fileno=number) as link:
             serve(link, resources)
@@ -258,7 +292,7 @@ def main() -> int:
         print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code
     except (BrokenPipeError, ConnectionResetError):
-        return 0  # the importer has gone while it was answered
+        return 0  # the importer has gone during the answer
     return 0
 
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The variables of the rig as an FMU: which there are, and how their values reach a rig and come from it.
+"""The variables of the rig as an FMU, and how their values reach a rig and come from it.
 
-Used by fmu.build, which writes them into modelDescription.xml, and by fmu.rig_process. Order is value reference.
+fmu.build, which writes them into modelDescription.xml, and fmu.rig_process use it. The order gives the value references.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter control
 
 
 def rig_variables(config: RigConfig) -> list[Variable]:
-    """All of them: parameters, inputs, outputs."""
+    """Return all variables: parameters, inputs, outputs."""
     parameters = _parameters(config)
     return [*parameters, *_inputs(config), *_outputs(config, [v.name for v in parameters])]
 
@@ -74,7 +74,7 @@ def _parameters(config: RigConfig) -> list[Variable]:
 
 
 def _settings(config: RigConfig) -> list[Setting]:
-    """What an importer sets before the rig runs: all that the configuration keeps but words and the cutting of time."""
+    """Return what an importer sets before the rig runs: all kept settings except words, the kernel's and those of cut devices."""
     return [
         one for one in config.settings.kept() if (one.is_number or one.dimension == SWITCH) and one.owner not in ("kernel", "cut")
     ]
@@ -130,12 +130,12 @@ def _inputs(config: RigConfig) -> list[Variable]:
 
 
 def enable_of(setpoint: Setpoint) -> str:
-    """The name of a setpoint's switch."""
+    """Return the name of a setpoint's switch."""
     return f"{setpoint.step}_enable"
 
 
 def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
-    """The rig begins at rest: only its transducers and the oil's temperature show parameters at the initialization."""
+    """Return the outputs; the rig begins at rest, so that only transducers and the oil's temperature depend on parameters."""
     out, outputs, known = [], len(record_of(config).outputs), config.catalogue
     oils = {f"{one.name}.oil_temperature": f"{one.name}.temperature" for one in config.structure.of_role(parts.OIL)}
     temperature = {one.name: (oils[one.shows],) for one in config.structure.transducers if one.shows in oils}
@@ -188,9 +188,14 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
 
 
 class Values:
-    """The values of an FMU's variables by name, over the two blocks in which they travel.
+    """The values of an FMU's variables by name, over the two blocks in which they are sent.
 
-    numbers (variables,): those of strings are the number of their text in ``texts``.
+    ``numbers`` (variables,) holds, for a string, the number of its text in ``texts``.
+
+    Parameters
+    ----------
+    variables : sequence of Variable
+        The FMU's variables.
     """
 
     def __init__(self, variables: Sequence[Variable]) -> None:
@@ -204,16 +209,34 @@ class Values:
         return float(self.numbers[self.place[name]])
 
     def text(self, name: str) -> str:
-        """The text of a variable of type string."""
+        """Return the text of a variable of type string."""
         return self.texts[self.strings.index(name)]
 
     def set_text(self, name: str, text: str) -> None:
-        """Give a variable of type string its text."""
+        """Set the text of a variable of type string."""
         self.texts[self.strings.index(name)] = text
 
 
 def with_parameters(config: RigConfig, values: Values) -> RigConfig:
-    """The rig with those parameters changed that differ; RigError for one out of its range."""
+    """Return the rig with the parameters that differ changed.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    values : Values
+        The FMU's values.
+
+    Returns
+    -------
+    RigConfig
+        The changed configuration.
+
+    Raises
+    ------
+    RigError
+        When a parameter is out of its range.
+    """
     changed = {}
     for one in _settings(config):
         value = values[one.name]
@@ -229,7 +252,7 @@ def with_parameters(config: RigConfig, values: Values) -> RigConfig:
 
 
 class Tunables:
-    """The parameters that may change between steps. Their values at first are those with which the rig was made."""
+    """The parameters that may change between steps; their first values are those with which the rig was made."""
 
     def __init__(self, config: RigConfig, values: Values) -> None:
         self._values, self._settings = values, [one for one in _settings(config) if one.live]
@@ -237,7 +260,23 @@ class Tunables:
         self._given = values.numbers[self._places]
 
     def give(self, rig: Rig) -> list[tuple[Setting, float]]:
-        """Give the rig those that have changed, and return them; RigError for a value that is refused."""
+        """Set the parameters that have changed.
+
+        Parameters
+        ----------
+        rig : Rig
+            The rig.
+
+        Returns
+        -------
+        list of (Setting, float)
+            The changed settings and their new values [SI].
+
+        Raises
+        ------
+        RigError
+            When a value is refused.
+        """
         now = self._values.numbers[self._places]
         changed = [(self._settings[k], float(now[k])) for k in np.flatnonzero(now != self._given)]
         for setting, value in changed:
@@ -247,7 +286,7 @@ class Tunables:
 
 
 class Reader:
-    """Fills the outputs of ``values`` from a rig as it is."""
+    """Fills the outputs of ``values`` from the present state of a rig."""
 
     def __init__(self, rig: Rig, values: Values) -> None:
         self.rig, self.values = rig, values
@@ -263,7 +302,7 @@ class Reader:
         self._currents = values.place["current_1"]
 
     def read(self) -> None:
-        """Read all outputs as the rig is now."""
+        """Read all outputs."""
         rig, numbers, fields = self.rig, self.values.numbers, self._heard.fields
         row = rig.row()
         for place, column in self._measured:
