@@ -86,7 +86,7 @@ class Modbus(FreeRunning):
         plug = self
 
         class Client(ServerRequestHandler):
-            """A connection; it refuses functions missing in docs/how_to/modbus.md, and commands of clients other than the master."""
+            """A connection; it refuses functions missing in docs/how_to/modbus.md, and commands of clients except the master."""
 
             def callback_data(self, data: bytes, addr: tuple | None = None) -> int:
                 self.code = data[CODE] if len(data) > CODE else 0

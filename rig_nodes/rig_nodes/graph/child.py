@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One process of the graph, seen from its supervisor: started, listened to, stopped, never left behind.
+"""One process of the graph, seen from its supervisor, which starts it, reads its messages and always ends it.
 
-Used by graph.supervisor; the other end of the line is nodes.process. The processes are forked from a server that has
-ROS and the rig's code loaded: to load them costs a process 0.7 s of a core, four times a run.
+graph.supervisor uses it; the other end of the line is nodes.process. The processes are forked from a server that has
+ROS and the rig's code loaded, because loading them costs a process 0.7 s of a core, four times in a run.
 """
 
 from __future__ import annotations
@@ -28,13 +28,18 @@ PR_SET_NAME = 15
 
 
 def start_server() -> None:
-    """Let the processes' server begin to load, beside what this process does next; more calls do nothing.
+    """Let the processes' server begin to load, in parallel with this process; further calls do nothing.
 
-    It ends with this process, however it ends. RigError when it cannot be started.
+    It ends with this process, also when this process is killed.
+
+    Raises
+    ------
+    RigError
+        When the server cannot be started.
     """
     get_context("forkserver").set_forkserver_preload([PRELOADED])
-    resource_tracker.ensure_running()  # it would lift the mask
-    # Stop signals wait until a process can handle them; the server hands the mask down to it.
+    resource_tracker.ensure_running()  # now, because its start would lift the mask
+    # Stop signals wait until a process can handle them; the server passes the mask on to the process.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     try:
         forkserver.ensure_running()
@@ -46,7 +51,30 @@ def start_server() -> None:
 
 
 class Child:
-    """A running process; ``line`` is the descriptor on which its status lines arrive."""
+    """A running process; ``line`` is the descriptor on which its status lines arrive.
+
+    Parameters
+    ----------
+    name : str
+        The process's name.
+    module : str
+        The module whose ``main()`` it runs.
+    arguments : list of str
+        Arguments of ``main()``.
+    logs : Path
+        Folder of the logs; the output goes to ``logs/<name>.log``.
+    env : dict of str to str
+        Its environment.
+    links : dict of str to socket, or None
+        Ends of links for it, by the name of the process at the other end.
+    life : int
+        1 at the first start, 2 at the second and so on; each life has a log of its own.
+
+    Raises
+    ------
+    RigError
+        When the process cannot be started.
+    """
 
     def __init__(
         self,
@@ -58,14 +86,11 @@ class Child:
         links: dict[str, socket.socket] | None = None,
         life: int = 1,
     ) -> None:
-        """Start the ``main()`` of a module; its output goes to ``logs/<name>.log``.
-
-        links: ends for it, by the other's name; life: 2 when it is started again, and so on, for a log of its own.
-        """
+        """Start the process."""
         self.name, self.life = name, life
         self.log = f"{name}.log" if life == 1 else f"{name}-{life}.log"
         self._rest = b""
-        self.silent = False  # has closed its line, which it does only by ending
+        self.silent = False  # True: the process has closed its line, which happens only when it ends
         start_server()
         context = get_context("forkserver")
         self._status, status = context.Pipe(duplex=False)
@@ -95,11 +120,11 @@ class Child:
 
     @property
     def exit_code(self) -> int | None:
-        """Of an ended process, negative by a signal; None while it runs."""
+        """Exit code of an ended process, negative after a signal; None while it runs."""
         return self._process.exitcode
 
     def messages(self) -> list[dict]:
-        """Status lines that have arrived."""
+        """Return the status lines that have arrived."""
         try:
             while data := os.read(self.line, 65536):
                 self._rest += data
@@ -110,32 +135,32 @@ class Child:
         return [json.loads(line) for line in lines]
 
     def tell(self, **order: object) -> None:
-        """Give the process an order (nodes.process.Process.follow_orders); nothing happens when it has ended."""
+        """Send the process an order (nodes.process.Process.follow_orders); it has no effect when the process has ended."""
         with contextlib.suppress(BrokenPipeError):
             os.write(self._orders.fileno(), json.dumps(order).encode() + b"\n")
 
     def ended(self) -> bool:
-        """True when the process is gone."""
+        """Return whether the process has ended."""
         return self.exit_code is not None
 
     def how(self) -> str:
-        """How an ended process ended, for people."""
+        """Return how an ended process ended, for people."""
         code = self.exit_code
         if code < 0:
             return f"killed by signal {-code} ({signal.Signals(-code).name})"
         return f"ended with exit code {code}"
 
     def signal(self, number: int) -> None:
-        """Send a signal unless the process is gone."""
+        """Send a signal unless the process has ended."""
         if not self.ended():
             os.kill(self.pid, number)
 
     def wait(self) -> None:
-        """Wait for its end."""
+        """Wait for the end of the process."""
         self._process.join()
 
     def finish(self, seconds: float) -> bool:
-        """Wait for the end, by force after ``seconds``; False when force was needed."""
+        """Wait for the end of the process, and kill it after ``seconds``; return False when it was killed."""
         self._process.join(seconds)
         if self.ended():
             return True
@@ -144,7 +169,7 @@ class Child:
         return False
 
     def close(self) -> None:
-        """Close both lines; a process that still runs is ended by force."""
+        """Close both lines; a process that still runs is killed."""
         self.finish(0.0)
         self._process.close()
         self._status.close()
@@ -162,7 +187,7 @@ def _begin(
     orders: connection.Connection,
     links: dict[str, socket.socket],
 ) -> None:
-    """The process: what ``python -m module arguments`` would be, under a name of its own (`ps -o comm`, `top`)."""
+    """Run the process as ``python -m module arguments`` would, under a name of its own (`ps -o comm`, `top`)."""
     ctypes.CDLL(None).prctl(PR_SET_NAME, name.encode())
     os.setsid()  # keeps a terminal's Ctrl-C away
     os.chdir(folder)

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A ROS domain of its own for every run, so that two runs, or a run and its tests, never hear each other.
+"""A ROS domain of its own for every run, so that two runs, or a run and its tests, never receive each other's messages.
 
-Used by the supervisor, by nodes started without one, by replays and by tests. A domain is held by a socket name, which
-the kernel frees when its holder dies; another such name says that a rig or a replay is in it, of which there is one at
-most.
+The supervisor, nodes started without one, replays and tests use it. A domain is reserved by the name of a socket, which
+the kernel frees when its process dies. A second such name shows that a rig or a replay is in the domain; there is at
+most one.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from pathlib import Path
 from ..config import package_file
 from ..errors import RigError
 
-# Domain 101 is the last whose ports stay below the ephemeral ones of Linux (32768).
+# Domain 101 is the last one whose ports are below the ephemeral ports of Linux (32768).
 FIRST, LAST = 1, 101
-HIGHEST = 232  # of all that ROS takes
+HIGHEST = 232  # highest domain that ROS accepts
 BASE_PORT, PORTS = 7400, 250  # RTPS 9.6.1.1: first port of domain 0, ports of one domain
-RESERVED, RIG = "rig-ros-domain", "rig-in-ros-domain"  # names of sockets: who has the domain, who is its rig
+RESERVED, RIG = "rig-ros-domain", "rig-in-ros-domain"  # begins of socket names: a reserved domain, a domain with a rig
 LOOK_TIMEOUT = 20.0  # s
 
 
 def busy_domains() -> set[int]:
-    """Domains in which some process of this host has a UDP port open, locked or not."""
+    """Return the domains in which some process of this host has a UDP port open, reserved or not."""
     busy = set()
     for table in ("/proc/net/udp", "/proc/net/udp6"):
         try:
@@ -45,15 +45,29 @@ def busy_domains() -> set[int]:
 
 
 class Domain:
-    """One domain, held until :meth:`release`; a context manager. ``number`` is what ROS_DOMAIN_ID takes."""
+    """One domain, reserved until :meth:`release`; a context manager. ``number`` is the value for ROS_DOMAIN_ID."""
 
     def __init__(self, number: int, *locks: socket.socket) -> None:
         self.number, self._locks = number, list(locks)
 
     def lead(self, look: bool = True) -> Domain:
-        """Be the one rig, or replay, of the domain until :meth:`release`; RigError when there is one already.
+        """Become the only rig, or replay, of the domain until :meth:`release`.
 
-        look: over DDS too, for one that holds no socket here; takes 2 s where a process of this host is in the domain.
+        Parameters
+        ----------
+        look : bool
+            True: also look over DDS for a rig without a socket here; this takes 2 s when a process of this host is in the
+            domain.
+
+        Returns
+        -------
+        Domain
+            This domain.
+
+        Raises
+        ------
+        RigError
+            When there is a rig or a replay in it already.
         """
         lock = _lock(RIG, self.number)
         sender = "it runs on this machine" if lock is None else ""
@@ -69,7 +83,7 @@ class Domain:
         return self
 
     def release(self) -> None:
-        """Give the domain back; may be called twice."""
+        """Release the domain; it may be called twice."""
         while self._locks:
             self._locks.pop().close()
 
@@ -81,7 +95,7 @@ class Domain:
 
 
 def allocate() -> Domain:
-    """A domain that no other run and no other ROS process of this host uses. RigError when all are taken."""
+    """Return a domain that no other run and no other ROS process of this host uses; RigError when all are in use."""
     busy = busy_domains()
     for number in range(FIRST, LAST + 1):
         if number not in busy:
@@ -96,7 +110,7 @@ def allocate() -> Domain:
 
 
 def _senders(domain: Domain) -> list[str]:
-    """Names of the nodes that send /rig/state in a domain."""
+    """Return the names of the nodes that send /rig/state in a domain."""
     try:
         looked = subprocess.run(
             [sys.executable, "-P", "-m", "rig_nodes.nodes.look_for_rig"],
@@ -119,7 +133,7 @@ def _senders(domain: Domain) -> list[str]:
 
 
 def _lock(name: str, number: int) -> socket.socket | None:
-    # An abstract name belongs to the network namespace, as the domain's ports do: to all users and folders of it.
+    # An abstract name belongs to the network namespace, as the domain's ports do: all its users and folders share it.
     held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         held.bind(f"\0{name}-{number}")
@@ -130,28 +144,42 @@ def _lock(name: str, number: int) -> socket.socket | None:
 
 
 def announce(number: int) -> socket.socket:
-    """Let :func:`running_rigs` find the rig of this process in a domain, until what is returned is closed."""
+    """Let :func:`running_rigs` find the rig of this process in a domain, until the returned socket is closed."""
     sign = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     sign.bind(f"\0rig-runs-in-domain-{number}-{secrets.token_hex(4)}")
     return sign
 
 
 def running_rigs() -> list[int]:
-    """The domains in which a rig of this host runs, however it was started; sorted."""
+    """Return the domains in which a rig of this host runs, sorted; it does not matter how the rig was started."""
     names = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace")
     return sorted({int(number) for number in re.findall(r"@rig-runs-in-domain-(\d+)-", names)})
 
 
 def numbered(number: int) -> Domain:
-    """The domain that --domain names; RigError for no number from 0 to 232."""
+    """Return the domain that --domain names; RigError when the number is not from 0 to 232."""
     if not 0 <= number <= 232:
         raise RigError(f"--domain {number}: expected a number from 0 to 232")
     return Domain(number)
 
 
 def of_running_rig(number: int | None) -> Domain:
-    """The domain of the rig that a command is for: that of --domain, else ROS_DOMAIN_ID, else the only rig's of this
-    host. RigError when no rig runs there, or several run and none is named.
+    """Return the domain of the rig that a command is for: --domain, else ROS_DOMAIN_ID, else that of this host's only rig.
+
+    Parameters
+    ----------
+    number : int or None
+        The number of --domain.
+
+    Returns
+    -------
+    Domain
+        The domain.
+
+    Raises
+    ------
+    RigError
+        When no rig runs there, or several rigs run and none is named.
     """
     rigs = running_rigs()
     if number is not None or os.environ.get("ROS_DOMAIN_ID"):
@@ -168,9 +196,22 @@ def of_running_rig(number: int | None) -> Domain:
 
 
 def from_environment(keep: bool = False) -> Domain:
-    """The domain of a run: ROS_DOMAIN_ID when it is set (or ``keep``, then 0 without it), else one of its own.
+    """Return the domain of a run: ROS_DOMAIN_ID when it is set, else a domain of its own.
 
-    RigError when ROS_DOMAIN_ID is no number from 0 to 232.
+    Parameters
+    ----------
+    keep : bool
+        True: without ROS_DOMAIN_ID return domain 0 in place of one of its own.
+
+    Returns
+    -------
+    Domain
+        The domain.
+
+    Raises
+    ------
+    RigError
+        When ROS_DOMAIN_ID is no number from 0 to 232.
     """
     text = os.environ.get("ROS_DOMAIN_ID", "")
     if not text and not keep:
@@ -181,7 +222,7 @@ def from_environment(keep: bool = False) -> Domain:
 
 
 def check_namespace(namespace: str, where: str) -> None:
-    """RigError for a namespace other than the root."""
+    """Raise RigError for a namespace other than the root; ``where`` begins its sentence."""
     if namespace.strip("/"):
         raise RigError(
             f"{where}: the rig has no namespace, for its topics, actions and services have absolute names; "
@@ -190,13 +231,13 @@ def check_namespace(namespace: str, where: str) -> None:
 
 
 def environment(domain: Domain) -> dict[str, str]:
-    """Environment of one of the rig's processes in this domain; its DDS is set up by config/fastdds.xml.
+    """Return the environment of one of the rig's processes in this domain; config/fastdds.xml configures its DDS.
 
     SYSTEM_DEFAULT leaves the transports to that file, which keeps them on this host; LOCALHOST would add shared memory.
     """
     env = dict(os.environ)
     for name in ("ROS_LOCALHOST_ONLY", "FASTDDS_BUILTIN_TRANSPORTS"):
-        env.pop(name, None)  # would overrule what follows
+        env.pop(name, None)  # these would override the variables below
     profiles = str(package_file("fastdds.xml"))
     env.update(
         ROS_DOMAIN_ID=str(domain.number),
@@ -209,9 +250,9 @@ def environment(domain: Domain) -> dict[str, str]:
 
 
 def use_own_transports() -> None:
-    """Set up DDS in this process as :func:`environment` does, in its terminal's domain, before ROS is started.
+    """Configure DDS in this process as :func:`environment` does, in its terminal's domain, before ROS is started.
 
-    For nodes that `ros2 run` or a launch file starts. A profiles file that the user has set stays in force.
+    It is for nodes that `ros2 run` or a launch file starts. A profiles file that the user has set stays in force.
     """
     if os.environ.get("FASTDDS_DEFAULT_PROFILES_FILE") or os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE"):
         return

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A message dropped on purpose, so that a test can see that a loss is counted; used by `rig run` and the container."""
+"""A message dropped on purpose, so that a test can check that a loss is counted; `rig run` and the container use it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,25 @@ from ..errors import RigError
 
 
 def parse_drop(text: str | None, known: Catalogue) -> tuple[str, int] | None:
-    """("topic", sequence number) of ``TOPIC:N``; RigError when it is not that. known: the catalogue of the rig."""
+    """Return ("topic", sequence number) of ``TOPIC:N``.
+
+    Parameters
+    ----------
+    text : str or None
+        The option's text; None drops nothing.
+    known : Catalogue
+        The rig's catalogue.
+
+    Returns
+    -------
+    tuple or None
+        The topic and the number.
+
+    Raises
+    ------
+    RigError
+        When the text is not of this form or the topic is unknown.
+    """
     if text is None:
         return None
     topic, _, number = text.rpartition(":")

@@ -3,8 +3,8 @@
 
 """The step handshake of a run in lockstep: whole messages over a socket pair between two of its processes.
 
-Made by the supervisor, held by the rig container at one end and by alfa46 or sequencer at the other. DDS carries the
-same content for everybody to see; the link only says who may go on, in some 20 us where DDS takes 300.
+The supervisor makes it; the rig container holds one end, alfa46 or sequencer the other. DDS carries the same content for
+all other programs; the link only says which process may go on, in some 20 us where DDS takes 300.
 """
 
 from __future__ import annotations
@@ -20,63 +20,94 @@ from ..errors import RigError
 FRAME = 1 << 20  # longest message
 ANSWERED, DISCARDED, FAILED = range(3)  # kind of an answer; the sentence of a failure follows
 TIMEVAL = struct.Struct("@ll")  # s, us
-STATUS = b"status "  # in place of a sample: what the rig does now, a testbench.rig_base.RigStatus; the reason follows
-READY = b"ready "  # first word of the controller; the level of its commands follows, and what it wants
-SPIN = 300e-6  # s; to sleep and be woken takes 50 us, for each of 1000 samples of a simulated second
-NOT_AT_ALL = 0.0  # as a timeout: take what is there
+STATUS = b"status "  # in place of a sample: the present testbench.rig_base.RigStatus; the reason follows
+READY = b"ready "  # first message of the controller; the level of its commands and the transducers that it wants follow
+SPIN = 300e-6  # s of busy waiting: sleeping and waking takes 50 us, for each of 1000 samples of a simulated second
+NOT_AT_ALL = 0.0  # as a timeout: take only what is there
 PATIENCE = 30.0  # s that sequencer and recorder may take for one exchange
 
 
 class Frames:
-    """The messages of a sample and of its answer, for a controller with so many outputs, transducers and wants.
+    """The messages of a sample and of its answer.
 
-    sample: number, coil currents, transducers, what the controller wants; answer: number, kind, commands, setpoints,
-    gear, shifting, flags, and for FAILED a sentence behind it.
+    A sample holds its number, coil currents, transducers and what the controller wants. An answer holds the sample's
+    number, kind, commands, setpoints, gear, shifting and flags, followed by a sentence for FAILED.
+
+    Parameters
+    ----------
+    outputs, transducers, wants : int
+        Numbers of outputs, of transducers and of wanted transducers.
     """
 
     def __init__(self, outputs: int, transducers: int, wants: int) -> None:
-        self.outputs, self.measured = outputs, outputs + transducers  # where in a sample commands and transducers end
+        self.outputs, self.measured = outputs, outputs + transducers  # places in a sample where currents and transducers end
         self.sample = struct.Struct(f"<Q{outputs + transducers + wants}d")
         self.answer = struct.Struct(f"<QB{2 * outputs}dBBB")
 
     def none(self, sample: int, kind: int) -> bytes:
-        """An answer without numbers."""
+        """Return an answer without numbers."""
         return self.answer.pack(sample, kind, *(0.0,) * (2 * self.outputs), 0, 0, 0)
 
 
 class LinkClosed(RigError):
-    """The other process has gone."""
+    """The process at the other end has ended."""
 
     exit_code = 1
 
 
 def pair() -> tuple[socket.socket, socket.socket]:
-    """The two ends of a link; their descriptors are handed to child processes."""
+    """Return the two ends of a link; their descriptors are passed to child processes."""
     return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
 
 class Link:
-    """One end; ``other`` is the name of the process at the other one. One thread receives."""
+    """One end of a link; only one thread receives.
+
+    Parameters
+    ----------
+    descriptor : int
+        Descriptor of the socket.
+    other : str
+        Name of the process at the other end.
+    watchful : bool
+        True: poll for a message for SPIN s before sleeping, where answers are expected within that time.
+    """
 
     def __init__(self, descriptor: int, other: str, watchful: bool = False) -> None:
-        """watchful: look for a message for SPIN s before sleeping, where answers are expected within that."""
+        """Take over the descriptor."""
         self.other = other
         self._watchful = watchful and len(os.sched_getaffinity(0)) > 1
         self._socket = socket.socket(fileno=descriptor)
         self._socket.settimeout(None)
-        self._buffer = bytearray(FRAME)  # a fresh one for each message would cost more than the message
+        self._buffer = bytearray(FRAME)  # kept, because a new one for each message would cost more than the message
         self._view = memoryview(self._buffer)
         self._timeout: float | None = None
 
     def send(self, data: bytes) -> None:
-        """Send one message; LinkClosed when nobody is there any more."""
+        """Send one message; LinkClosed when the other process has ended."""
         try:
             self._socket.send(data)
         except OSError:
             raise LinkClosed(f"{self.other} has ended") from None
 
     def receive(self, timeout: float | None) -> bytes | None:
-        """The next message, None when there is none within ``timeout`` s; LinkClosed when there will be none."""
+        """Return the next message.
+
+        Parameters
+        ----------
+        timeout : float or None
+            Longest wait [s]; None sets no limit.
+
+        Returns
+        -------
+        bytes or None
+            None when no message comes in time.
+
+        Raises
+        ------
+        LinkClosed
+            When the other process has ended.
+        """
         size = self._look() if self._watchful and timeout != NOT_AT_ALL else None
         if size is None:
             size = self._sleep(timeout)
@@ -87,7 +118,7 @@ class Link:
         return bytes(self._view[:size])
 
     def _look(self) -> int | None:
-        """Bytes of a message that comes within SPIN s, None when none does."""
+        """Return the size of a message that comes within SPIN s, None when none does."""
         until = time.monotonic() + SPIN
         while time.monotonic() < until:
             try:
@@ -99,10 +130,10 @@ class Link:
         return None
 
     def _sleep(self, timeout: float | None) -> int | None:
-        """Bytes of the next message, None when there is none within ``timeout`` s."""
+        """Return the size of the next message, None when none comes within ``timeout`` s."""
         flags = socket.MSG_DONTWAIT if timeout == NOT_AT_ALL else 0
         if not flags and timeout != self._timeout:
-            # the kernel's own timeout: Python's takes a poll and two mode switches for each message
+            # the kernel's timeout, because Python's needs a poll and two mode switches for each message
             micros = 0 if timeout is None else max(1, round(timeout * 1e6))
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, TIMEVAL.pack(*divmod(micros, 1_000_000)))
             self._timeout = timeout
@@ -114,7 +145,7 @@ class Link:
             return 0
 
     def close(self) -> None:
-        """No more messages either way."""
+        """Close the link in both directions."""
         self._socket.close()
 
     def send_json(self, message: dict) -> None:
@@ -122,6 +153,6 @@ class Link:
         self.send(json.dumps(message).encode())
 
     def receive_json(self, timeout: float | None) -> dict | None:
-        """As :meth:`receive`, for what :meth:`send_json` sent."""
+        """Receive, as :meth:`receive` does, what :meth:`send_json` sent."""
         data = self.receive(timeout)
         return None if data is None else json.loads(data)

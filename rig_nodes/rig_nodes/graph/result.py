@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a run over ROS leaves beside its bag: counts, lateness, cost, and whether anything was lost.
+"""The facts that a run over ROS leaves in addition to its bag: counts, lateness, cost, and whether anything was lost.
 
-Used by `rig run`, `rig report` and the tests once all processes have ended.
+`rig run`, `rig report` and the tests use it once all processes have ended.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..catalogue import Topic, catalogue, installed_topics
 from ..errors import RigError
 from .supervisor import MODULES, End, processes_of
 
-NAMED = 4  # topics of a sentence
+NAMED = 4  # topics that a sentence names
 
 
 def facts_of(folder: Path) -> dict[str, dict]:
-    """What each process wrote about itself at its end, by name; killed ones are missing."""
+    """Return what each process wrote about itself at its end, by its name; killed processes are missing."""
     facts = {}
     for name in MODULES:
         path = folder / "logs" / f"{name}.json"
@@ -33,23 +33,23 @@ def facts_of(folder: Path) -> dict[str, dict]:
 
 
 def join_pieces(folder: Path) -> None:
-    """One bag of the pieces that recorders left which were killed and started again; nothing to do with one piece.
+    """Make one bag of the pieces that killed and restarted recorders left; with one piece it does nothing.
 
-    The pieces are removed when the whole is written. What was lost in between stays lost and is counted as such.
+    The pieces are removed when the whole bag is written. What was lost between them stays lost and is counted as lost.
     """
     # <name>_0.mcap, <name>_1.mcap, ...
     pieces = sorted(folder.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
     if len(pieces) < 2:
         return
     joined = folder / "joined"
-    sent: set[tuple[str, bytes]] = set()  # on latched topics
+    sent: set[tuple[str, bytes]] = set()  # messages on latched topics
     of_rig = Bag(pieces[0], recover=True).catalogue.all_topics
     with BagWriter(joined, pieces[0].stem.rpartition("_")[0], topics=of_rig) as writer:
         for piece in pieces:
             bag = Bag(piece, recover=True)
             classes = {topic: _class_of(bag, topic) for topic in bag.counts}
             for time, topic, data in bag.timeline():
-                # what is sent again to whoever comes later is already there
+                # a latched message that was sent again to a later subscriber is already there
                 if classes[topic] == "latched":
                     if (topic, data) in sent:
                         continue
@@ -63,15 +63,25 @@ def join_pieces(folder: Path) -> None:
 
 
 def _class_of(bag: Bag, topic: str) -> str:
-    """Class of catalogue.QOS in which a topic of a bag was offered."""
+    """Return the class of catalogue.QOS in which a topic of a bag was offered."""
     offered = read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
     return "latched" if offered.latched else "measurement" if offered.reliable else "best_effort"
 
 
 def end_of(facts: dict[str, dict], shifts: bool) -> End:
-    """How a run without a supervisor ended, from what its processes left.
+    """Return how a run without a supervisor ended, from what its processes left.
 
-    facts: as of :func:`facts_of`; shifts: the rig has a shift controller.
+    Parameters
+    ----------
+    facts : dict of str to dict
+        What :func:`facts_of` returned.
+    shifts : bool
+        Whether the rig has a shift controller.
+
+    Returns
+    -------
+    End
+        State and reason.
     """
     container, outcome = facts.get("container"), facts.get("sequencer", {}).get("outcome")
     if outcome is not None and not outcome["success"]:
@@ -88,15 +98,16 @@ def end_of(facts: dict[str, dict], shifts: bool) -> End:
 
 
 def open_bag(folder: Path) -> Bag:
-    """The bag of a run, what is whole of it when the recorder was killed."""
+    """Return the bag of a run; when the recorder was killed, the part of it that is whole."""
     return Bag(folder, recover=True)
 
 
 def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
-    """Messages published but not in the bag, by topic; topics without any left out.
+    """Return the number of messages that were published but are not in the bag, by topic; topics without losses are left out.
 
-    The counts of a killed process are unknown: there the gaps in the sequence numbers count. Of topics beyond the
-    catalogue nobody knows how many were sent: only those count that reached the recorder and found its queue full.
+    The counts of a killed process are unknown; there the gaps in the sequence numbers count. For topics outside the
+    catalogue the number of sent messages is unknown; there only the messages count that reached the recorder and found its
+    queue full.
     """
     published: dict[str, int] = {}
     for fact in facts.values():
@@ -105,7 +116,7 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
     own = _topics_of(bag)
     lost = {topic: count for topic, count in bag.gaps().items() if topic in own}
     for topic, count in published.items():
-        # of a process that was started again, the count is that of its last life
+        # for a process that was started again, the count is that of its last life
         missing = count - bag.distinct(topic, last_life=True)
         whole = lost.get(topic, 0) - bag.gap_of_last_life(topic) + max(0, missing)
         if whole:
@@ -117,7 +128,7 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
 
 
 def _topics_of(bag: Bag) -> dict[str, Topic]:
-    """The topics of the rig of a bag; where it does not say which that is, of all installed ones."""
+    """Return the topics of a bag's rig; when the bag does not name its rig, those of all installed rigs."""
     try:
         return catalogue(bag.run_info()["configuration"]).all_topics
     except (RigError, KeyError, TypeError, ValueError):
@@ -125,7 +136,7 @@ def _topics_of(bag: Bag) -> dict[str, Topic]:
 
 
 def what_was_lost(run: dict) -> str:
-    """What is missing of a run in one sentence, from the ``run`` part of its report; empty when nothing is."""
+    """Return one sentence on what is missing of a run, from the ``run`` part of its report; empty when nothing is."""
     said = []
     if run.get("lost"):
         topics = run.get("lost_by_topic")
@@ -145,14 +156,33 @@ def what_was_lost(run: dict) -> str:
 
 
 def _named(counts: dict[str, int]) -> str:
-    """The topics that lost most, the rest as a number."""
+    """Name the topics that lost most, and give the number of the others."""
     most = sorted(counts.items(), key=lambda item: -item[1])
     more = f" and {len(most) - NAMED} topics more" if len(most) > NAMED else ""
     return ", ".join(f"{topic} {count}" for topic, count in most[:NAMED]) + more
 
 
 def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict] = ()) -> dict:
-    """The ``run`` part of the report. record: what the bag itself says about its making; restarts: the supervisor's."""
+    """Return the ``run`` part of the report.
+
+    Parameters
+    ----------
+    bag : Bag
+        The run's bag.
+    folder : Path
+        The run's folder.
+    record : dict
+        What the bag itself says about how it was made.
+    end : End
+        How the run ended.
+    restarts : list of dict
+        The supervisor's list of restarted processes.
+
+    Returns
+    -------
+    dict
+        Plain data.
+    """
     facts = facts_of(folder)
     container = facts.get("container", {})
     lost = lost_messages(bag, facts)

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starts all processes of one run, watches them, ends them in order and tells how it ended.
+"""Starts all processes of one run, watches them, ends them in order and reports how the run ended.
 
-Used by `rig run` and by the tests; the command lines by the launch file too. Owns no ROS: it speaks with its children
-through pipes and signals.
+`rig run` and the tests use it; the launch file uses the command lines too. It imports no ROS: it communicates with its
+children through pipes and signals.
 """
 
 from __future__ import annotations
@@ -30,36 +30,36 @@ MODULES = {"recorder": "recorder", "container": "rig_container", "alfa46": "alfa
 END_ORDER = (("container",), ("alfa46", "sequencer"), ("recorder",))
 END_TIMEOUT = 12.0  # s that a process has for its orderly end
 AFTER_TRIP = 0.3  # s recorded after the safe state
-RESTARTED = ("alfa46", "recorder", "sequencer")  # of a rig that is worked by hand
-LIVES, LIVES_TIME = 3, 60.0  # a process that ends so often within so many s is not started again
+RESTARTED = ("alfa46", "recorder", "sequencer")  # restarted when they die, in a rig that is operated by hand
+LIVES, LIVES_TIME = 3, 60.0  # a process that ends more often than this within so many s is not started again
 
 
 def processes_of(shifts: bool) -> tuple[str, ...]:
-    """The processes of a rig, keys of MODULES; shifts: it has a shift controller."""
+    """Return the processes of a rig, keys of MODULES; ``shifts`` says whether it has a shift controller."""
     return tuple(name for name in MODULES if shifts or name != "alfa46")
 
 
 @dataclass(frozen=True)
 class Order:
-    """What to run. sequence None: the rig runs until stopped and takes sequences over ROS."""
+    """What to run; with ``sequence`` None the rig runs until it is stopped and takes sequences over ROS."""
 
     sequence: str | None
     rig: str = DEFAULT_RIG
     seed: int = 1
     settings: list[str] = field(default_factory=list)
     drop: str | None = None
-    speed: float | None = None  # None: real time, nobody waits for anybody; else lockstep, inf for no pacing
-    step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep, None: for ever
-    come_timeout: float | None = 60.0  # s for a controller of its own program to come, in lockstep; None: for ever
+    speed: float | None = None  # None: real time, no process waits for another; else lockstep, inf for no pacing
+    step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep; None: no limit
+    come_timeout: float | None = 60.0  # s in which a controller program of its own has to come, in lockstep; None: no limit
     controller: str | None = None
-    parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
+    parameters: list[str] = field(default_factory=list)  # parameters of the sequence, NAME=VALUE
     processes: tuple[str, ...] = tuple(MODULES)
     delay: int = 1  # samples from a measurement to the effect of the controller's answer
-    topics: str | None = None  # patterns of what the recorder takes beside the rig's own topics
+    topics: str | None = None  # patterns of the topics that the recorder takes in addition to the rig's own
     exclude: str | None = None
 
     def arguments(self, name: str) -> list[str]:
-        """Command line of one of the processes, without what is the same for all."""
+        """Return the command line of one of the processes, without the options that all processes have."""
         rig = ["--rig", self.rig, *(part for text in self.settings for part in ("--set", text))]
         sequence = [] if self.sequence is None else ["--sequence", self.sequence]
         sequence += [part for text in self.parameters for part in ("--with", text)]
@@ -89,7 +89,17 @@ class Order:
 
 @dataclass
 class End:
-    """How a run ended: state is ended, failed or interrupted; by: the signal that interrupted it, or 0."""
+    """How a run ended.
+
+    Parameters
+    ----------
+    state : str
+        "ended", "failed" or "interrupted".
+    reason : str
+        The reason, as a sentence.
+    by : int
+        The signal that interrupted the run, or 0.
+    """
 
     state: str
     reason: str
@@ -100,33 +110,44 @@ END_BY_HAND = End("ended", "ended by hand")
 
 
 class Supervisor:
-    """One run in one folder and one domain. ``say`` gets (simulated time [s] or None, sentence) for people.
+    """One run in one folder and one domain.
 
-    A process that dies brings the rig into its safe state. A run of a sequence ends with that; a rig that is worked by
+    A process that dies brings the rig into its safe state. A run of a sequence ends with that; a rig that is operated by
     hand in real time stays up, and the process is started again.
+
+    Parameters
+    ----------
+    order : Order
+        What to run.
+    folder : Path
+        The run's folder.
+    domain : Domain
+        The ROS domain.
+    say : callable
+        Receives (simulated time [s] or None, sentence) for people.
     """
 
     def __init__(self, order: Order, folder: Path, domain: Domain, say: Callable[[float | None, str], None]) -> None:
         self.order, self.folder, self.domain, self.say = order, Path(folder), domain, say
         self.children: dict[str, Child] = {}
-        self.restarts: list[dict] = []  # process, how it ended, simulated time
-        self.time = 0.0  # simulated, as told by the container
-        self.state, self.reason = "", ""  # of the rig
-        self.running = threading.Event()  # simulated time passes
+        self.restarts: list[dict] = []  # for each: process, how it ended, simulated time
+        self.time = 0.0  # simulated time [s], as reported by the container
+        self.state, self.reason = "", ""  # state of the rig and its reason
+        self.running = threading.Event()  # set once simulated time passes
         self.ended = threading.Event()
         self.end: End | None = None
-        self._awaited = ""  # that no controller has come yet, as the alfa46 process said last
+        self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
         self._end_at: float | None = None
-        self._lock = threading.Lock()  # of the wake pipe
+        self._lock = threading.Lock()  # protects the wake pipe
         self._wake_read, self._wake_write = os.pipe()
         for descriptor in (self._wake_read, self._wake_write):
             os.set_blocking(descriptor, False)
 
     def stop(self, number: int = 0) -> None:
-        """End the run in order; from any thread or signal handler. number: the signal that asks for it."""
+        """End the run in order, from any thread or signal handler; ``number`` is the signal that asks for it, or 0."""
         names = {signal.SIGINT: "interrupted by Ctrl-C", signal.SIGTERM: "ended by SIGTERM"}
         if self.order.sequence is None and number == signal.SIGINT:
-            self._finish_with(END_BY_HAND, 0.0)  # there is no other end
+            self._finish_with(END_BY_HAND, 0.0)  # such a run has no other end
         self._finish_with(End("interrupted", names.get(number, "stopped"), number), 0.0)
         with self._lock:
             if not self.ended.is_set():
@@ -134,7 +155,10 @@ class Supervisor:
                     os.write(self._wake_write, b".")
 
     def run(self) -> End:
-        """Everything from the first process to the last; returns how it ended. Signals need the main thread."""
+        """Do everything from the start of the first process to the end of the last, and return how the run ended.
+
+        Signals are handled only in the main thread.
+        """
         handled = (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()
         before = {number: signal.signal(number, lambda n, _frame: self.stop(n)) for number in handled}
         try:
@@ -166,7 +190,7 @@ class Supervisor:
                 end.close()
 
     def _begin(self, name: str, links: dict[str, socket.socket] | None = None, life: int = 1) -> Child:
-        """Start one of the processes, for the first or another time."""
+        """Start one of the processes, for the first time or again."""
         arguments = [*self.order.arguments(name), "--recorded"]
         if name == "recorder":
             bag = Path(self.order.sequence or self.folder.name).stem
@@ -178,7 +202,7 @@ class Supervisor:
         return child
 
     def _links(self) -> dict[str, dict[str, socket.socket]]:
-        """Ends of step handshake and taps, by process and by the name of the process at the other end."""
+        """Return the ends of step handshake and taps, by process and by the name of the process at the other end."""
         links: dict[str, dict[str, socket.socket]] = {name: {} for name in MODULES}
         for name in ("alfa46", "sequencer"):
             links["container"][name], links[name]["container"] = pair()
@@ -187,7 +211,7 @@ class Supervisor:
         return links
 
     def _watch(self) -> None:
-        """Serve the children's lines until there is a reason to end and its time has come."""
+        """Handle the children's messages until there is a reason to end and its time has come."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._wake_read, selectors.EVENT_READ)
             for child in self.children.values():
@@ -245,7 +269,7 @@ class Supervisor:
             self._end_at = min(self._end_at, time.monotonic() + AFTER_TRIP)
 
     def _on_death(self, child: Child) -> Child | None:
-        """Safe state, then the end of the run or, for a rig worked by hand, the process once more."""
+        """Bring the rig into its safe state, then end the run or, for a rig operated by hand, start the process again."""
         child.wait()
         how = f"{child.name} {child.how()}"
         if child.name != "container" and self.running.is_set() and self.order.speed is None:
@@ -268,7 +292,7 @@ class Supervisor:
         return self.running.is_set() and self.end is None and lives <= LIVES
 
     def _finish_with(self, end: End, seconds: float) -> None:
-        """End after so many seconds; the first reason stays, a person's wish needs no patience."""
+        """End after so many seconds; the first reason stays, and a user's request is served at once."""
         if self.end is None:
             self.end = end
         at = time.monotonic() + seconds
@@ -277,7 +301,7 @@ class Supervisor:
     # ---- end
 
     def _stop_all(self) -> None:
-        """Container, then the controllers, then the recorder: each hears everything of those before it."""
+        """End the container, then the controllers, then the recorder, so that each receives everything of those before it."""
         if self.end is None:
             self.end = End("failed", "the supervisor failed")
         for names in END_ORDER:
@@ -298,6 +322,6 @@ class Supervisor:
                     self._end_badly(f"{child.name} {child.how()}; see logs/{child.log}")
 
     def _end_badly(self, reason: str) -> None:
-        """What fails only at the end makes a run fail that was good so far."""
+        """Make a run fail that was good so far, because something failed at its end."""
         if self.end.state == "ended":
             self.end = End("failed", reason, self.end.by)

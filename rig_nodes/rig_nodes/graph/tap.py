@@ -1,11 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recording in lockstep: the bytes a process publishes go to the recorder over a socket of their own, too.
+"""Recording in lockstep: the bytes that a process publishes also go to the recorder, over a socket of their own.
 
-Held by rig container and alfa46 (Tap) and by the recorder (TapReader); made by the supervisor. DDS takes 10 us to send
-and 20 us to receive each of some 5600 messages of a simulated second, which alone would hold a run below 8 times real
-time on two cores; a tap takes 1 us, loses nothing and lets nobody run ahead of the recorder: its socket is full first.
+The supervisor makes it; rig container and alfa46 hold one end (Tap), the recorder the other (TapReader). DDS takes
+10 us to send and 20 us to receive each of some 5600 messages of a simulated second, which alone would hold a run below
+8 times real time on two cores. A tap takes 1 us and loses nothing, and no process can run ahead of the recorder, because
+its socket is full before that.
 """
 
 from __future__ import annotations
@@ -21,27 +22,40 @@ from collections.abc import Iterable, Iterator
 from .link import PATIENCE, LinkClosed
 
 HEAD = struct.Struct("<HI")  # number of the topic, bytes of the message that follows
-NAMES = 0xFFFF  # in place of a topic's number: the names of all topics that will come, first of all
+NAMES = 0xFFFF  # in place of a topic's number, in the first message: the names of all topics that will come
 FLUSH_BYTES = 1 << 17
 FLUSH_PERIOD = 0.02  # s of real time: waking the recorder more often costs more than what it writes
 READ_BYTES = 1 << 20
-# of the socket, doubled by the kernel and its usual default: some 0.3 s of the rig, whatever the host's settings are. What
-# comes by DDS meanwhile must not look as if it were of another clock (AHEAD_NS of nodes.recorder).
+# the socket's buffer, doubled by the kernel, and its usual default: some 0.3 s of the rig with any settings of the host. What
+# comes by DDS meanwhile must not look as if it had the stamps of another clock (AHEAD_NS of nodes.recorder).
 SEND_BYTES = 106_496
 
 
 def tap_pair() -> tuple[socket.socket, socket.socket]:
-    """The two ends of a tap: for the process that publishes, and for the recorder."""
+    """Return the two ends of a tap: for the process that publishes, and for the recorder."""
     ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     ends[0].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
     return ends
 
 
 class Tap:
-    """The end of a process that publishes. Thread-safe."""
+    """The end of a process that publishes; it is thread-safe.
+
+    Parameters
+    ----------
+    descriptor : int
+        Descriptor of the socket.
+    topics : iterable of str
+        Names of all topics that will be put.
+
+    Raises
+    ------
+    LinkClosed
+        When the recorder has ended.
+    """
 
     def __init__(self, descriptor: int, topics: Iterable[str]) -> None:
-        """topics: names of all that will be put. LinkClosed when the recorder is gone."""
+        """Send the names of the topics."""
         self._socket = socket.socket(fileno=descriptor)
         self._socket.settimeout(PATIENCE)
         self._lock = threading.Lock()
@@ -53,7 +67,7 @@ class Tap:
         self.flush()
 
     def put(self, topic: str, data: bytes) -> None:
-        """Hand over one encoded message; it goes out after 20 ms, or 128 KiB, with the next one or a :meth:`flush`."""
+        """Hand over one encoded message; it is sent after 20 ms or 128 KiB, with the next one or by :meth:`flush`."""
         with self._lock:
             self._parts.append(HEAD.pack(self._numbers[topic], len(data)))
             self._parts.append(data)
@@ -63,7 +77,7 @@ class Tap:
             self.flush()
 
     def flush(self) -> None:
-        """Send what was put. LinkClosed when the recorder is gone or takes nothing in."""
+        """Send what was put; LinkClosed when the recorder has ended or receives nothing."""
         with self._lock:
             if not self._parts:
                 return
@@ -79,14 +93,14 @@ class Tap:
                 raise LinkClosed("recorder has ended") from None
 
     def close(self) -> None:
-        """Nothing more will come. What was put and not sent is lost only when the recorder is gone."""
+        """Send the rest and close the tap; what was put is lost only when the recorder has ended."""
         with contextlib.suppress(LinkClosed):
             self.flush()
         self._socket.close()
 
 
 class TapReader:
-    """The recorder's end. ``topics``: names of what comes, None until the other end has said so."""
+    """The recorder's end; ``topics`` holds the names of what comes, None until the other end has sent them."""
 
     def __init__(self, descriptor: int) -> None:
         self.topics: list[str] | None = None
@@ -96,11 +110,11 @@ class TapReader:
         self._rest = b""
 
     def fileno(self) -> int:
-        """For a selector."""
+        """Return the socket's descriptor, for a selector."""
         return self._socket.fileno()
 
     def read(self) -> Iterator[tuple[str, bytes]] | None:
-        """(topic, message) of what has arrived, waiting for some; None when nothing more will come."""
+        """Return (topic, message) of what has arrived, waiting for some; None when nothing more will come."""
         try:
             size = self._socket.recv_into(self._buffer)
         except OSError:

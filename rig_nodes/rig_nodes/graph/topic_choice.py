@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which topics beyond the rig's own a recorder takes: all of the domain, or those that --topics and --exclude leave.
+"""The topics beyond the rig's own that a recorder takes: all of the domain, or those that --topics and --exclude leave.
 
-Used by the recorder; by `rig run` and the launch file, which refuse a wrong pattern before anything starts. No ROS in here.
+The recorder uses it, and `rig run` and the launch file refuse a wrong pattern with it before anything starts. It imports
+no ROS.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import re
 
 from ..errors import RigError
 
-CLOCK = "/clock"  # a bag that is played again brings one of its own
+CLOCK = "/clock"  # not recorded, because the playback of a bag publishes a clock of its own
 TOPICS = (
     "--topics",
     {
@@ -24,14 +25,27 @@ EXCLUDE = ("--exclude", {"metavar": "REGEX", "help": "beside the rig's own topic
 
 
 class TopicChoice:
-    """A choice by regular expressions on whole names; None: no such condition."""
+    """A choice by regular expressions on whole names; None stands for no such condition.
+
+    Parameters
+    ----------
+    topics : str or None
+        Only topics that match are taken.
+    exclude : str or None
+        Topics that match are left out.
+
+    Raises
+    ------
+    RigError
+        When one of the two is no regular expression.
+    """
 
     def __init__(self, topics: str | None = None, exclude: str | None = None) -> None:
-        """RigError when one of the two is no regular expression."""
+        """Compile the expressions."""
         self._topics, self._exclude = _pattern("--topics", topics), _pattern("--exclude", exclude)
 
     def takes(self, name: str) -> bool:
-        """True for a topic to record; never for /clock, nor for a hidden one, as the feedback of an action."""
+        """Return whether a topic is recorded; /clock and hidden topics, such as an action's feedback, never are."""
         if name == CLOCK or any(part.startswith("_") for part in name.split("/")):
             return False
         if self._exclude is not None and self._exclude.fullmatch(name):

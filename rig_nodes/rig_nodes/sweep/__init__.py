@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many members of one sequence, each with other parameters: what varies, how it is run, where results are kept.
+"""Many members of one sequence, each with other parameters: what varies, how the members are run, where results are kept.
 
-Used by the verb ``sweep``; docs/how_to/sweep.md says how.
+The verb ``sweep`` uses it; docs/how_to/sweep.md describes it.
 """

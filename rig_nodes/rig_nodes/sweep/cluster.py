@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Members of a sweep on a Dask cluster: one that runs already, or processes on this machine.
+"""Runs members of a sweep on a Dask cluster: one that runs already, or processes on this machine.
 
-Used by the verb ``sweep``; Dask is loaded only here, where somebody asks for it.
+The verb ``sweep`` uses it; Dask is loaded only here, when it is asked for.
 """
 
 from __future__ import annotations
@@ -19,15 +19,23 @@ if TYPE_CHECKING:
     from dask.distributed import Client, Future
 
 LOCAL = "local:"
-AHEAD = 4  # tasks that a process has in hand, so that it never waits for the next one
+AHEAD = 4  # tasks that are handed to each process in advance, so that it never waits for the next one
 PATIENCE = "10s"  # for the scheduler's answer
 
 
 @contextmanager
 def dask_stream(address: str) -> Iterator[Callable]:
-    """A stream as Workers.stream: ``local:N`` starts N processes on loopback, else the address of a scheduler.
+    """Yield a stream like Workers.stream that runs on Dask.
 
-    RigError when Dask is not installed, the number is none, or nobody answers at the address.
+    Parameters
+    ----------
+    address : str
+        ``local:N`` starts N processes on loopback; everything else is the address of a scheduler.
+
+    Raises
+    ------
+    RigError
+        When Dask is not installed, the number is not right, or no scheduler answers at the address.
     """
     try:
         from dask.distributed import Client, LocalCluster
@@ -60,7 +68,7 @@ def dask_stream(address: str) -> Iterator[Callable]:
 
 
 def _stream(client: Client, function: Callable, items: Iterable) -> Iterator[tuple[int, dict | None, Exception | None]]:
-    """(place, result, error) of each item as it comes; some are in hand at a time, however long the list is."""
+    """Yield (place, result, error) of each item as it finishes; only some items are submitted at a time."""
     from dask.distributed import as_completed
 
     numbered = enumerate(items)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a sweep varies, and the points of its members: grid, list, random or Latin hypercube.
+"""The parameters that a sweep varies, and the points of its members: grid, list, random or Latin hypercube.
 
-Used by the verb ``sweep`` and sweep.run; a plan is plain data that goes into the folder as it is.
+The verb ``sweep`` and sweep.run use it; a plan is plain data that is written into the sweep's folder unchanged.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ..testbench.sequence import Sequence
 
 METHODS = ("grid", "list", "random", "lhs")
-DRAWN = ("random", "lhs")  # need a number of samples
+DRAWN = ("random", "lhs")  # methods that need a number of samples
 SEED = "seed"  # name under which the seed itself is varied
 MOST_MEMBERS = 1_000_000
 FILE_KEYS = (
@@ -61,9 +61,21 @@ _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*
 class Varied:
     """One parameter that is varied.
 
-    name: of the rig (as ``--set``, or a point's ``.time`` or ``.current``), of the sequence (as ``--with``), or "seed".
-    of: "rig", "sequence" or "seed". unit: of its numbers, as first written; "" for whole numbers, None for words.
-    values: those it takes; empty for a range from low to high that values are drawn from, along its logarithm if log.
+    Parameters
+    ----------
+    name : str
+        Name of the rig's parameter (as in ``--set``, or a point's ``.time`` or ``.current``), of the sequence's parameter
+        (as in ``--with``), or "seed".
+    of : str
+        "rig", "sequence" or "seed".
+    unit : str or None
+        Unit of the numbers, as first written; "" for whole numbers, None for words.
+    values : tuple
+        The values; empty for a range from which values are drawn.
+    low, high : float
+        Ends of the range, in ``unit``.
+    log : bool
+        Whether the range is divided along its logarithm.
     """
 
     name: str
@@ -75,11 +87,11 @@ class Varied:
     log: bool = False
 
     def text(self, value: float | str) -> str:
-        """A value as it is written after ``--set`` or ``--with``."""
+        """Return a value as it is written after ``--set`` or ``--with``."""
         return f"{value!r} {self.unit}" if self.unit else str(value)
 
     def at(self, share: float) -> float | str:
-        """The value at a share (0 to 1) of the range or of the values."""
+        """Return the value at a share (0 to 1) of the range or of the values."""
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         if self.log:
@@ -91,7 +103,7 @@ class Varied:
 
 @dataclass(frozen=True)
 class Member:
-    """One run of a sweep: its number, seed, and the texts of what it sets at the rig and at the sequence."""
+    """One run of a sweep: its number, its seed, and the texts of what it sets at the rig and at the sequence."""
 
     number: int
     seed: int
@@ -102,9 +114,28 @@ class Member:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked sweep. rig, sequence: names or absolute files; fixed, fixed_with: what all members share.
+    """A checked sweep.
 
-    plugged: the controller of all members, None for the rig's own Alfa46.
+    Parameters
+    ----------
+    sequence, rig : str
+        Names or absolute files.
+    method : str
+        One of METHODS.
+    samples : int
+        Number of points for a method that draws them, else 0.
+    seed : int
+        Seed of the first member, and of the drawing.
+    repeats : int
+        Members at each point.
+    varied : tuple of Varied
+        The parameters that are varied.
+    fixed, fixed_with : dict of str to str
+        Settings of the rig and parameters of the sequence that all members share.
+    description : str
+        Text for people.
+    plugged : Plugged or None
+        Controller of all members; None for the rig's own Alfa46.
     """
 
     sequence: str
@@ -121,11 +152,11 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """Of the folder that it gets."""
+        """Name of the sweep's folder."""
         return f"{Path(self.sequence).stem}-sweep"
 
     def members(self) -> list[Member]:
-        """All members in their order; the same ones for the same plan."""
+        """Return all members in their order; an equal plan gives equal members."""
         members = []
         for point in self._points():
             values = dict(zip((one.name for one in self.varied), point))
@@ -146,7 +177,7 @@ class Plan:
         return {one.name: one.text(value) for one, value in zip(self.varied, point) if one.of == of}
 
     def count(self) -> int:
-        """Number of members."""
+        """Return the number of members."""
         if self.method in DRAWN:
             return self.samples * self.repeats
         sizes = [len(one.values) for one in self.varied]
@@ -160,17 +191,17 @@ class Plan:
         return [tuple(one.at(share) for one, share in zip(self.varied, row)) for row in self._shares().tolist()]
 
     def _shares(self) -> np.ndarray:
-        """Places of the samples in the unit cube (samples, parameters)."""
+        """Return the places of the samples in the unit cube (samples, parameters)."""
         random = np.random.default_rng(self.seed)
         shares = random.random((self.samples, len(self.varied)))
         if self.method == "random":
             return shares
-        # Latin hypercube: each column visits its strata in an order of its own. Not scipy's, which takes 0.7 s to load
+        # Latin hypercube: each column visits its strata in an order of its own; scipy's function would take 0.7 s to load
         strata = random.permuted(np.tile(np.arange(self.samples)[:, None], len(self.varied)), axis=0)
         return (strata + shares) / self.samples
 
     def as_dict(self) -> dict:
-        """Plain data, from which :func:`plan_of` makes the plan again."""
+        """Return plain data, from which :func:`plan_of` makes the plan again."""
         return {
             "sequence": self.sequence,
             "rig": self.rig,
@@ -198,7 +229,7 @@ class Plan:
 
 
 def plan_of(data: dict) -> Plan:
-    """The plan of :meth:`Plan.as_dict`."""
+    """Return the plan of the data that :meth:`Plan.as_dict` returned."""
     varied = tuple(Varied(**{**one, "values": tuple(one["values"])}) for one in data["varied"])
     names = ("sequence", "rig", "method", "samples", "seed", "repeats", "description")
     plugged = Plugged(**data["controller"]) if data.get("controller") else None
@@ -206,7 +237,7 @@ def plan_of(data: dict) -> Plan:
 
 
 def read_plan(path: str | Path) -> Plan:
-    """The plan of a sweep file; RigError with file and line when it is not right."""
+    """Return the plan of a sweep file; RigError with file and line when the file is not right."""
     node = load_yaml(path)
     check_keys(path, node, FILE_KEYS, ("sequence", "vary"), "the sweep")
     vary = node["vary"]
@@ -259,10 +290,42 @@ def make_plan(
     wheres: dict[str, str] | None = None,
     plugged: Plugged | None = None,
 ) -> Plan:
-    """A checked plan. rig: the one that the sequence is written for, if not given; vary: name -> text or list of values;
-    method None: grid, or lhs when samples are asked for; plugged: of :func:`plugged_of`.
+    """Check a sweep and return its plan.
 
-    RigError when a name, a unit or a value does not fit the rig or the sequence, or the method does not fit them.
+    Parameters
+    ----------
+    sequence : str
+        Name or file of the sequence.
+    vary : dict
+        Text or list of values by the parameter's name.
+    rig : str or None
+        The rig; None takes the one that the sequence is written for.
+    method : str or None
+        One of METHODS; None takes grid, or lhs when samples are given.
+    samples : int or None
+        Number of points, for a method that draws them.
+    seed : int
+        Seed of the first member, and of the drawing.
+    repeats : int
+        Members at each point.
+    fixed, fixed_with : dict of str to str, or None
+        Settings of the rig and parameters of the sequence that all members share.
+    description : str
+        Text for people.
+    wheres : dict of str to str, or None
+        Place of each parameter in a file, for the errors' sentences.
+    plugged : Plugged or None
+        What :func:`plugged_of` returned.
+
+    Returns
+    -------
+    Plan
+        The plan.
+
+    Raises
+    ------
+    RigError
+        When a name, a unit or a value does not fit the rig or the sequence, or the method does not fit the values.
     """
     fixed, fixed_with = fixed or {}, fixed_with or {}
     load = partial(load_sequence, sequence, rig=rig)
@@ -310,7 +373,7 @@ def make_plan(
 
 
 def _place(name: str) -> str:
-    """A file by its absolute path, so that the sweep can go on from another folder; an installed name as it is."""
+    """Return a file by its absolute path, so that the sweep can go on from another folder; an installed name stays as it is."""
     text = str(name)
     return str(Path(text).expanduser().absolute()) if text.endswith((".yaml", ".yml")) or "/" in text else text
 
@@ -336,7 +399,7 @@ def _check_method(method: str, samples: int | None, varied: list[Varied], wheres
         )
 
 
-# ---- reading what a parameter takes
+# ---- reading the values of a parameter
 
 
 def _read(name: str, spec: object, where: str, config: RigConfig, load: Callable, loaded: Sequence) -> Varied:
@@ -364,7 +427,7 @@ def _read(name: str, spec: object, where: str, config: RigConfig, load: Callable
 
 
 def _dimension(name: str, where: str, config: RigConfig, sequence: Sequence) -> tuple[str, str | None]:
-    """(whose parameter it is, its dimension: "whole" for whole numbers, None for words)."""
+    """Return (owner of the parameter, its dimension: "whole" for whole numbers, None for words)."""
     if name == SEED:
         return "seed", "whole"
     if name in sequence.parameters:
@@ -381,7 +444,7 @@ def _dimension(name: str, where: str, config: RigConfig, sequence: Sequence) -> 
 
 
 def _unit(text: str, dimension: str, where: str) -> str:
-    """The unit that a value is written in; refuses one of another dimension."""
+    """Return the unit in which a value is written; RigError for a unit of another dimension."""
     if dimension == "whole":
         return ""
     quantity(text, dimension, where)
@@ -389,7 +452,7 @@ def _unit(text: str, dimension: str, where: str) -> str:
 
 
 def _number(text: str, dimension: str, unit: str, where: str) -> float | int:
-    """A value in ``unit``."""
+    """Return a value in ``unit``."""
     if dimension == "whole":
         if not re.fullmatch(r"-?\d+", text):
             raise RigError(f"{where}: '{text}' is no whole number")
@@ -436,7 +499,7 @@ def _range(name: str, of: str, dimension: str, match: re.Match[str], where: str,
 
 
 def _check(one: Varied, value: float | str, where: str, config: RigConfig, load: Callable) -> None:
-    """RigError when rig or sequence would refuse this value by itself; what does not fit others, a run shows."""
+    """Raise RigError when rig or sequence refuses this value by itself; values that do not fit together show only in a run."""
     if one.of == "sequence":
         try:
             load({one.name: one.text(value)})

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A user's controller in a sweep: the same for all members, each with one of its own that begins anew.
+"""A user's controller in a sweep: the same specification for all members, each with an instance of its own.
 
-Used by sweep.plan and sweep.run.
+sweep.plan and sweep.run use it.
 """
 
 from __future__ import annotations
@@ -24,21 +24,31 @@ from ..testbench.simulate import check_controller
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-# those that the rig starts for itself; the others are one program, which cannot drive several members at a time
+# kinds that the rig itself starts; the others are one program, which cannot drive several members at a time
 STARTED = ("python", "c", "simulink", "fmu")
-MOST_DELAY = round(0.5 * COMMAND_TIMEOUT / SAMPLE)  # samples: that of simulate's --delay
+MOST_DELAY = round(0.5 * COMMAND_TIMEOUT / SAMPLE)  # samples: the limit of --delay in simulate
 
 
 @dataclass(frozen=True)
 class Plugged:
-    """spec: as --controller, a file by its absolute path; level: the one asked for, None: its first; delay [samples]."""
+    """The controller of a sweep's members.
+
+    Parameters
+    ----------
+    spec : str
+        As for --controller, with a file by its absolute path.
+    level : str or None
+        The level asked for; None takes the controller's first.
+    delay : int
+        Samples from a measurement to the effect of the answer.
+    """
 
     spec: str
     level: str | None
     delay: int
 
     def check(self, config: RigConfig) -> str:
-        """Its level_line; RigError where it cannot be loaded, or cannot act on this rig."""
+        """Return the controller's level_line; RigError when it cannot be loaded or cannot act on this rig."""
         check_controller(config)
         plug = self.load(config)
         try:
@@ -48,11 +58,11 @@ class Plugged:
             plug.close()
 
     def load(self, config: RigConfig) -> Plug:
-        """A new one for a member with this configuration."""
+        """Return a new instance for a member with this configuration."""
         return load_controller(self.spec, config, self.level)
 
     def digest(self) -> str | None:
-        """Hash of the controller's own files: a changed one is another one; None for the built-in one."""
+        """Return a hash of the controller's own files, so that a changed one counts as another; None for the built-in one."""
         path = _file_of(self.spec)
         if path is None:
             return None
@@ -64,9 +74,28 @@ class Plugged:
 
 
 def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | None = None) -> Plugged | None:
-    """What --controller, --level and --delay ask for, None for the embedded Alfa46.
+    """Return the controller that --controller, --level and --delay ask for.
 
-    beside: folder that the files are relative to, the working one by default. RigError for what a sweep cannot run.
+    Parameters
+    ----------
+    spec : str or None
+        The controller's specification.
+    level : str or None
+        "duty" or "current".
+    delay : int
+        Samples from a measurement to the effect of the answer.
+    beside : Path or None
+        Folder to which files are relative; None takes the working folder.
+
+    Returns
+    -------
+    Plugged or None
+        None for the embedded Alfa46.
+
+    Raises
+    ------
+    RigError
+        When a sweep cannot run the controller.
     """
     if not 0 <= delay <= MOST_DELAY:
         raise RigError(f"delay is {delay}, expected 0 to {MOST_DELAY} samples")
@@ -88,7 +117,7 @@ def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | N
 
 
 def _file_of(spec: str) -> Path | None:
-    """The file or folder that a controller is made of, as far as one is known."""
+    """Return the file or folder that a controller is made of, None when none is known."""
     kind, _, rest = spec.partition(":")
     named = rest.rpartition(":")[0] if kind == "python" else rest
     if kind not in STARTED or not named:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the members of a sweep, on this machine's cores or on a Dask cluster, and notes each in the sweep's folder.
+"""Runs the members of a sweep, on this machine's cores or on a Dask cluster, and records each in the sweep's folder.
 
-Used by the verb ``sweep``; what a member gives depends on nothing but its own values and seed.
+The verb ``sweep`` uses it; the result of a member depends only on its own values and seed.
 """
 
 from __future__ import annotations
@@ -40,12 +40,25 @@ if TYPE_CHECKING:
     from ..testbench.sequence import Sequence
     from .plugged import Plugged
 
-FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # where a file stands is no part of a result
+FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # the folder of a file is no part of a result
 Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | None]]]
 
 
 def manifest_of(plan: Plan, bags: bool) -> dict:
-    """What decides the results of a sweep: plan, configuration, sequence and versions; no clock, host or folder."""
+    """Return what decides the results of a sweep: plan, configuration, sequence and versions; no clock, host or folder.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    bags : bool
+        Whether the members' bags are kept.
+
+    Returns
+    -------
+    dict
+        Plain data.
+    """
     text = find_of_rigs("sequences", plan.sequence, plan.rig).read_text(encoding="utf-8")
     return {
         "plan": plan.as_dict(),
@@ -64,9 +77,23 @@ def manifest_of(plan: Plan, bags: bool) -> dict:
 
 
 def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int, dict], None] | None = None) -> int:
-    """Run the members that the store lacks; returns how many. progress(finished, entry) after each.
+    """Run the members that the store lacks; a member that fails is recorded with its reason, an interrupt is passed on.
 
-    stream: as Workers.stream. A member that fails is noted with its reason; an interrupt is passed on.
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    store : Store
+        The sweep's open folder.
+    stream : callable
+        Runs a function on items, as Workers.stream does.
+    progress : callable or None
+        Called as progress(finished, entry) after each member.
+
+    Returns
+    -------
+    int
+        Number of members run.
     """
     left = [member for member in plan.members() if member.number not in store.done]
     bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
@@ -86,7 +113,20 @@ def _setup(pickled: bytes) -> tuple[RigConfig, str, str, str | None, Plugged | N
 
 
 def run_member(setup: bytes, member: Member) -> dict:
-    """What is noted of one run: its end and the metrics of its shifts. setup: as run_sweep makes it."""
+    """Run one member.
+
+    Parameters
+    ----------
+    setup : bytes
+        What all members share, as run_sweep makes it.
+    member : Member
+        The member.
+
+    Returns
+    -------
+    dict
+        What is recorded of the run: its end and the metrics of its shifts.
+    """
     base, rig, name, bags, plugged = _setup(setup)
     plug, delay = None, plugged.delay if plugged else 1
     try:
@@ -101,13 +141,13 @@ def run_member(setup: bytes, member: Member) -> dict:
             metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
     except RigError as error:
         if plug is not None:
-            plug.close()  # of a run that did not begin: its process would stay with the worker
+            plug.close()  # the run did not begin: the controller's process would stay with the worker
         return failed(member, error)
     return _entry(member, end["state"], end["reason"], plain(metrics))
 
 
 def failed(member: Member, error: Exception) -> dict:
-    """What is noted of a run that could not be made: refused values, or an error with its last line."""
+    """Return what is recorded of a run that could not be made: refused values, or an error with its last line."""
     state = "refused" if isinstance(error, RigError) else "error"
     reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
     return _entry(member, state, reason, [])
@@ -126,10 +166,10 @@ def _entry(member: Member, state: str, reason: str, metrics: list[dict]) -> dict
 def _into_bag(
     config: RigConfig, sequence: Sequence, member: Member, bags: Path, controller: Plug | None, delay: int
 ) -> tuple[dict, list[dict]]:
-    """The run as ``rig simulate`` makes it, in a folder that gets its name when it is whole."""
+    """Make the run like ``rig simulate``, in a folder that gets its final name when it is complete."""
     folder, temporary = bags / f"{member.number:06d}", bags / f".{member.number:06d}-{os.getpid()}"
     for old in (folder, temporary):
-        shutil.rmtree(old, ignore_errors=True)  # of a run that was killed before it was noted
+        shutil.rmtree(old, ignore_errors=True)  # left by a run that was killed before it was recorded
     temporary.mkdir(parents=True)
     run = simulate(config, sequence, temporary, member.seed, controller=controller, delay=delay)
     report = build_report(Bag(temporary), run)

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The folder of a sweep: what it is, a journal of finished members, and the results as Parquet.
+"""The folder of a sweep: its manifest, a journal of finished members, and the results as Parquet.
 
-Used by sweep.run and the verb ``sweep``; the journal by tune.folder too. A member counts as finished when its line of
-the journal is whole, which its checksum says; a line half written by a killed process is cut off and its member runs
-again.
+sweep.run and the verb ``sweep`` use it, and tune.folder uses the journal too. A member counts as finished when its line
+in the journal is whole, which its checksum shows. A line that a killed process left half written is cut off, and its
+member runs again.
 """
 
 from __future__ import annotations
@@ -30,15 +30,28 @@ if TYPE_CHECKING:
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
 UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # by the last word of a metric's name
-KINDS = {"valid": "bool_", "why": "string", "from_gear": "int8", "to_gear": "int8"}  # of metrics that are no float
+KINDS = {"valid": "bool_", "why": "string", "from_gear": "int8", "to_gear": "int8"}  # types of metrics that are no float
 METADATA = b"rig_nodes.sweep"
 
 
 class Store:
-    """An open folder; a context manager that keeps others out of it. ``done``: numbers of finished members."""
+    """An open folder of a sweep, a context manager that locks the folder; ``done`` holds the numbers of finished members.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    manifest : dict
+        What :func:`manifest_of` of sweep.run returned.
+
+    Raises
+    ------
+    RigError
+        When the folder holds something else, or another process works in it.
+    """
 
     def __init__(self, folder: Path, manifest: dict) -> None:
-        """Opens the folder, or makes it. RigError when it holds something else, or somebody works in it."""
+        """Open the folder, or make it."""
         self.folder, self.manifest = Path(folder), manifest
         path = self.folder / MANIFEST
         if not path.exists():
@@ -58,18 +71,21 @@ class Store:
         self._journal.close()
 
     def add(self, entry: dict) -> None:
-        """Note a finished member; it is safe from a kill of this process when this returns."""
+        """Record a finished member; the entry survives a kill of this process once this returns."""
         if entry["member"] in self.done:
             raise ValueError(f"member {entry['member']} is there already")
         self._journal.add(entry)
         self.done.add(entry["member"])
 
     def entries(self) -> Iterator[dict]:
-        """What is noted of each finished member, in the order in which they came."""
+        """Return what is recorded of each finished member, in the order in which the members finished."""
         return self._journal.entries()
 
     def write_results(self, plan: Plan) -> Path:
-        """``results.parquet`` of all finished members, in the order of their numbers; the old one until it is whole."""
+        """Write ``results.parquet`` of all finished members in the order of their numbers, and return its path.
+
+        The old file stays until the new one is complete.
+        """
         pa, pq = parquet()
         schema = schema_of(plan, self.manifest)
         rows = [row for entry in sorted(self.entries(), key=lambda e: e["member"]) for row in rows_of(plan, entry)]
@@ -82,13 +98,13 @@ class Store:
 
 
 class Journal:
-    """A file that only grows, of entries with a checksum each; one process at a time has it open.
+    """A file that only grows, with a checksum for each entry; one process at a time has it open.
 
-    Opening it cuts off what follows the last whole entry, as a kill in the middle of writing leaves it.
+    Opening it cuts off what follows the last whole entry, which is what a kill during writing leaves.
     """
 
     def __init__(self, path: Path) -> None:
-        """RigError when another process has it open."""
+        """Open the file; RigError when another process has it open."""
         self.path, self._file = path, open(path, "a+b")
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -103,29 +119,29 @@ class Journal:
         self._file.truncate(good)
 
     def add(self, entry: dict) -> None:
-        """Note an entry; it is safe from a kill of this process when this returns."""
+        """Record an entry; it survives a kill of this process once this returns."""
         self._file.write(encode(entry))
         self._file.flush()
 
     def entries(self) -> Iterator[dict]:
-        """All entries, in the order in which they came."""
+        """Return all entries, in the order in which they were added."""
         with open(self.path, "rb") as file:
             for line in file:
                 yield decode(line)
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the file for other processes."""
         self._file.close()
 
 
 def encode(entry: dict) -> bytes:
-    """A line of the journal: checksum, content."""
+    """Return an entry as a line of the journal: checksum, content."""
     text = json.dumps(entry, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
 def decode(line: bytes) -> dict | None:
-    """What a line holds; None when it is not whole."""
+    """Return the content of a line; None when the line is not whole."""
     if not line.endswith(b"\n") or line[8:9] != b" ":
         return None
     text = line[9:-1]
@@ -135,7 +151,7 @@ def decode(line: bytes) -> dict | None:
 
 
 def read_manifest(folder: str | Path) -> dict:
-    """What a sweep's folder says of itself; RigError when it holds none."""
+    """Return the manifest of a sweep's folder; RigError when the folder holds none."""
     path = Path(folder) / MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -149,7 +165,7 @@ def read_manifest(folder: str | Path) -> dict:
 
 
 def differs(one: dict, other: dict) -> str | None:
-    """The first thing in which two manifests are not the same, e.g. "plan.seed"; None when there is none."""
+    """Return the first key in which two manifests differ, e.g. "plan.seed"; None when they are equal."""
     for key in dict.fromkeys([*one, *other]):
         a, b = one.get(key), other.get(key)
         if a != b:
@@ -159,7 +175,7 @@ def differs(one: dict, other: dict) -> str | None:
 
 
 def parquet() -> tuple[ModuleType, ModuleType]:
-    """(pyarrow, pyarrow.parquet); RigError when it is not installed."""
+    """Return (pyarrow, pyarrow.parquet); RigError when pyarrow is not installed."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -172,7 +188,7 @@ def parquet() -> tuple[ModuleType, ModuleType]:
 
 
 def rows_of(plan: Plan, entry: dict) -> list[dict]:
-    """Rows of a member: one for each of its shifts, one without metrics when it has none."""
+    """Return the rows of a member: one for each of its shifts, or one without metrics when it has none."""
     shared = {
         "member": entry["member"],
         "seed": entry["seed"],
@@ -191,7 +207,7 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
 
 
 def schema_of(plan: Plan, manifest: dict) -> pyarrow.Schema:
-    """Columns with their units, and where all of it is from."""
+    """Return the columns with their units, and the manifest as metadata."""
     pa, _ = parquet()
 
     def column(name: str, kind: pyarrow.DataType, unit: str | None = None, about: str | None = None) -> pyarrow.Field:
