@@ -3,7 +3,7 @@
 
 """The numbers of ``rig bench`` as tables, on the terminal and in docs/reference/performance.md.
 
-The prose of docs/reference/performance.md stands here; its numbers come from one run of ``rig bench --write-docs``.
+The text of docs/reference/performance.md is in this module; its numbers come from one run of ``rig bench --write-docs``.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def _table(head: list[str], rows: list[list[str]]) -> list[str]:
 
 
 def machine_line(machine: dict) -> str:
-    """Processor and versions in one line."""
+    """Return processor and versions in one line."""
     versions = ", ".join(f"{name} {machine[name]}" for name in ("python", "numpy", "numba", "llvmlite", "scipy"))
     return (
         f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}, {versions}; load of the machine at the "
@@ -204,12 +204,12 @@ _FORMATS = {"kernel": _kernel, "demo": _demo, "graph": _graph, "controllers": _c
 
 
 def lines(part: str, result: dict | list[dict] | str) -> list[str]:
-    """One part as Markdown, which reads as text too."""
+    """Return the lines of one part as Markdown, which is readable as plain text too."""
     return _FORMATS[part](result)
 
 
 def document(results: dict) -> str:
-    """docs/reference/performance.md of one run of all parts."""
+    """Return docs/reference/performance.md for the results of one run of all parts."""
     parts = [_INTRO.format(machine=machine_line(results["machine"]))]
     for part, title in TITLES.items():
         prose = _PROSE[part]
@@ -220,7 +220,7 @@ def document(results: dict) -> str:
 
 
 def write_document(results: dict) -> Path:
-    """Write docs/reference/performance.md of the checkout; RigError where there is no checkout."""
+    """Write docs/reference/performance.md of the checkout and return its path; RigError when there is no checkout."""
     docs = Path(__file__).resolve().parents[3] / "docs"
     if not (docs / "background" / "physics.md").is_file():
         raise RigError(f"there is no docs/ of a checkout at {docs}; --json writes the numbers from anywhere")

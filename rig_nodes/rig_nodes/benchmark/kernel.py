@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How fast the compiled kernel is: real-time factors, cost by phase of a run, with and without the logger's rows.
+"""Measures how fast the compiled kernel is: real-time factors, cost by phase of a run, with and without the logger's rows.
 
-Part of ``rig bench``. The kernel runs in one thread; its time is that of the processor, so that others on the machine
-count as little as they can.
+It is a part of ``rig bench``. The kernel runs in one thread; its time is processor time, so that other processes on the
+machine affect it as little as possible.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..testbench.rig import Rig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# variant -> settings of the rig and whether the logger's rows are kept, as ``record`` does; the first is the usual one
+# variant -> settings of the rig, and whether the logger's rows are kept as in ``record``; the first is the usual one
 VARIANTS = {
     "10 kHz logging, averaged PWM": ({}, True),
     "no rows kept, averaged PWM": ({}, False),
@@ -33,7 +33,7 @@ SAMPLES_PER_S = 1_000_000_000 // SAMPLE_NS
 
 
 class _Clock:
-    """Moves a rig, keeps its rows if wanted, and notes what it takes: phase -> (steps, s)."""
+    """Advances a rig, keeps its rows if wanted, and records the cost: phase -> (steps, s)."""
 
     def __init__(self, rig: Rig, step: float, rows: bool) -> None:
         self.rig, self.spent, self._steps = rig, {}, round(SAMPLE_NS * 1e-9 / step)
@@ -54,9 +54,14 @@ class _Clock:
 
 
 def drive(rig: Rig, go: Callable[[str, float], None]) -> None:
-    """12 s of a rig: oil, gear I, 1500 rpm, load, up and down again.
+    """Run 12 s of a rig: oil, gear I, 1500 rpm, load, up and down again.
 
-    go(phase, seconds): moves it; phases are standing, running and shifting.
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    go : callable
+        go(phase, seconds) advances the rig; the phases are standing, running and shifting.
     """
     rig.set("oil", 4e6, True)
     go("standing", 0.5)
@@ -75,10 +80,25 @@ def drive(rig: Rig, go: Callable[[str, float], None]) -> None:
 
 
 def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
-    """Fastest of some drives: real-time factor of all of it, ns per step of each phase."""
+    """Measure one variant.
+
+    Parameters
+    ----------
+    settings : dict of str to str
+        Settings of the rig.
+    rows : bool
+        Whether the logger's rows are kept.
+    repeats : int
+        Number of drives; the fastest counts, for each phase.
+
+    Returns
+    -------
+    dict
+        Step [s], real-time factor of the whole drive, and ns per step of each phase.
+    """
     config = load_rig(overrides=settings)
     step = config.kernel.step
-    Rig(config).advance_samples(1)  # compiles what is not compiled yet
+    Rig(config).advance_samples(1)  # compiles before the measurement
     best: dict[str, tuple[int, float]] = {}
     for _ in range(repeats):
         clock = _Clock(Rig(config), step, rows)
@@ -93,7 +113,7 @@ def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
 
 
 def bench_kernel(repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
-    """Every variant, by name."""
+    """Return the result of every variant, by its name."""
     out = {}
     for name, (settings, rows) in VARIANTS.items():
         tell(name)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What was measured on: processor, cores, versions; and how the time of calls and of programs is taken.
+"""The machine that was measured on (processor, cores, versions), and the timing of calls and of programs.
 
-Used by the other modules of this package and by the verb ``bench``.
+The other modules of this package and the verb ``bench`` use it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TIMEOUT = 600.0  # s that one program may take
 
 
 def machine() -> dict[str, str | int | float]:
-    """Processor, cores that may be used, versions, and how many others waited for them at the beginning."""
+    """Return the processor, the usable cores, versions, and how many processes waited for the cores at the beginning."""
     with open("/proc/cpuinfo", encoding="utf-8") as info:
         names = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
     return {
@@ -38,7 +38,7 @@ def machine() -> dict[str, str | int | float]:
 
 
 def installed(name: str) -> str | None:
-    """Version of a peer, None when it is not there."""
+    """Return the version of a peer, None when it is not installed."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -46,14 +46,37 @@ def installed(name: str) -> str | None:
 
 
 class Spent(NamedTuple):
-    """wall: clock on the wall [s]; cpu: time of the processor in this process, or in its children [s]."""
+    """Time that something took.
+
+    Parameters
+    ----------
+    wall : float
+        Time by the clock on the wall [s].
+    cpu : float
+        Processor time of this process, or of its children [s].
+    """
 
     wall: float
     cpu: float
 
 
 def fastest(action: Callable[[], object], budget: float = 0.25, least: int = 3, most: int = 200) -> Spent:
-    """The fastest of some calls, each by itself: as many as the budget [s] allows, after one that is not counted."""
+    """Time the fastest of several calls, after one that is not counted.
+
+    Parameters
+    ----------
+    action : callable
+        What is called.
+    budget : float
+        Time for all calls [s].
+    least, most : int
+        Smallest and largest number of calls.
+
+    Returns
+    -------
+    Spent
+        The smallest wall time and the smallest processor time of one call.
+    """
     action()
     best, begun, calls = Spent(float("inf"), float("inf")), time.perf_counter(), 0
     while calls < least or (calls < most and time.perf_counter() - begun < budget):
@@ -65,7 +88,25 @@ def fastest(action: Callable[[], object], budget: float = 0.25, least: int = 3, 
 
 
 def timed_rig(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
-    """Time of ``rig`` with these arguments and the children it waits for; RigError when it fails or takes too long."""
+    """Time ``rig`` with these arguments, with the children it waits for.
+
+    Parameters
+    ----------
+    arguments : list of str
+        Arguments of ``rig``.
+    env : dict of str to str, or None
+        Further variables of the environment.
+
+    Returns
+    -------
+    Spent
+        Wall time and processor time.
+
+    Raises
+    ------
+    RigError
+        When ``rig`` fails or takes more than 600 s.
+    """
     before, begun = os.times(), time.perf_counter()
     try:
         done = subprocess.run(

@@ -1,11 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bare problem of two_inertias on other tools, each in its best way, cost against error of the lock-up time.
+"""The bare problem of two_inertias on other tools, each in its best way: cost against error of the lock-up time.
 
-Used by ``rig bench peers``. A tool is a function that gives candidates: (way, setting, call -> lock-up time [s]), what
-is built once outside the call. All candidates are measured and the cheapest that is exact enough speaks for its tool,
-so a tool cannot be shown at less than the best of them. Why these: docs/reference/performance.md.
+``rig bench peers`` uses it. A tool is a function that yields candidates (way, setting, call -> lock-up time [s]); what
+is built once is outside the call. All candidates are measured, and the cheapest one that is exact enough represents its
+tool, so that no tool is shown below the best of its candidates. docs/reference/performance.md gives the reasons for
+the choice of candidates.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ if TYPE_CHECKING:
 
     Speeds = Sequence[float] | Floats
 
-ERRORS = (1e-3, 1e-4, 1e-6)  # relative, of the lock-up time
+ERRORS = (1e-3, 1e-4, 1e-6)  # relative errors of the lock-up time
 STOPS = 2000  # calls of a run that is stopped every 1 ms
 Candidate = tuple[str, str, Callable[[], float]]
 
 
 class Point(NamedTuple):
-    """One candidate measured: relative error of the lock-up time, processor time of a run [s], per simulated second."""
+    """One measured candidate: relative error of the lock-up time, processor time of a run [s], and its real-time factor."""
 
     way: str
     setting: str
@@ -45,7 +46,7 @@ class Point(NamedTuple):
 
 
 def ours() -> Iterator[Candidate]:
-    """Our driveline, the lock-up as a root inside its step: equal steps, those of the rise and one, or 1 ms a call."""
+    """Yield our driveline with the lock-up as a root inside its step: equal steps, some for the rise and one, or 1 ms a call."""
     line = problem.Ours()
     for steps in (1, 2, 3, 5, 10, 20, 40, 80, 160):
         yield "free", f"{steps} steps and one", lambda steps=steps: line.run_straight(steps)
@@ -56,7 +57,7 @@ def ours() -> Iterator[Candidate]:
 
 
 def by_scipy() -> Iterator[Candidate]:
-    """solve_ivp with a terminal event, or ode with a look at each step; rise, slip and lock as systems of their own."""
+    """Yield solve_ivp with a terminal event, and ode with a check at each step; rise, slip and lock are separate systems."""
     from scipy.integrate import ode, solve_ivp
 
     capacity, sin = problem.capacity, math.sin
@@ -146,7 +147,7 @@ def by_scipy() -> Iterator[Candidate]:
 
 
 def by_pathsim() -> Iterator[Candidate]:
-    """One ODE block with a zero-crossing event; adaptive methods of three orders and fixed steps."""
+    """Yield one ODE block with a zero-crossing event; adaptive methods of three orders and fixed steps."""
     from pathsim import Simulation
     from pathsim.blocks import ODE
     from pathsim.events import ZeroCrossingDown
@@ -194,7 +195,7 @@ _MJCF = """<mujoco>
 
 
 def by_mujoco() -> Iterator[Candidate]:
-    """Dry friction of a fixed tendon over both joints, as hard as it goes; steps in C once the capacity is constant."""
+    """Yield dry friction of a fixed tendon over both joints, as hard as possible; steps in C once the capacity is constant."""
     import mujoco
     from mujoco import rollout
 
@@ -216,7 +217,7 @@ def by_mujoco() -> Iterator[Candidate]:
         data.qfrc_applied[:] = DRIVE, LOAD
         data.qvel[:] = W1, 0.0
         for i in range(round(RISE / step)):
-            # the mean over the step, by its two Gauss points as in ours
+            # the mean over the step, from its two Gauss points as in our driveline
             first, second = (problem.capacity((i + share) * step) for share in (low, high))
             model.tendon_frictionloss[0] = 0.5 * (first + second)
             mujoco.mj_step(model, data)
@@ -242,7 +243,7 @@ def by_mujoco() -> Iterator[Candidate]:
 
 
 def _lock(t: np.ndarray, slip: np.ndarray) -> float:
-    """Where the slip comes to zero [s], between two steps by the straight line of the step before."""
+    """Return the time at which the slip becomes zero [s], from the straight line of the step before."""
     still = np.flatnonzero(slip < 0.01 * W1)
     if not len(still) or still[0] < 2:
         return math.inf
@@ -251,7 +252,7 @@ def _lock(t: np.ndarray, slip: np.ndarray) -> float:
 
 
 def by_drake() -> Iterator[Candidate]:
-    """A witness function on a system of one's own, or built-in systems in C++ with a monitor on their steps."""
+    """Yield a witness function on a system in Python, and built-in systems in C++ with a monitor on their steps."""
     from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
     from pydrake.systems.framework import EventStatus, LeafSystem, UnrestrictedUpdateEvent, WitnessFunctionDirection
     from pydrake.systems.primitives import AffineSystem, TrajectoryAffineSystem
@@ -360,7 +361,22 @@ TOOLS = {"this project": ours, "scipy": by_scipy, "pathsim": by_pathsim, "mujoco
 
 
 def measure(candidates: Iterable[Candidate], budget: float, tell: Callable[[str], object] = lambda text: None) -> list[Point]:
-    """Every candidate of a tool, the fastest of as many runs as the budget [s] allows, of two at least."""
+    """Measure every candidate of a tool.
+
+    Parameters
+    ----------
+    candidates : iterable of Candidate
+        The candidates.
+    budget : float
+        Time for the runs of one candidate [s]; at least two runs are made, and the fastest counts.
+    tell : callable
+        Receives the setting of each candidate before it is measured.
+
+    Returns
+    -------
+    list of Point
+        One for each candidate.
+    """
     exact, points = problem.lock_up(), []
     for way, setting, call in candidates:
         tell(setting)
@@ -371,13 +387,27 @@ def measure(candidates: Iterable[Candidate], budget: float, tell: Callable[[str]
 
 
 def best(points: list[Point], way: str, error: float) -> Point | None:
-    """The cheapest candidate that errs at most so much, None when there is none."""
+    """Return the cheapest candidate of a way whose error is at most ``error``, None when there is none."""
     good = [point for point in points if point.way == way and point.error <= error]
     return min(good, key=lambda point: point.cpu_s) if good else None
 
 
 def bench_peers(budget: float = 0.25, tell: Callable[[str], object] = lambda text: None) -> dict:
-    """For each tool its version, all its candidates, and the best at each of ERRORS; missing ones by name."""
+    """Measure all tools.
+
+    Parameters
+    ----------
+    budget : float
+        Time for the runs of one candidate [s].
+    tell : callable
+        Receives each tool and setting before it is measured.
+
+    Returns
+    -------
+    dict
+        Exact lock-up time [s], ERRORS, for each tool its version, its candidates and the best one at each error, and the
+        names of missing tools.
+    """
     out: dict = {"exact_lock_s": problem.lock_up(), "errors": list(ERRORS), "tools": {}, "missing": []}
     for tool, make in TOOLS.items():
         known = installed("rig_nodes") or "" if tool == "this project" else installed(tool)

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user waits for: ``simulate demo`` cold and warm, help and report, and the node graph in lockstep.
+"""Measures what a user waits for: ``simulate demo`` cold and warm, help and report, and the node graph in lockstep.
 
-Parts demo and graph of ``rig bench``. Everything is a program of its own, by the clock on the wall and by its processor
-time.
+These are the parts demo and graph of ``rig bench``. Everything is a program of its own, measured by the clock on the
+wall and by its processor time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def bench_demo(repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
-    """Simulate demo with nothing compiled and with everything kept, the report of its bag, and the help."""
+    """Measure simulate demo with nothing compiled and with everything compiled, the report of its bag, and the help."""
     out = {}
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
         env, runs = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}, Path(folder)
@@ -43,7 +43,7 @@ def bench_demo(repeats: int = 5, tell: Callable[[str], object] = lambda text: No
 
 
 def bench_graph(repeats: int = 3, tell: Callable[[str], object] = lambda text: None) -> dict | str:
-    """Real-time factor of the lockstep graph on demo, all repeats; or in one line what is missing."""
+    """Return real-time factors of the lockstep graph on demo, of all repeats; or one line on what is missing."""
     if find_spec("rclpy") is None:
         return "rclpy is not installed"
     factors = []

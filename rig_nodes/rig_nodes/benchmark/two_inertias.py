@@ -3,9 +3,9 @@
 
 """The bare problem: two inertias and a clutch that closes; exact lock-up time, our driveline on it, longer chains.
 
-Used by ``rig bench peers`` and ``rig bench scaling``. Inertias, capacity and times as in the laboratory's gearbox:
-0.7 and 0.127 kg m2, 0 to 264 Nm in 45 ms, 2 s. The capacity rises as a quarter of a sine, so that no tool's straight
-lines are exact by luck, and both sides carry a torque, so that the common speed goes on changing after the lock-up.
+``rig bench peers`` and ``rig bench scaling`` use it. Inertias, capacity and times are as in the laboratory's gearbox:
+0.7 and 0.127 kg m2, 0 to 264 Nm in 45 ms, 2 s. The capacity rises as a quarter of a sine, so that no tool is exact by
+chance with straight lines. Both sides carry a torque, so that the common speed goes on changing after the lock-up.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 J1, J2 = 0.7, 0.127  # kg m2
 CAPACITY, RISE, STICK = 264.0, 0.045, 1.1  # Nm, s, break-away over kinetic torque
 DRIVE, LOAD = 60.0, -40.0  # Nm on the first and the last body
-W1 = 1500.0 * math.pi / 30.0  # rad/s, the second body stands
+W1 = 1500.0 * math.pi / 30.0  # rad/s of the first body; the second body stands still
 END = 2.0  # s
 
 
 def capacity(t: float) -> float:
-    """Friction torque of the slipping clutch [Nm]."""
+    """Return the friction torque of the slipping clutch [Nm] at a time [s]."""
     return CAPACITY if t >= RISE else CAPACITY * math.sin(0.5 * math.pi * t / RISE)
 
 
 def lock_up() -> float:
-    """Exact time of the lock-up [s], from the momentum of the slip; after the rise everything is constant."""
+    """Return the exact time of the lock-up [s], from the momentum of the slip; after the rise all torques are constant."""
     per_torque = 1.0 / J1 + 1.0 / J2
     apart = DRIVE / J1 - LOAD / J2
     left = W1 + apart * RISE - per_torque * CAPACITY * RISE * 2.0 / math.pi
@@ -47,12 +47,12 @@ def lock_up() -> float:
 
 
 def end_speed() -> float:
-    """Exact common speed at the end [rad/s], from the whole momentum."""
+    """Return the exact common speed at the end [rad/s], from the whole momentum."""
     return (J1 * W1 + (DRIVE + LOAD) * END) / (J1 + J2)
 
 
 def chain(clutches: int = 1) -> System:
-    """Bodies in a row with clutches between them: the bare problem, or a longer row of its second body."""
+    """Return bodies in a row with clutches between them: the bare problem, or a longer row of its second body."""
     line = Driveline()
     line.inertia("0", J1, W1)
     for k in range(clutches):
@@ -62,7 +62,13 @@ def chain(clutches: int = 1) -> System:
 
 
 class Ours:
-    """The driveline of this project on a chain of clutches that close at once."""
+    """The driveline of this project on a chain of clutches that close at once.
+
+    Parameters
+    ----------
+    clutches : int
+        Number of clutches.
+    """
 
     def __init__(self, clutches: int = 1) -> None:
         self.system = s = chain(clutches)
@@ -76,19 +82,32 @@ class Ours:
         self.state = State(*(line[field.name] for field in fields(State)))
 
     def start(self) -> None:
-        """To time 0."""
+        """Set the state of time 0."""
         x = self.state
         x.v[:] = self.system.v_start
         x.mode[:] = x.el[:] = x.e_in[:] = x.count[:] = x.work[:] = 0
         self.t = 0.0
 
     def advance(self, step: float, steps: int) -> None:
-        """So many steps [s]."""
+        """Make ``steps`` steps of the length ``step`` [s]."""
         _advance(self.t, steps, step, self._line, self._addresses)
         self.t += step * steps
 
     def run(self, step: float, parts: int = 1) -> float:
-        """All of it in steps of one length [s], in one call or in parts; the time of the first lock-up [s]."""
+        """Run the whole time in steps of one length and return the time of the first lock-up.
+
+        Parameters
+        ----------
+        step : float
+            Length of a step [s].
+        parts : int
+            Number of calls in which the steps are made.
+
+        Returns
+        -------
+        float
+            Time of the first lock-up [s].
+        """
         self.start()
         steps = math.ceil(END / step - 1e-9)
         for part in range(parts):
@@ -96,14 +115,25 @@ class Ours:
         return self.lock()
 
     def run_straight(self, steps: int) -> float:
-        """The rise in some steps and the rest in one: it is exact where torques are straight lines."""
+        """Make the rise in some steps and the rest in one step, which is exact for torques that are straight lines over time.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps of the rise.
+
+        Returns
+        -------
+        float
+            Time of the first lock-up [s].
+        """
         self.start()
         self.advance(RISE / steps, steps)
         self.advance(END - RISE, 1)
         return self.lock()
 
     def lock(self) -> float:
-        """Time of the first lock-up so far [s]."""
+        """Return the time of the first lock-up so far [s]; inf when there is none."""
         for t, _, kind in self.state.events[: self.state.count[N_EVENTS]]:
             if kind == LOCK:
                 return float(t)
@@ -116,7 +146,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 @njit(cache=True, error_model="numpy", nogil=True)
 def _advance(begin: float, steps: int, h: float, lines: Record, addresses: tuple[int, int, int]) -> None:
     line = lines[0]
-    # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
+    # the straight line through the capacity at the step's two Gauss points has the capacity's mean to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
     for i in range(steps):
         t = begin + i * h
