@@ -387,7 +387,22 @@ def measure(candidates: Iterable[Candidate], budget: float, tell: Callable[[str]
 
 
 def best(points: list[Point], way: str, error: float) -> Point | None:
-    """Return the cheapest candidate of a way whose error is at most ``error``, None when there is none."""
+    """Return the cheapest candidate that is exact enough.
+
+    Parameters
+    ----------
+    points : list of Point
+        The measured candidates of a tool.
+    way : str
+        "free" or "stopped".
+    error : float
+        Largest relative error of the lock-up time.
+
+    Returns
+    -------
+    Point or None
+        None when no candidate is exact enough.
+    """
     good = [point for point in points if point.way == way and point.error <= error]
     return min(good, key=lambda point: point.cpu_s) if good else None
 

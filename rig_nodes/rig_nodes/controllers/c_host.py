@@ -354,7 +354,7 @@ def end_children() -> None:
                     os.kill(child, signal.SIGKILL)
                 os.waitpid(-1, 0)
     except ChildProcessError:
-        pass  # there are none left
+        pass  # no children are left
 
 
 def guard(child: int) -> None:

@@ -204,7 +204,22 @@ def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
 
 
 def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str, float]:
-    """Return the level and those of the rig's settings that the FMU has as parameters, by name."""
+    """Return the parameters of the FMU that the rig sets.
+
+    Parameters
+    ----------
+    fmu : Fmu
+        The FMU.
+    level : str
+        "duty" or "current".
+    parameters : dict of str to float
+        The rig's settings as flat names [SI].
+
+    Returns
+    -------
+    dict of str to float
+        The level and those settings that the FMU has as parameters, by name.
+    """
     given = {**parameters, "level": LEVELS.index(level)}
     return {name: value for name, value in given.items() if name in fmu.variables and fmu.variables[name].causality == "parameter"}
 

@@ -126,7 +126,7 @@ class FreeRunning(Plug):
         self.place, self.timeout = place, timeout
         self.faults: dict[str, int] = {}  # number of times by text, for what came and was not used
         self._newest: ControllerOutputs | None = None
-        self._waiting: Waiting | None = None  # since the newest command
+        self._waiting: Waiting | None = None  # the wait since the newest command
         self._discarded, self._told_silence, self._was_here = 0, False, False
         self._held: ControllerOutputs | None = None  # the newest answer
         self._master, self._mastered = "", -math.inf  # the controller that commands, and time.monotonic() of its newest command

@@ -36,7 +36,24 @@ class Identifier(NamedTuple):
 
 
 def identifier(pgn: int, source: int, destination: int = GLOBAL, priority: int = PRIORITY) -> int:
-    """Return a 29-bit identifier; the destination is used only for groups that have one (PDU1)."""
+    """Return a 29-bit identifier.
+
+    Parameters
+    ----------
+    pgn : int
+        Number of the parameter group.
+    source : int
+        Source address.
+    destination : int
+        Destination address; it is used only for groups that have one (PDU1).
+    priority : int
+        Priority of the frame.
+
+    Returns
+    -------
+    int
+        The identifier.
+    """
     return priority << 26 | pgn << 8 | (destination << 8 if _is_addressed(pgn) else 0) | source
 
 

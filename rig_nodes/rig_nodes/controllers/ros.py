@@ -326,11 +326,11 @@ class RosNode(Plug):
         side.open()
         try:
             while side.take(0.0, self._fault) is not None:
-                pass  # late answers
+                pass  # late answers are dropped
             answered = self._exchange(inputs)
         except Gone as gone:
             self._away = True
-            side.begin()  # another one may come
+            side.begin()  # another controller may come
             raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
         if answered is None:
             return ControllerOutputs(status=Status.DISCARD)

@@ -85,7 +85,7 @@ class Udp(Plug):
         self._peer = None  # address of the controller, once it is ready
         self._coming, self._names, self._count = None, {}, 0  # controller getting ready; its own names, and their number
         self._refused: dict = {}  # by address of a controller: why its names cannot be used
-        self._declared = False  # a controller of this run has named its own
+        self._declared = False  # a controller of this run has named its wants, signals and settings
         self._frame = 0
         self._was_here = False
         self._away = True  # the newest sample was not answered

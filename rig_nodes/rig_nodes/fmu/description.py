@@ -127,19 +127,34 @@ class Variable:
 
     @property
     def kind(self) -> str:
-        """Its letter in C."""
+        """Its letter in the C text."""
         return TUNABLE if self.tunable else KINDS[self.causality]
 
     @property
     def variability(self) -> str:
-        """Its variability as FMI names it."""
+        """Its variability in the words of FMI."""
         if self.causality == "parameter":
             return "tunable" if self.tunable else "fixed"
         return "continuous" if self.type == "real" else "discrete"
 
 
 def token_of(identifier: str, variables: Sequence[Variable], extra: str = "") -> str:
-    """Return the GUID or instantiation token; equal variables give an equal token, so that an FMU is the same each time."""
+    """Return the GUID or instantiation token of an FMU.
+
+    Parameters
+    ----------
+    identifier : str
+        The model's identifier.
+    variables : sequence of Variable
+        The FMU's variables.
+    extra : str
+        Further text that distinguishes FMUs.
+
+    Returns
+    -------
+    str
+        The token; equal arguments give an equal token, so that an FMU is the same each time.
+    """
     text = json.dumps([identifier, extra, *([v.name, v.type, v.causality, v.start] for v in variables)])
     digest = hashlib.sha256(text.encode()).hexdigest()
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"

@@ -137,7 +137,7 @@ def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters: float |
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point."""
+    """Run the program and return its exit code."""
     parser = argparse.ArgumentParser(prog="rig_nodes.fmu.drive", description=__doc__.splitlines()[0])
     parser.add_argument("fmu", help="what ./rig export fmu wrote")
     parser.add_argument("sequence", help="name of an installed sequence or a .yaml file")

@@ -18,7 +18,7 @@ from rig_nodes.controllers.ros_node import serve
 
 
 def main() -> None:
-    """Entry point."""
+    """Serve the controller until it is stopped."""
     given = parser(__doc__, "alfa46_ros")
     given.add_argument("name", nargs="?", type=checked_topics, default="controller")
     sys.exit(serve(Alfa46(), Alfa46.levels, given.parse_args(remove_ros_args(sys.argv)[1:]).name))

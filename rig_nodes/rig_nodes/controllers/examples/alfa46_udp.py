@@ -13,7 +13,7 @@ from rig_nodes.controllers.udp_frames import PORT, serve
 
 
 def main() -> None:
-    """Entry point."""
+    """Serve the controller until it is stopped."""
     given = parser(__doc__, "alfa46_udp")
     given.add_argument("address", nargs="?", type=address, default="127.0.0.1")
     given.add_argument("port", nargs="?", type=port, default=PORT)

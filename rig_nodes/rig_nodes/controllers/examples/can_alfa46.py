@@ -93,7 +93,7 @@ class CanController:
 
 
 def main() -> None:
-    """Entry point."""
+    """Open the bus and answer until Ctrl-C."""
     given = parser(__doc__, "can_alfa46")
     given.add_argument("channel")
     given.add_argument("--interface", default="socketcan")

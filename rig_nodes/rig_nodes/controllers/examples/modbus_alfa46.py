@@ -89,7 +89,7 @@ class ModbusController:
 
 
 def main() -> None:
-    """Entry point."""
+    """Answer the rig until Ctrl-C."""
     given = parser(__doc__, "modbus_alfa46")
     given.add_argument("port", type=port)
     given.add_argument("--host", type=address, default="127.0.0.1")
