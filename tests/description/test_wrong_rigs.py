@@ -191,6 +191,11 @@ def test_a_wrong_variant_is_refused_where_it_stands(tmp_path, text, sentence):
         load_rig(into)
 
 
-def test_a_folder_without_its_file_is_refused(tmp_path):
-    with pytest.raises(RigError, match=r"the folder has no rig\.yaml; \./rig new rig FOLDER writes one"):
-        load_rig(str(tmp_path))
+def test_a_folder_without_its_file_is_refused_however_it_is_named(tmp_path, monkeypatch):
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path)
+    for name in (tmp_path / "empty", "./empty", "empty/", "empty"):
+        with pytest.raises(RigError, match=r"the folder has no rig\.yaml; \./rig new rig FOLDER writes one"):
+            load_rig(str(name))
+    (tmp_path / "hydmag").mkdir()
+    assert load_rig("hydmag").name == "hydmag", "an installed rig, though a folder of that name is no rig"

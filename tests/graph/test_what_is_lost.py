@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
@@ -26,6 +27,30 @@ def stop_for(pid: int, seconds: float) -> None:
     os.kill(pid, signal.SIGSTOP)
     time.sleep(seconds)  # what is tested is that time
     os.kill(pid, signal.SIGCONT)
+
+
+DYING = """
+import sys, threading
+from rig_nodes.nodes.process import run
+
+
+def main(start):
+    process = start("recorder", "a process of which a thread dies")
+    writer = threading.Thread(target=lambda: [].pop(), name="writer")
+    writer.start()
+    writer.join()
+    assert process.stopping
+
+
+sys.argv[1:] = []
+sys.exit(run(main))
+"""
+
+
+def test_a_thread_that_dies_is_a_process_that_dies_and_names_it():
+    done = subprocess.run([sys.executable, "-P", "-c", DYING], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.splitlines()[-1] == "its thread 'writer' died of IndexError: pop from empty list"
 
 
 @pytest.mark.parametrize("allowed, code, word", [([], 3, "lost"), (["--allow-loss"], 0, "warning")])

@@ -72,8 +72,9 @@ def find_config(kind: str, name: str | Path) -> Path:
     text = str(name)
     if kind == "rigs":
         folder = os.path.expanduser(text)
-        if ("/" in text or os.path.isfile(os.path.join(folder, RIG_FILE))) and os.path.isdir(folder):
-            if not os.path.isfile(os.path.join(folder, RIG_FILE)):
+        own, ours = os.path.join(folder, RIG_FILE), RIGS_DIR / text / RIG_FILE
+        if os.path.isdir(folder) and ("/" in text or os.path.isfile(own) or not os.path.isfile(ours)):
+            if not os.path.isfile(own):
                 raise RigError(f"{text}: the folder has no {RIG_FILE}; ./rig new rig FOLDER writes one to begin with")
             return Path(folder) / RIG_FILE
     if text.endswith((".yaml", ".yml")) or "/" in text:
