@@ -3,9 +3,8 @@
 
 """General driveline: inertias, rigid gears, planetary sets, shafts, clutches, brakes and free-wheels in any arrangement.
 
-Describe it with `Driveline`, turn it into arrays with `build`, run it alone with plant/driveline_run.py,
-or hand the arrays to plant/driveline_kernel.py inside a larger kernel. Every rig's drive train is such a
-description.
+Describe it with `Driveline`, turn the description into arrays with `build`, and run it alone with plant/driveline_run.py
+or pass the arrays to plant/driveline_kernel.py inside a larger kernel. The drive train of every rig is such a description.
 """
 
 from __future__ import annotations
@@ -34,15 +33,18 @@ if TYPE_CHECKING:
 
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
-_ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # in pictures
-_LEAST_LOSS = 1e-9  # Nm, and share: of a mesh, so that its brake is always there
+_ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # words in pictures
+_LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
 
 Points = tuple[Sequence[float], Sequence[float]]
 
 
 @dataclass
 class State:
-    """Everything a step changes, as the kernel wants it; shapes as in `driveline_step`."""
+    """Everything that a step of the kernel changes.
+
+    The arrays have the shapes that `driveline_step` expects.
+    """
 
     loss: np.ndarray
     v: np.ndarray
@@ -58,9 +60,23 @@ class State:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh with losses: the element that holds its wheels together, the one that brakes, both by number, and the loss.
+    """A gear mesh with losses.
 
-    The loss is `share` of the torque that passes in, less `before` of the loss itself: one straight line for both directions.
+    The loss is `share` times the torque that passes in less `before` times the loss itself. This is one straight line for both
+    directions of power.
+
+    Parameters
+    ----------
+    name : str
+        Name of the mesh.
+    gear : int
+        Number of the friction element that holds the two wheels together.
+    brake : int
+        Number of the friction element that brakes with the loss torque.
+    share : float
+        Share of the torque that is lost.
+    before : float
+        Share of the loss that is subtracted from the torque first.
     """
 
     name: str
@@ -74,13 +90,45 @@ class Mesh:
 class System:
     """A driveline as arrays, made by `Driveline.build`.
 
-    n generalised speeds, b bodies, m friction elements, s shafts. Body speeds are `bodies_from_speeds`
-    (b, n) times v; torques on bodies act on the speeds through its transpose; kinetic energy is
-    v mass v / 2. `stick` (2, m) is the ratio of break-away to kinetic torque forwards and backwards, `one_way` (m,) marks
-    free-wheels, `minv`, `w`, `sh`, `kc` go into the kernel as they are. Slips and twists by the speeds of the bodies are
-    `element_bodies` (m, b) and `shaft_bodies` (s, b); gears, sets and relations are `ties`, their coefficients `tie_rows`.
-    `laws`, sorted by kind, have the slots behind the shafts in `slots` (s and more, n) and read the inputs `factors`, their
-    defaults by name.
+    It has n generalised speeds v, b bodies, m friction elements and s shafts. The speeds of the bodies are `bodies_from_speeds`
+    times v. Torques on the bodies act on the generalised speeds through its transpose. The kinetic energy is v mass v / 2.
+
+    Parameters
+    ----------
+    bodies, elements, shafts, speeds : tuple of str
+        Names of the bodies (b), of the friction elements (m), of the shafts (s) and of the bodies whose speeds are v (n).
+    inertia : (b,) array of float
+        Inertia of each body [kg m2].
+    bodies_from_speeds : (b, n) array of float
+        Speeds of all bodies by the generalised speeds.
+    mass : (n, n) array of float
+        Mass matrix of the generalised speeds.
+    minv, w, sh, kc : arrays of float
+        Arguments of the kernel, which are passed to it unchanged.
+    stick : (2, m) array of float
+        Ratio of break-away to kinetic torque, forwards and backwards.
+    drag : (m,) array of float
+        Drag on the slip of each friction element [Nm s/rad].
+    one_way : (m,) array of bool
+        True for a free-wheel.
+    v_start : (n,) array of float
+        Generalised speeds at the start [rad/s].
+    twist_start : (s,) array of float
+        Twist of each shaft at the start [rad].
+    element_bodies, shaft_bodies : (m, b) and (s, b) arrays of float
+        Coefficients by which the speeds of the bodies give the slips and the rates of the twists.
+    ties : tuple of str
+        Names of the gears, planetary sets and relations.
+    tie_rows : (ties, b) array of float
+        Coefficients of the ties.
+    meshes : tuple of Mesh
+        Gear meshes with losses.
+    laws : tuple of Law
+        Laws of the driveline, sorted by kind.
+    slots : (s and more, n) array of float
+        Rows of the shafts, followed by those of the laws that need one.
+    factors : dict of str to float
+        Inputs that the laws read, by name, with their defaults.
     """
 
     bodies: tuple[str, ...]
@@ -109,9 +157,19 @@ class System:
     factors: dict[str, float]
 
     def state(self, max_events: int = 256, recorded: bool = False) -> State:
-        """Initial state. Free-wheels start overrunning or locked, everything else open.
+        """Return the initial state: each free-wheel overruns or is locked, everything else is open.
 
-        recorded: with places for the angles of the speeds behind the shafts' twists, and for the speeds behind each event.
+        Parameters
+        ----------
+        max_events : int
+            Number of events for which there is room.
+        recorded : bool
+            Adds room for the angles of the speeds after the twists of the shafts, and for the speeds after each event.
+
+        Returns
+        -------
+        State
+            A new state.
         """
         n, m, s = len(self.speeds), len(self.elements), len(self.slots)
         mode = np.zeros(m, np.int64)
@@ -141,7 +199,7 @@ class System:
         )
 
     def limits(self) -> np.ndarray:
-        """A fresh `cap` (7, m) for the kernel: drag and free-wheels filled in, everything else open."""
+        """Return a new `cap` (7, m) for the kernel in which drag, free-wheels and meshes are set and everything else is open."""
         cap = np.zeros((7, len(self.elements)))
         cap[algebra.VISC] = self.drag
         cap[algebra.HI0, self.one_way] = np.inf
@@ -159,30 +217,43 @@ def check_built(system: object) -> None:
 
 @checks_arguments
 class Driveline:
-    """Description of a driveline. Bodies first, then what joins them; `build` gives the arrays.
+    """Description of a driveline: add the bodies first, then what joins them; `build` returns the arrays.
 
-    Signs: slip and twist of a joint a-b are ca w_a - cb w_b and w_a - w_b; positive torque of a joint
-    slows a and drives b. All methods raise RigError with one sentence.
+    The slip of a joint a-b, and the rate of a shaft's twist, is ca w_a - cb w_b; the coefficients are 1 by default. A positive
+    torque of a joint slows a and drives b. All methods raise a RigError with one sentence when the description is wrong.
     """
 
     def __init__(self) -> None:
         self._inertia: dict[str, float] = {}
         self._speed: dict[str, float | None] = {}
         self._gears: list[tuple[str, str, float]] = []
-        self._relations: dict[str, dict[str, float]] = {}  # coefficients by what people read of it
-        self._ties: dict[str, dict[str, float]] = {}  # those of gears, sets and relations by name
+        self._relations: dict[str, dict[str, float]] = {}  # coefficients by the name that messages use
+        self._ties: dict[str, dict[str, float]] = {}  # coefficients of gears, sets and relations by name
         self._shafts: dict[str, tuple] = {}
         self._elements: dict[str, tuple] = {}
         self._meshes: dict[str, tuple[str, str, float, float, float]] = {}
-        self._soft: dict[str, tuple] = {}  # characteristics of shafts that are no straight lines
+        self._soft: dict[str, tuple] = {}  # characteristics of shafts that are not straight lines
         self._friction: dict[str, Table] = {}
         self._capacities: dict[str, tuple] = {}
-        self._acts: dict[str, tuple] = {}  # torques, motions and inertias by the motion itself
+        self._acts: dict[str, tuple] = {}  # torques, motions and inertias that follow the motion itself
 
     def inertia(self, name: str, j: float, speed: float | None = None) -> None:
-        """A body with inertia j (kg m2) and initial speed (rad/s, default 0 or given by what ties it to others).
+        """Add a body.
 
-        j = 0: a body that gears or relations tie to others which have some, and whose speed follows from theirs.
+        Parameters
+        ----------
+        name : str
+            Name of the body.
+        j : float
+            Inertia [kg m2]. It may be 0 for a body that gears or relations tie to bodies with inertia, so that its speed follows
+            from theirs.
+        speed : float, optional
+            Initial speed [rad/s]. Without it the speed follows from the bodies that are tied to this one, or is 0.
+
+        Raises
+        ------
+        RigError
+            When the name is taken, the inertia is negative or the speed is not finite.
         """
         self._new_name(name)
         self._not_negative(f"inertia of '{name}'", j)
@@ -192,7 +263,22 @@ class Driveline:
         self._speed[name] = None if speed is None else float(speed)
 
     def gear(self, a: str, b: str, ratio: float, name: str | None = None) -> None:
-        """Rigid gear w_a = ratio w_b; a negative ratio turns the direction round. Without a name it is "a-b"."""
+        """Add a rigid gear with w_a = ratio w_b.
+
+        Parameters
+        ----------
+        a, b : str
+            The bodies that it joins.
+        ratio : float
+            Speed of a over speed of b; a negative ratio reverses the direction.
+        name : str, optional
+            Name of the gear. Without it the gear is called "a-b".
+
+        Raises
+        ------
+        RigError
+            When a body does not exist, the name is taken or the ratio is 0 or not finite.
+        """
         self._known(f"gear {a}-{b}", a, b)
         if name is None:
             alike = sum({a, b} == {one, other} for one, other, _ in self._gears)
@@ -204,11 +290,29 @@ class Driveline:
         self._ties[name] = {a: 1.0, b: -float(ratio)}
 
     def mesh(self, name: str, a: str, b: str, ratio: float, efficiency: float, back: float | None = None) -> None:
-        """Gear w_a = ratio w_b whose teeth lose: of the power that comes from a, b gets `efficiency`, a gets `back` of b's.
+        """Add a gear w_a = ratio w_b whose teeth lose power.
 
-        back: as efficiency, without; 0 holds itself against b (self-locking), below 0 with force to spare, and may jam when b
-        drives it at speed. 2 - 1 / efficiency is the same friction between the teeth both ways. Its loss is the friction
-        element "`name` loss". Both sides need inertia, of their own or by what ties them to others.
+        Its loss is the friction element "`name` loss". Both sides need inertia, either their own or that of bodies tied to them.
+
+        Parameters
+        ----------
+        name : str
+            Name of the mesh.
+        a, b : str
+            The bodies that it joins.
+        ratio : float
+            Speed of a over speed of b.
+        efficiency : float
+            Share of the power from a that reaches b, above 0 and at most 1.
+        back : float, optional
+            Share of the power from b that reaches a; without it the same as `efficiency`. At 0 the mesh just holds itself against b
+            (self-locking). Below 0 it holds with force to spare, and may jam when b drives it at speed. 2 - 1 / efficiency means
+            the same friction between the teeth in both directions.
+
+        Raises
+        ------
+        RigError
+            When a body does not exist or is the ground, the name is taken, or a number is out of its range.
         """
         back = efficiency if back is None else back
         self._new_name(name)
@@ -224,15 +328,42 @@ class Driveline:
         self._meshes[name] = a, b, float(ratio), float(efficiency), float(back)
 
     def planetary(self, name: str, sun: str, ring: str, carrier: str, ratio: float) -> None:
-        """Planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis), ratio = teeth of ring over sun > 0.
+        """Add a planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis).
 
-        One of the three may be the ground. Its planets have no inertia of their own.
+        One of the three members may be the ground. The planets have no inertia of their own.
+
+        Parameters
+        ----------
+        name : str
+            Name of the set.
+        sun, ring, carrier : str
+            The bodies of its three members.
+        ratio : float
+            Teeth of the ring over teeth of the sun, above 0.
+
+        Raises
+        ------
+        RigError
+            When a body does not exist, the name is taken or the ratio is not above 0.
         """
         self._positive(f"ratio of planetary set '{name}'", ratio)
         self._relate("planetary set", name, {sun: 1.0, ring: float(ratio), carrier: -1.0 - ratio}, 3)
 
     def relation(self, name: str, coefficients: Mapping[str, float]) -> None:
-        """Speeds of two or more bodies, the ground among them if need be, times these coefficients have the sum 0."""
+        """Add a linear relation between the speeds of two or more bodies.
+
+        Parameters
+        ----------
+        name : str
+            Name of the relation.
+        coefficients : mapping of str to float
+            Coefficient of each body. The sum of all coefficients times speeds is 0. The ground may be one of the bodies.
+
+        Raises
+        ------
+        RigError
+            When a body does not exist, there are fewer than two, the name is taken or a coefficient is 0 or not finite.
+        """
         self._relate("relation", name, {body: float(c) for body, c in coefficients.items()}, 2)
 
     def shaft(
@@ -250,11 +381,36 @@ class Driveline:
         backlash: float = 0.0,
         hysteresis: Sequence[tuple[float, float]] = (),
     ) -> None:
-        """Compliant shaft: torque = stiffness (Nm/rad) * twist + damping (Nm s/rad) * its rate ca w_a - cb w_b.
+        """Add a compliant shaft: torque = stiffness * twist + damping * rate of the twist, with the rate ca w_a - cb w_b.
 
-        table: (twists, torques) in place of a stiffness, straight on beyond its ends. backlash: rad from contact to contact, in
-        the middle at twist 0; without torque or damping between. hysteresis: springs (stiffness, torque) beside that, each of
-        which slides at its torque. The torque acts on a times ca and on b times cb.
+        The torque acts on a times ca and on b times cb.
+
+        Parameters
+        ----------
+        name : str
+            Name of the shaft.
+        a, b : str
+            The bodies that it joins.
+        ca, cb : float
+            Coefficients of the speeds of a and b.
+        stiffness : float, optional
+            Stiffness [Nm/rad]. Either this or `table` is needed.
+        damping : float
+            Damping [Nm s/rad].
+        twist : float
+            Twist at the start [rad].
+        table : pair of sequences of float, optional
+            Twists [rad] and torques [Nm] in place of a stiffness. Beyond its ends the table goes on in a straight line.
+        backlash : float
+            Angle from contact to contact [rad]. Its middle is at twist 0, and there is neither torque nor damping within it.
+        hysteresis : sequence of (float, float)
+            Springs in parallel with the shaft, each (stiffness [Nm/rad], torque [Nm]), each of which slides at its torque.
+
+        Raises
+        ------
+        RigError
+            When a body does not exist, the name is taken, both or neither of stiffness and table are given, or a number is out of
+            its range.
         """
         self._new_name(name)
         self._known(f"shaft '{name}'", a, b)
@@ -308,22 +464,55 @@ class Driveline:
         drag: float = 0.0,
         friction: Points | None = None,
     ) -> None:
-        """Friction clutch with slip = ca w_a - cb w_b (coefficients: it sits on geared wheels of a and b).
+        """Add a friction clutch with slip = ca w_a - cb w_b.
 
-        `stick` >= 1 is break-away over kinetic torque, of both directions or (a ahead of b, b ahead of a); `drag`
-        (Nm s/rad) acts on the slip at all times. The capacity (kinetic torque, Nm) is an input of the run; friction
-        (slips, factors) multiplies it over the slip's size (rad/s), its first factor that at rest.
+        Its capacity (kinetic torque [Nm]) is an input of the run.
+
+        Parameters
+        ----------
+        name : str
+            Name of the clutch.
+        a, b : str
+            The bodies that it joins.
+        ca, cb : float
+            Coefficients of the speeds of a and b, for a clutch that sits on wheels geared to a and b.
+        stick : float or (float, float)
+            Break-away over kinetic torque, at least 1; for both directions or for (a ahead of b, b ahead of a).
+        drag : float
+            Drag on the slip [Nm s/rad], which acts at all times.
+        friction : pair of sequences of float, optional
+            Sizes of the slip [rad/s], from 0 on, and factors above 0 that multiply the capacity. The first factor is that at rest.
+
+        Raises
+        ------
+        RigError
+            When a body does not exist, the name is taken or a number is out of its range.
         """
         self._element(name, a, b, ca, cb, stick, drag, False, friction)
 
     def brake(
         self, name: str, a: str, *, stick: float | tuple[float, float] = 1.0, drag: float = 0.0, friction: Points | None = None
     ) -> None:
-        """A clutch to ground: slip = w_a."""
+        """Add a brake: a clutch between body a and the ground, whose slip is w_a; arguments and errors as those of `clutch`."""
         self._element(name, a, GROUND, 1.0, 1.0, stick, drag, False, friction)
 
     def freewheel(self, name: str, a: str, b: str = GROUND, *, drag: float = 0.0) -> None:
-        """One-way clutch: a cannot turn faster than b; it overruns without torque while a is slower."""
+        """Add a one-way clutch: a cannot turn faster than b, and the clutch overruns without torque while a is slower.
+
+        Parameters
+        ----------
+        name : str
+            Name of the free-wheel.
+        a, b : str
+            The bodies that it joins; b is the ground by default.
+        drag : float
+            Drag on the slip [Nm s/rad].
+
+        Raises
+        ------
+        RigError
+            When a body does not exist, the name is taken or the drag is negative.
+        """
         self._element(name, a, b, 1.0, 1.0, 1.0, drag, True)
 
     def torque(
@@ -338,11 +527,32 @@ class Driveline:
         period: float | None = None,
         angle: float = 0.0,
     ) -> None:
-        """Torque on a, and its opposite on b, that follows a table (speeds or angles, torques) of w_a - w_b or its angle.
+        """Add a torque on a, with its opposite on b, that follows a table over the speed w_a - w_b or over its angle.
 
-        of: the body whose speed or angle counts instead, or the clutch or brake whose slip does. The table is flat beyond its
-        ends, an angle may stand twice where it jumps; period: it repeats itself. angle: at the start. An input of its name
-        multiplies it, 1 without.
+        An input with the name of the torque multiplies it; without that input the factor is 1.
+
+        Parameters
+        ----------
+        name : str
+            Name of the torque.
+        a, b : str
+            The bodies on which it acts; b is the ground by default.
+        table : pair of sequences of float
+            Speeds [rad/s] or angles [rad], and torques [Nm]. Beyond its ends the table is flat. An angle may be given twice where
+            the torque jumps.
+        by : str
+            "speed" or "angle".
+        of : str, optional
+            Body whose speed or angle is used instead, or clutch or brake whose slip is used.
+        period : float, optional
+            Length after which the table repeats itself.
+        angle : float
+            Angle at the start [rad].
+
+        Raises
+        ------
+        RigError
+            When a name does not exist or is taken, or the table is not valid.
         """
         self._new_name(name)
         what = f"torque '{name}'"
@@ -360,9 +570,29 @@ class Driveline:
     def capacity(
         self, element: str, of: str, *, table: Points, by: str = "speed", period: float | None = None, angle: float = 0.0
     ) -> None:
-        """The capacity of a clutch or brake follows a table of a body's speed or angle, or of another element's slip.
+        """Let the capacity of a clutch or brake follow a table over a speed, an angle or another element's slip.
 
-        The element's input then multiplies it, 1 without. Below 0 the table counts as 0.
+        The input of the clutch or brake then multiplies the table; without that input the factor is 1.
+
+        Parameters
+        ----------
+        element : str
+            The clutch or brake.
+        of : str
+            Body whose speed or angle is used, or element whose slip is used.
+        table : pair of sequences of float
+            Speeds [rad/s] or angles [rad], and capacities [Nm]. A value below 0 counts as 0.
+        by : str
+            "speed" or "angle".
+        period : float, optional
+            Length after which the table repeats itself.
+        angle : float
+            Angle at the start [rad].
+
+        Raises
+        ------
+        RigError
+            When there is no such clutch or brake, its capacity follows a table already, or the table is not valid.
         """
         what = f"capacity of '{element}'"
         if element not in self._elements or self._elements[element][6]:
@@ -372,17 +602,48 @@ class Driveline:
         self._capacities[element] = self._read_by(what, of), by, self._law_table(what, table, by, period), float(angle)
 
     def motion(self, name: str, body: str) -> None:
-        """Prescribed motion: the speed of a body (rad/s) is the input of this name; without one it stays as it starts.
+        """Prescribe the speed of a body by the input with the name of the motion.
 
-        Its torque is found, and is a result; a speed that jumps is reached within a step. Of bodies that gears tie to
-        each other one speed can be prescribed.
+        Without that input the speed stays at its initial value. The torque of the motion is computed and is a result. A speed that
+        jumps is reached within a step. Only one speed can be prescribed of bodies that gears tie to each other.
+
+        Parameters
+        ----------
+        name : str
+            Name of the motion and of its input [rad/s].
+        body : str
+            The body that moves.
+
+        Raises
+        ------
+        RigError
+            When the body does not exist or the name is taken.
         """
         self._new_name(name)
         self._exist(f"motion '{name}'", body)
         self._acts[name] = MOTION, {body: 1.0}, {body: 1.0}, "speed", Table(np.zeros(1), np.zeros(1)), 0.0
 
     def varying_inertia(self, name: str, body: str, *, table: Points, period: float | None = None, angle: float = 0.0) -> None:
-        """Inertia on a body, beside its own, that follows a table (angles, inertias) of its angle, `angle` at the start."""
+        """Add an inertia on a body, beside its own, that follows a table over the angle of the body.
+
+        Parameters
+        ----------
+        name : str
+            Name of the inertia.
+        body : str
+            The body that carries it.
+        table : pair of sequences of float
+            Angles [rad] and inertias [kg m2] of at least 0, without jumps.
+        period : float, optional
+            Angle after which the table repeats itself [rad].
+        angle : float
+            Angle of the body at the start [rad].
+
+        Raises
+        ------
+        RigError
+            When the body does not exist, the name is taken or the table is not valid.
+        """
         self._new_name(name)
         what = f"varying inertia '{name}'"
         self._exist(what, body)
@@ -396,9 +657,27 @@ class Driveline:
         self._acts[name] = INERTIA, {body: 1.0}, {body: 1.0}, "angle", table, float(angle)
 
     def slider_crank(self, name: str, body: str, *, mass: float, radius: float, rod: float, angle: float = 0.0) -> None:
-        """A slider of a mass (kg) that a body moves by a crank (radius, m) and a rod (length, m) without mass.
+        """Add a slider that a body moves by a crank and a rod without mass.
 
-        angle: of the crank at the start, 0 where the slider is farthest from the shaft.
+        Parameters
+        ----------
+        name : str
+            Name of the slider-crank.
+        body : str
+            The body that carries the crank.
+        mass : float
+            Mass of the slider [kg].
+        radius : float
+            Radius of the crank [m].
+        rod : float
+            Length of the rod [m], greater than the radius.
+        angle : float
+            Angle of the crank at the start [rad], 0 where the slider is farthest from the shaft.
+
+        Raises
+        ------
+        RigError
+            When the body does not exist, the name is taken or a number is out of its range.
         """
         what = f"slider-crank '{name}'"
         for of, number in (("mass", mass), ("radius", radius), ("rod", rod)):
@@ -411,7 +690,20 @@ class Driveline:
         self.varying_inertia(name, body, table=(at, mass * moved**2), period=2.0 * math.pi, angle=angle)
 
     def draw(self, file: str | Path, title: str = "driveline") -> None:
-        """Write the description as a picture (SVG): bodies, what joins them and what acts on them; RigError where it cannot be."""
+        """Write the description as a picture (SVG) of the bodies, what joins them and what acts on them.
+
+        Parameters
+        ----------
+        file : str or Path
+            The file to write.
+        title : str
+            Text above the picture.
+
+        Raises
+        ------
+        RigError
+            When there is no body to draw or the file cannot be written.
+        """
         if not self._inertia:
             raise RigError("driveline: there is no body to draw")
         bodies = {name: Body(name, j) for name, j in self._inertia.items()}
@@ -447,7 +739,18 @@ class Driveline:
         atomic_write(Path(file), svg(title, list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]))
 
     def build(self) -> System:
-        """Eliminate gears and relations and give the arrays; refuses what contradicts itself."""
+        """Eliminate the gears and relations and return the arrays.
+
+        Returns
+        -------
+        System
+            The driveline as arrays.
+
+        Raises
+        ------
+        RigError
+            When the description contradicts itself or has no body with inertia.
+        """
         bodies = tuple(self._inertia)
         inertia = np.array([self._inertia[name] for name in bodies])
         if not inertia.any():
@@ -512,7 +815,10 @@ class Driveline:
         )
 
     def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
-        """A mesh with losses is a clutch that never slips and a brake on b, by whose slip, w_a, its torque is told."""
+        """Return the two friction elements of each mesh with losses, by name.
+
+        One is a clutch that never slips. The other is a brake on b whose slip is scaled to w_a, so that its torque is that at a.
+        """
         out = {}
         for name, (a, b, ratio, *_) in self._meshes.items():
             out[name] = a, b, 1.0, ratio, (1.0, 1.0), 0.0, False
@@ -520,9 +826,11 @@ class Driveline:
         return out
 
     def _mesh_of(self, name: str, elements: tuple[str, ...]) -> Mesh:
-        """From a's power x the loss is (1 - efficiency) x, from b's (1 - back) x: with a torque t into the mesh at a, and t less
-        the loss out of it, both are `share` times |t - before * loss|, as t is greater than that where a drives and smaller
-        where b does.
+        """Return the mesh with the coefficients of its loss.
+
+        The loss is (1 - efficiency) x of a power x from a, and (1 - back) x of a power x from b. With a torque t into the mesh at
+        a, and t less the loss out of it, both are `share` times |t - before * loss|, because t is greater than before * loss where a
+        drives and smaller where b drives.
         """
         ahead, behind = (max(1.0 - efficiency, _LEAST_LOSS) for efficiency in self._meshes[name][3:])
         before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
@@ -539,7 +847,7 @@ class Driveline:
     def _laws_of(
         self, bodies: tuple[str, ...], speeds: tuple[str, ...], t: Floats, w: Floats, sh: Floats, v_start: Floats
     ) -> tuple[tuple[Law, ...], Floats, dict[str, float]]:
-        """Laws, the rows of shafts and of what laws need behind them, and the inputs that laws read with their defaults."""
+        """Return the laws, the rows of the shafts and of the laws that need one, and the inputs of the laws with their defaults."""
         laws, slots, factors = [], list(sh), {}
         nothing = np.zeros(len(bodies))
         elements, shafts = list(self._elements), list(self._shafts)
@@ -599,7 +907,7 @@ class Driveline:
                 raise RigError(f"driveline: {where} names the body '{name}', which does not exist; bodies are: {known}")
 
     def _read_by(self, what: str, of: str) -> dict[str, float]:
-        """The bodies whose speeds a law reads, with their coefficients: of one of them, or the slip of an element."""
+        """Return the bodies whose speeds a law reads, with coefficients: one body, or the two bodies of an element's slip."""
         if of in self._elements:
             a, b, ca, cb, *_ = self._elements[of]
             return {a: ca, b: -cb}
@@ -691,7 +999,7 @@ class Driveline:
 
 
 def _apart(table: Table, gap: float) -> Table:
-    """A table that goes through 0 at 0, drawn apart there by a gap on either side."""
+    """Split a table that goes through 0 at 0 there, and move each half outwards by `gap`."""
     left, right = table.x < 0.0, table.x > 0.0
     return Table(
         np.concatenate([table.x[left] - gap, [-gap, gap], table.x[right] + gap]),
@@ -701,7 +1009,7 @@ def _apart(table: Table, gap: float) -> Table:
 
 
 def _rows(bodies: tuple[str, ...], joints: Iterable[Mapping[str, float]]) -> Floats:
-    """Coefficients (joints, bodies) of joints, each a map from bodies to theirs."""
+    """Return the coefficients (joints, bodies) of joints, each of which maps bodies to coefficients."""
     joints = list(joints)
     out = np.zeros((len(joints), len(bodies)))
     for row, joint in zip(out, joints):

@@ -3,7 +3,8 @@
 
 """Torques, capacities and factors over time as users give them: numbers, functions and tables.
 
-Used by plant/driveline_run.py, which wants of each the times at which steps shall end and its values at both ends of every step.
+Used by plant/driveline_run.py, which takes from each the times at which steps must end and its values at both ends of every
+step.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 
 Signal = float | Callable[[float], float] | tuple[Sequence[float], Sequence[float]]
 
-SAME = 1e-6  # of a step: times nearer than that are one time
-_FEW = 100  # points of a table at each of which a step ends, whatever the step
-_SPARSE = 10  # steps for each point of a longer table at each of which a step ends
+SAME = 1e-6  # share of a step: times that are closer than this count as one
+_FEW = 100  # a table with at most so many points ends a step at each of them, whatever the step
+_SPARSE = 10  # steps per point from which on a longer table ends a step at each of its points
 
 
 class _Number:
@@ -65,7 +66,7 @@ class _Function:
 
 
 class _Table:
-    """Linear between its points, the first and last value before and behind them; a time stands twice at a jump.
+    """A table that is linear between its points and has its first and last value beyond them; a jump has its time twice.
 
     A step ends at every point, unless points are as close as steps: then each step takes the mean of the table over it.
     """
@@ -84,7 +85,7 @@ class _Table:
         self.dense = len(times) > max(_FEW, (times[-1] - times[0]) / step / _SPARSE)
         self.points = np.zeros(0) if self.dense else times
         if self.dense:
-            self._level = values.mean()  # taken out, so that the sum stays small and its differences exact
+            self._level = values.mean()  # subtracted, so that the sum stays small and its differences exact
             rest = values - self._level
             self._sum = np.concatenate([[0.0], np.cumsum(0.5 * (rest[1:] + rest[:-1]) * np.diff(times))])
 
@@ -107,7 +108,7 @@ class _Table:
         return out
 
     def _integral(self, t: Floats) -> Floats:
-        """Of the table without its level."""
+        """Return the integral of the table less its mean level."""
         times, rest = self.times, self.values - self._level
         inside = np.clip(t, times[0], times[-1])
         i = np.clip(np.searchsorted(times, inside, "right") - 1, 0, len(times) - 2)
@@ -118,7 +119,7 @@ class _Table:
 
 
 def _near(t: Floats, points: Floats, within: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """(t with each time that is near a point moved there, where that is)."""
+    """Return t with each time that is close to a point moved to that point, and whether it was."""
     if len(points) == 0:
         return t, np.zeros(len(t), bool)
     i = np.searchsorted(points, t)
@@ -129,7 +130,27 @@ def _near(t: Floats, points: Floats, within: float) -> tuple[Floats, npt.NDArray
 
 
 class Input:
-    """One input: `points`, times at which steps shall end; `ends`, its values (k, 2) at both ends of k steps."""
+    """One input over time.
+
+    Parameters
+    ----------
+    name : str
+        Name of the input.
+    signal : number, function or table
+        The signal that the user gives.
+    step : float
+        Length of a step [s].
+
+    Attributes
+    ----------
+    points : array of float
+        Times at which steps must end [s].
+
+    Raises
+    ------
+    RigError
+        When the signal is not a number, a function or a valid table.
+    """
 
     def __init__(self, name: str, signal: Signal, step: float) -> None:
         self.name = name
@@ -143,9 +164,26 @@ class Input:
         self._step = step
 
     def ends(self, t: np.ndarray, stops: np.ndarray, least: float = -np.inf) -> np.ndarray:
-        """Right limits at the start and left limits at the end of the steps between times t; stops: where functions jump.
+        """Return the values at both ends of each step: the right limit at its start and the left limit at its end.
 
-        RigError where a value is not finite or below `least`.
+        Parameters
+        ----------
+        t : (k + 1,) array of float
+            Ends of the k steps [s].
+        stops : array of float
+            Times at which functions jump [s].
+        least : float
+            Smallest value that is allowed.
+
+        Returns
+        -------
+        (k, 2) array of float
+            Values at the start and at the end of each step.
+
+        Raises
+        ------
+        RigError
+            When a value is not finite or is below `least`.
         """
         out = self._signal.ends(t, self._step, stops)
         if not np.isfinite(out).all():
@@ -158,7 +196,24 @@ class Input:
 
 
 def step_ends(begin: float, end: float, step: float, points: np.ndarray) -> np.ndarray:
-    """Times from begin to end: whole multiples of the step, the points between, and the end where it is none of these."""
+    """Return the ends of the steps from `begin` to `end`.
+
+    These are the whole multiples of the step, the points in between, and the end if it is none of these.
+
+    Parameters
+    ----------
+    begin, end : float
+        First and last time [s].
+    step : float
+        Length of a step [s].
+    points : array of float
+        Times at which a step must end as well [s].
+
+    Returns
+    -------
+    array of float
+        Times in rising order [s], `begin` included.
+    """
     near = SAME * step
     first, last = int(np.floor(begin / step + SAME)) + 1, int(np.floor(end / step + SAME))
     t = np.arange(first, last + 1) * step

@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs a driveline alone, with torques and capacities given over time or by a controller; numpy arrays come out.
+"""Runs a driveline alone, with torques and capacities given over time or by a controller, and returns numpy arrays.
 
-`run` runs it at once, `Run` step by step as its user likes; both give a `Result`. The rig itself calls the kernel directly.
+`run` runs it in one call, `Run` step by step as the user calls it; both give a `Result`. The rig itself calls the kernel
+directly.
 """
 
 from __future__ import annotations
@@ -46,7 +47,17 @@ EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cro
 
 
 class Event(NamedTuple):
-    """Something a friction element did: time in s, its name, kind ("lock", "break", "cross", ...)."""
+    """A change of state of a friction element.
+
+    Parameters
+    ----------
+    t : float
+        Time [s].
+    element : str
+        Name of the element.
+    kind : str
+        "lock", "break", "cross", "free" or "close".
+    """
 
     t: float
     element: str
@@ -55,8 +66,18 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Moment:
-    """What a controller is told: time (s), of the bodies speeds (rad/s) and angles (rad), of the friction elements slips
-    (rad/s), modes and torques (Nm); by name with the methods.
+    """State of the driveline at one time, as a controller receives it; the methods pick values by name.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    t : float
+        Time [s].
+    speeds, angles : (b,) array of float
+        Speeds [rad/s] and angles [rad] of the bodies.
+    slips, modes, torques : (m,) array
+        Slips [rad/s], modes and torques [Nm] of the friction elements.
     """
 
     system: System
@@ -68,23 +89,23 @@ class Moment:
     torques: np.ndarray
 
     def speed(self, body: str) -> float:
-        """Of a body, rad/s; RigError where there is no such body."""
+        """Return the speed of a body [rad/s]; raise RigError when there is no such body."""
         return float(self.speeds[_place(self.system.bodies, "body", body)])
 
     def angle(self, body: str) -> float:
-        """Of a body, rad; RigError where there is no such body."""
+        """Return the angle of a body [rad]; raise RigError when there is no such body."""
         return float(self.angles[_place(self.system.bodies, "body", body)])
 
     def slip(self, element: str) -> float:
-        """Of a friction element, rad/s; RigError where there is no such element."""
+        """Return the slip of a friction element [rad/s]; raise RigError when there is no such element."""
         return float(self.slips[_place(self.system.elements, "friction element", element)])
 
     def locked(self, element: str) -> bool:
-        """Whether a friction element stands still; RigError where there is no such element."""
+        """Return whether a friction element does not slip; raise RigError when there is no such element."""
         return abs(int(self.modes[_place(self.system.elements, "friction element", element)])) >= 2
 
     def torque(self, element: str) -> float:
-        """Of a friction element, Nm, without its drag; RigError where there is no such element."""
+        """Return the torque of a friction element without its drag [Nm]; raise RigError when there is no such element."""
         return float(self.torques[_place(self.system.elements, "friction element", element)])
 
 
@@ -93,15 +114,43 @@ Controller = Callable[[Moment], Mapping[str, float] | None]
 
 @dataclass(frozen=True)
 class Result:
-    """What a run gives: r rows, one per step end and one for the start.
+    """Result of a run: r rows, one for the start and one for each end of a step.
 
-    t (r,) s; speeds (r, b) rad/s and angles (r, b) rad of the bodies, angles 0 at the start; slips, modes and friction
-    torques (r, m), rad/s and Nm; twists (r, s) rad and shaft_torques (r, s) Nm; pushes (r, b) Nm, torques on the bodies from
-    outside; stored (r,), e_in (r,), e_fric (r, m), e_visc (r, m), e_shaft (r, s): energy stored, work of the torques from
-    outside and losses since the start, J; impulse (r, m) Nm s. A torque that jumps at a row has its value before the jump
-    there, but in row 0. laws (r, l): torque of each law of the system, factor or inertia at its angle. `event_speeds` (e, b):
-    of the bodies at each of the events. `capped` counts steps whose bound on events was reached or whose laws were not met.
-    The methods pick by name; RigError for a name that does not exist.
+    The methods pick values by name and raise RigError for a name that does not exist. Where a torque jumps at a row, the row has
+    the value before the jump; row 0 is the exception.
+
+    Parameters
+    ----------
+    system : System
+        The driveline, with b bodies, m friction elements, s shafts and l laws.
+    t : (r,) array of float
+        Time [s].
+    speeds, angles : (r, b) array of float
+        Speeds [rad/s] and angles [rad] of the bodies; the angles are 0 at the start.
+    slips, modes, torques : (r, m) array
+        Slips [rad/s], modes and friction torques [Nm] of the friction elements.
+    twists, shaft_torques : (r, s) array of float
+        Twists [rad] and torques [Nm] of the shafts.
+    pushes : (r, b) array of float
+        Torques on the bodies from outside [Nm].
+    laws : (r, l) array of float
+        Torque of each law of the system, or its factor, or its inertia at its angle.
+    law_angles : (r, l) array of float
+        Angle of each law [rad].
+    stored, e_in : (r,) array of float
+        Stored energy, and work of the torques from outside since the start [J].
+    e_fric, e_visc : (r, m) array of float
+        Losses of the friction elements since the start, by friction and by drag [J].
+    e_shaft : (r, s) array of float
+        Losses of the shafts since the start [J].
+    impulse : (r, m) array of float
+        Impulse of each friction torque [Nm s].
+    events : list of Event
+        The e events of the run.
+    event_speeds : (e, b) array of float
+        Speeds of the bodies at each event [rad/s].
+    capped : int
+        Number of steps that reached the limit on events or whose laws were not met.
     """
 
     system: System
@@ -127,25 +176,41 @@ class Result:
     capped: int
 
     def speed(self, body: str) -> np.ndarray:
-        """Of a body (r,), rad/s."""
+        """Return the speed (r,) of a body [rad/s]."""
         return self.speeds[:, _place(self.system.bodies, "body", body)]
 
     def angle(self, body: str) -> np.ndarray:
-        """Of a body (r,), rad."""
+        """Return the angle (r,) of a body [rad]."""
         return self.angles[:, _place(self.system.bodies, "body", body)]
 
     def slip(self, element: str) -> np.ndarray:
-        """Of a friction element (r,), rad/s."""
+        """Return the slip (r,) of a friction element [rad/s]."""
         return self.slips[:, _place(self.system.elements, "friction element", element)]
 
     def mode(self, element: str) -> np.ndarray:
-        """Of a friction element (r,), as driveline_algebra numbers them."""
+        """Return the mode (r,) of a friction element, with the numbers of driveline_algebra."""
         return self.modes[:, _place(self.system.elements, "friction element", element)]
 
     def torque(self, name: str, body: str | None = None) -> np.ndarray:
-        """Torque (r,) in Nm: of a clutch, brake or free-wheel, without its drag; of a shaft; of a torque or motion of the
-        description, the motion's as the mean of the last step; or that which a gear, a mesh, a planetary set or a relation puts
-        on one of its bodies, which is named then.
+        """Return a torque over time.
+
+        Parameters
+        ----------
+        name : str
+            A clutch, brake or free-wheel (torque without its drag), a shaft, a torque or motion of the description (for a motion
+            the mean of the last step), or a gear, mesh, planetary set or relation.
+        body : str, optional
+            The body on which the gear, mesh, planetary set or relation puts the torque; needed for these.
+
+        Returns
+        -------
+        (r,) array of float
+            The torque [Nm].
+
+        Raises
+        ------
+        RigError
+            When there is no such name, or the body is not one that it joins.
         """
         s = self.system
         meshes = {mesh.name: mesh for mesh in s.meshes}
@@ -169,7 +234,7 @@ class Result:
         return self._by_ties[:, k] * s.tie_rows[k, s.bodies.index(body)]
 
     def accelerations(self) -> np.ndarray:
-        """Of the bodies (r, b), rad/s2."""
+        """Return the accelerations (r, b) of the bodies [rad/s2]."""
         s = self.system
         forces, mass = self._on_speeds(), np.repeat(s.mass[None], len(self.t), axis=0)
         for k, law in self._inertias():
@@ -178,7 +243,7 @@ class Result:
         return np.linalg.solve(mass, forces[:, :, None])[:, :, 0] @ s.bodies_from_speeds.T
 
     def residual(self) -> np.ndarray:
-        """Work in - change of stored energy - losses, J, for every row: rounding only."""
+        """Return work in - change of stored energy - losses [J] for every row (r,); only rounding is left."""
         losses = self.e_fric.sum(axis=1) + self.e_visc.sum(axis=1) + self.e_shaft.sum(axis=1)
         return self.e_in - (self.stored - self.stored[0]) - losses
 
@@ -190,13 +255,14 @@ class Result:
         return [(k, law) for k, law in enumerate(self.system.laws) if law.kind == INERTIA]
 
     def _bending(self, k: int, law: Law) -> Floats:
-        """What an inertia over an angle takes to turn at constant speed."""
+        """Return the torque that an inertia over an angle needs to turn at constant speed."""
         return 0.5 * slope_at(law.table, self.law_angles[:, k]) * (self.speeds @ law.bodies) ** 2
 
     @cached_property
     def _by_ties(self) -> Floats:
-        """Of each gear and relation (r, ties), by which its coefficients are multiplied; where several could share a torque, the
-        least ones.
+        """Return for each gear and relation the factor (r, ties) on its coefficients.
+
+        Where several could share a torque, the factors are the least ones.
         """
         s = self.system
         joints = (self.torques + s.drag * self.slips) @ s.element_bodies + self.shaft_torques @ s.shaft_bodies
@@ -255,14 +321,35 @@ def _run_steps(
 class Run:
     """A run of a driveline that can be stepped, stopped and continued; it begins at t = 0.
 
-    step: s. inputs: by body name the torque on it (Nm), by clutch or brake name its kinetic torque (Nm, >= 0), by the name of
-    a torque or of a capacity of the description what multiplies it, of a motion its speed (rad/s); each a number, a function
-    of time, or a table (times, values), linear between its points, with a time named twice where it jumps. A step ends at each
-    point of a table, unless points are as close as steps: then each step takes the table's mean over it. Times at which
-    functions jump or bend go into `breakpoints`; steps end there. What has no input is without torque or open.
-    controller: called at the start and every so many steps with the Moment; what it gives, by name as inputs, holds
-    until its next call. A copy (copy.deepcopy) goes on for itself. RigError for names that do not exist, negative
-    capacities, values that are not finite, and steps that are not positive.
+    A step ends at each point of a table, unless the points are as close as steps: then each step takes the mean of the table over
+    it. A body without an input has no torque, and a clutch or brake without one is open. A copy (copy.deepcopy) runs on
+    independently.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    step : float
+        Length of a step [s].
+    inputs : mapping of str to number, function or table, optional
+        By the name of a body the torque on it [Nm]; by that of a clutch or brake its kinetic torque [Nm, >= 0]; by that of a
+        torque or of a capacity of the description the factor on it; by that of a motion its speed [rad/s]. A value is a number,
+        a function of time, or a table (times [s], values). A table is linear between its points and has a time twice where it
+        jumps.
+    breakpoints : sequence of float
+        Times at which functions jump or bend [s]; steps end there.
+    controller : Controller, optional
+        Function that is called with a `Moment` at the start and after every `every` steps. The inputs that it returns, by name,
+        hold until its next call.
+    every : int
+        Steps from one call of the controller to the next.
+    max_events : int
+        Largest number of events up to the next call of the controller or to the end of a call of `to`.
+
+    Raises
+    ------
+    RigError
+        For names that do not exist, negative capacities, values that are not finite, and steps that are not positive.
     """
 
     def __init__(
@@ -300,11 +387,22 @@ class Run:
 
     @property
     def t(self) -> float:
-        """Time that has been reached, s."""
+        """Time that the run has reached [s]."""
         return self._t
 
     def set(self, **inputs: Signal) -> None:
-        """Give inputs other values or courses from now on."""
+        """Set inputs to other values or courses from the present time on.
+
+        Parameters
+        ----------
+        inputs : number, function or table
+            Inputs by name, as those of `Run`.
+
+        Raises
+        ------
+        RigError
+            When there is no such input or a value is not valid.
+        """
         s = self.system
         taken = {number for mesh in s.meshes for number in (mesh.gear, mesh.brake)}
         known = [*s.bodies, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
@@ -315,7 +413,7 @@ class Run:
         self._points = np.unique(np.concatenate([self._breakpoints, *(one.points for one in self._inputs.values())]))
 
     def now(self) -> Moment:
-        """The state that has been reached."""
+        """Return the state that the run has reached."""
         s, x = self.system, self._state
         return Moment(
             s,
@@ -328,13 +426,40 @@ class Run:
         )
 
     def step(self, count: int = 1) -> Moment:
-        """So many steps on, to whole multiples of the step."""
+        """Run on by `count` steps, to a whole multiple of the step.
+
+        Parameters
+        ----------
+        count : int
+            Number of steps.
+
+        Returns
+        -------
+        Moment
+            The state that is reached.
+        """
         if not is_number(count) or count < 0 or count != int(count):
             raise RigError(f"driveline: {brief(count)} steps; a whole number from 0 on is needed")
         return self.to((math.floor(self._t / self.step_length + SAME) + count) * self.step_length)
 
     def to(self, t_end: float) -> Moment:
-        """On to a time in s; one that has been reached does nothing."""
+        """Run on to a time; a time that has been reached already changes nothing.
+
+        Parameters
+        ----------
+        t_end : float
+            The time [s].
+
+        Returns
+        -------
+        Moment
+            The state that is reached.
+
+        Raises
+        ------
+        RigError
+            When the time is not finite, an input is not valid, or there are more than `max_events` events.
+        """
         if not (is_number(t_end) and math.isfinite(t_end)):
             raise RigError(f"driveline: end time {brief(t_end)} s; a finite number is needed")
         near = SAME * self.step_length
@@ -351,7 +476,7 @@ class Run:
         return self.now()
 
     def result(self) -> Result:
-        """All since the start."""
+        """Return the result of everything since the start."""
         s = self.system
         if not self._rows:
             self._rows.append(self._first(np.zeros(2)))
@@ -398,8 +523,9 @@ class Run:
         self._t = float(t[-1])
 
     def _given(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """At both ends of the k steps between times t: torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and what
-        laws read (k, 2, inputs).
+        """Evaluate the inputs at both ends of the k steps between times t.
+
+        They are the torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and the inputs of the laws (k, 2, inputs).
         """
         s, steps = self.system, len(t) - 1
         pushes = np.zeros((steps, 2, len(s.bodies)))
@@ -423,7 +549,7 @@ class Run:
             cap[:, algebra.LO0 + k, f] = -self.system.stick[1, f] * ends[:, k]
 
     def _move(self, t: Floats, pushes: Floats, cap: Floats, given: Floats, x: State, own: LawState) -> tuple[Floats | Ints, ...]:
-        """Moves the state x, and the laws' own, through the steps between times t; what it has been at the end of each."""
+        """Move the state x and that of the laws through the steps between times t, and return both at the end of each step."""
         s, steps = self.system, len(t) - 1
         q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
         kc = np.zeros((2, len(s.slots)))
@@ -455,7 +581,7 @@ class Run:
         return *out, *soft
 
     def _first(self, t: Floats) -> tuple[Floats | Ints, ...]:
-        """Row 0, whose torques are those of a step of no length."""
+        """Return row 0, whose torques are those of a step of zero length."""
         s, begin = self.system, self.system.state(0, recorded=True)
         pushes, cap, given = self._given(t[:2])
         for row in (algebra.KIN0, algebra.LO0, algebra.HI0):
@@ -493,7 +619,29 @@ def run(
     controller: Controller | None = None,
     every: int = 1,
 ) -> Result:
-    """Run a driveline from t = 0 to t_end (s) in steps of `step` (s); arguments and errors as those of `Run`."""
+    """Run a driveline from t = 0 to `t_end`.
+
+    The other arguments and the errors are those of `Run`.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    t_end : float
+        End of the run [s], above 0.
+    step : float
+        Length of a step [s].
+
+    Returns
+    -------
+    Result
+        The course of the run.
+
+    Raises
+    ------
+    RigError
+        When the end time is not a finite number above 0, and as for `Run`.
+    """
     if not (is_number(t_end) and math.isfinite(t_end) and t_end > 0.0):
         raise RigError(f"driveline: end time {brief(t_end)} s; a finite number above 0 is needed")
     one = Run(system, step, inputs, breakpoints=breakpoints, controller=controller, every=every, max_events=max_events)
