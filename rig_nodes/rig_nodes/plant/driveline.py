@@ -829,8 +829,8 @@ class Driveline:
         """Return the mesh with the coefficients of its loss.
 
         The loss is (1 - efficiency) x of a power x from a, and (1 - back) x of a power x from b. With a torque t into the mesh at
-        a, and t less the loss out of it, both are `share` times |t - before * loss|, because t is greater than before * loss where a
-        drives and smaller where b drives.
+        a, and t less the loss out of it, both are `share` times |t - before * loss|, because t is greater than before * loss
+        where a drives and smaller where b drives.
         """
         ahead, behind = (max(1.0 - efficiency, _LEAST_LOSS) for efficiency in self._meshes[name][3:])
         before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)

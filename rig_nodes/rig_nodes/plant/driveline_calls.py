@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calls of the driveline's compiled steps by their address: each is compiled once for whoever calls it.
+"""Calls of the driveline's compiled steps by their address, so that each is compiled once for all its callers.
 
-Used by plant/driveline_laws.py, plant/driveline_run.py and engine/general_step.py. The compiler takes all that a function
-calls into its machine code and works on it once more: with the bare step at the bottom of five callers that was most of the
-time to compile them. Arrays are ones of any sizes, so that the machine code knows no rig.
+Used by plant/driveline_laws.py, plant/driveline_run.py and engine/general_step.py. The compiler copies all that a function
+calls into its machine code and optimises it again; with the bare step inside five callers this was most of the time to compile
+them. The arrays may have any sizes, so that the machine code does not depend on a rig.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numba.core.typing import BaseContext as TypingContext
     from numba.core.typing import Signature
 
-# what the bare step takes behind the times: name -> dimensions; some are whole numbers
+# arguments of the bare step after the times: name -> dimensions; some are arrays of whole numbers
 ARGUMENTS = {
     "minv": 2,
     "w": 2,
@@ -50,7 +50,20 @@ RESULT = types.int64
 
 
 def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple:
-    """The compiler's types of arrays that are given as name -> dimensions; beside mode and count, `whole` are of whole numbers."""
+    """Return the compiler's types of arrays that are given as name -> dimensions.
+
+    Parameters
+    ----------
+    arguments : dict of str to int
+        Number of dimensions of each array by its name.
+    whole : tuple of str
+        Names of arrays of whole numbers, beside mode and count.
+
+    Returns
+    -------
+    tuple
+        Types of the arrays.
+    """
     return tuple(
         types.Array(types.int64 if name in ("mode", "count", *whole) else types.float64, count, "C")
         for name, count in arguments.items()
@@ -61,9 +74,26 @@ BARE = (types.float64, types.float64, *array_types(ARGUMENTS))
 
 
 def address_of(function: Dispatcher, signature: tuple) -> int:
-    """Where a compiled function begins in this process, made or read from the cache.
+    """Return the address at which a compiled function begins in this process.
 
-    Raises TypeError for one that does not return a whole number: whoever calls by an address is not asked by the compiler.
+    The function is compiled or read from the cache first.
+
+    Parameters
+    ----------
+    function : Dispatcher
+        The function.
+    signature : tuple
+        Types of its arguments.
+
+    Returns
+    -------
+    int
+        The address.
+
+    Raises
+    ------
+    TypeError
+        When the function does not return a whole number; the compiler does not check a call by address.
     """
     function.compile(signature)
     made = function.overloads[signature]
@@ -74,19 +104,19 @@ def address_of(function: Dispatcher, signature: tuple) -> int:
 
 @cache
 def bare_address() -> int:
-    """Of plant.driveline_kernel.driveline_step."""
+    """Return the address of plant.driveline_kernel.driveline_step."""
     return address_of(driveline_step, BARE)
 
 
 def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> None:
-    """Builds the call of what begins at an address, for an intrinsic."""
+    """Build, for an intrinsic, the call of the function that begins at an address."""
     convention = context.call_conv
     function = builder.inttoptr(address, convention.get_function_type(RESULT, signature).as_pointer())
     convention.call_function(builder, function, RESULT, signature, values)
 
 
 def calling(signature: tuple) -> tuple:
-    """(signature, builder) of an intrinsic that takes an address and then what stands in a signature."""
+    """Return (signature, builder) of an intrinsic that takes an address and then the arguments of a signature."""
 
     def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         call_at(context, builder, given[0], signature, list(given[1:]))
@@ -118,5 +148,5 @@ def bare_step(
     count: types.Type,
     work: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """As driveline_step, by its address."""
+    """Call driveline_step by its address."""
     return calling(BARE)

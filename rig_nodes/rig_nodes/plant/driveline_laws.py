@@ -1,13 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What in a driveline depends on its own motion: torques, capacities, friction, shafts, prescribed motion, inertia over an angle.
+"""Whatever in a driveline depends on its own motion: torques, capacities, friction, shafts, prescribed motion, inertias.
 
-Called in place of the bare step where a description has any of these: by plant/driveline_run.py, and by
-plant/driveline_driven.py for the engine of a rig. In a step each law is the straight line that has the law's mean over the way
-which the step takes, and slopes are in the implicit matrix of plant/driveline_kernel.py. The way is not known before: the step
-is taken again until it is the one that the lines were made for, in most steps at once; where that does not help the step is
-halved.
+It replaces the bare step for a description that has any of these: in plant/driveline_run.py, and in plant/driveline_driven.py
+for the engine of a rig. In a step each law is the straight line that has the mean of the law over the way of the step, and its
+slope is in the implicit matrix of plant/driveline_kernel.py. The way is not known in advance: the step is repeated until its way
+is the one for which the lines were made, which in most steps is so at once. Where repeating does not help the step is halved.
 """
 
 from __future__ import annotations
@@ -52,15 +51,41 @@ if TYPE_CHECKING:
 
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
-CLOSE = 1e-11  # of torques, by which the lines of a step may miss those that its way asks for
+CLOSE = 1e-11  # relative error of torques with which the lines of a step may differ from those that its way demands
 TRIES, HALVINGS, CUTS = 30, 12, 8
 
 
 class Law(NamedTuple):
-    """One law: reads the angle or speed of `of` (n,), acts on `on` (n,), which is `bodies` (b,), or on a friction element.
+    """One law: it reads the angle or speed of `of` and acts on `on` or on a friction element.
 
-    slot: its row among the shafts, where its slope is implicit, -1 without one; factor: input over time that multiplies it, -1
-    without one; start: of the angle. gap, damping, springs (stiffness, limit): of a SHAFT.
+    Parameters
+    ----------
+    name : str
+        Name of the law.
+    kind : int
+        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION or INERTIA.
+    angle : bool
+        True where it reads an angle, False where it reads a speed.
+    of, on : (n,) array of float
+        Coefficients of the generalised speeds that it reads and on which it acts.
+    bodies : (b,) array of float
+        The same as `on`, by bodies.
+    table : Table
+        Its characteristic.
+    slot : int
+        Its row among the shafts, where its slope is implicit; -1 without one.
+    element : int
+        Number of its friction element, -1 without one.
+    factor : int
+        Number of the input over time that multiplies it, -1 without one.
+    start : float
+        Angle at the start [rad].
+    gap : float
+        Half the backlash of a SHAFT [rad].
+    damping : float
+        Damping of a SHAFT [Nm s/rad].
+    springs : tuple of (float, float)
+        Stiffness [Nm/rad] and limit [Nm] of the springs of a SHAFT that slide.
     """
 
     name: str
@@ -80,7 +105,7 @@ class Law(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """All laws as arrays, one row each; springs of law k from first_spring[k] to first_spring[k + 1]."""
+    """All laws as arrays, one row for each; law k has the springs from first_spring[k] to first_spring[k + 1]."""
 
     kind: np.ndarray
     angle: np.ndarray
@@ -97,8 +122,22 @@ class Laws(NamedTuple):
 
 
 class LawState(NamedTuple):
-    """What laws keep: position that each reads, its torque (of a MOTION the mean of the last step) or factor or inertia, torque
-    of the springs with friction, last way, torque per response of a MOTION, work from outside that the speeds' count misses [J].
+    """State of the laws.
+
+    Parameters
+    ----------
+    at : (laws,) array of float
+        Position that each law reads.
+    torque : (laws,) array of float
+        Its torque (for a MOTION the mean of the last step), factor or inertia.
+    spring : (springs,) array of float
+        Torque of each spring with friction [Nm].
+    way : (laws,) array of float
+        Way of the last step.
+    response : (laws,) array of float
+        Response of a MOTION's speed to its torque.
+    work : (1,) array of float
+        Work from outside that the work on the speeds does not include [J].
     """
 
     at: np.ndarray
@@ -110,7 +149,7 @@ class LawState(NamedTuple):
 
 
 def laws_of(laws: Sequence[Law], n: int) -> Laws:
-    """Arrays of laws, sorted by their kind, for n speeds."""
+    """Return the arrays of laws that are sorted by kind, for n speeds."""
     ints = [np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor")]
     rows = [np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on")]
     springs = [spring for one in laws for spring in one.springs]
@@ -126,7 +165,7 @@ def laws_of(laws: Sequence[Law], n: int) -> Laws:
 
 
 def law_state(laws: Sequence[Law]) -> LawState:
-    """At the start of a run."""
+    """Return the state of the laws at the start of a run."""
     count = len(laws)
     torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else 0.0 for one in laws])
     return LawState(
@@ -141,7 +180,7 @@ def law_state(laws: Sequence[Law]) -> LawState:
 
 @njit(**INNER)
 def spring_with_friction(stiffness: float, limit: float, torque: float, dx: float) -> tuple[float, float]:
-    """(slope of the straight line from a torque with the mean over the way dx, torque behind it)."""
+    """Return (slope of the straight line from a torque that has the mean over the way dx, torque at its end)."""
     noinline()
     way = dx if dx >= 0.0 else -dx
     towards = torque if dx >= 0.0 else -torque
@@ -154,7 +193,7 @@ def spring_with_friction(stiffness: float, limit: float, torque: float, dx: floa
 
 @njit(**INNER)
 def in_contact(gap: float, x: float, dx: float) -> float:
-    """Share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
+    """Return the share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
     noinline()
     if gap == 0.0:
         return 1.0
@@ -166,7 +205,7 @@ def in_contact(gap: float, x: float, dx: float) -> float:
 
 @njit(**INNER)
 def product(row: Floats, v: Floats) -> float:
-    """The sum of row (n,) times v (n,)."""
+    """Return the sum of row (n,) times v (n,)."""
     noinline()
     total = 0.0
     for j in range(row.shape[0]):
@@ -176,7 +215,7 @@ def product(row: Floats, v: Floats) -> float:
 
 @njit(**INNER)
 def invert(a: Floats, out: Floats) -> None:
-    """The inverse of a symmetric positive definite matrix, by Gauss and Jordan; a is lost."""
+    """Invert a symmetric positive definite matrix a into out, by Gauss and Jordan; a is overwritten."""
     noinline()
     n = a.shape[0]
     for i in range(n):
@@ -197,7 +236,7 @@ def invert(a: Floats, out: Floats) -> None:
 
 @njit(**INNER)
 def put(to: Floats | Ints, what: Floats | Ints) -> None:
-    """The numbers of an array into another one."""
+    """Copy the numbers of an array into another one."""
     noinline()
     to, what = to.reshape(-1), what.reshape(-1)
     for i in range(to.shape[0]):
@@ -223,7 +262,7 @@ def restore(
     e_in0: Floats,
     count0: Ints,
 ) -> None:
-    """What a step has changed back to the copies from before it."""
+    """Restore what a step has changed from the copies that were made before it."""
     noinline()
     put(loss, loss0)
     put(v, v0)
@@ -237,7 +276,7 @@ def restore(
 
 @njit(**INNER)
 def share_of(first: float, last: float, begin: float, end: float) -> tuple[float, float]:
-    """(value at begin, at end) of a straight line between two numbers, at shares of it."""
+    """Return the values at two shares, begin and end, of a straight line between two numbers."""
     noinline()
     return lin(first, last, begin), lin(first, last, end)
 
@@ -268,8 +307,9 @@ def law_step(
     count: Ints,
     work: Floats,
 ) -> bool:
-    """As `driveline_step`, whose address is `bare`, with laws; given (2, inputs): inputs of laws at both ends. False where a law
-    was not met.
+    """Take a step like `driveline_step`, whose address is `bare`, with laws.
+
+    `given` (2, inputs) are the inputs of the laws at both ends. Returns False where a law was not met.
     """
     noinline()
     met = True
@@ -278,7 +318,9 @@ def law_step(
         left = h - done
         d = left if size >= left * (1.0 - 1e-9) else size
         end = 1.0 if d == left else (done + d) / h
-        last = not met or d <= h * 0.5**HALVINGS  # where halving has not helped once, the rest is taken as it comes
+        last = (
+            not met or d <= h * 0.5**HALVINGS
+        )  # once halving has not helped, the rest of the step is taken without meeting the laws
         reached = try_step(
             bare,
             d,
@@ -350,10 +392,11 @@ def try_step(
     count: Ints,
     work: Floats,
 ) -> float:
-    """A part d of a step, from share begin to share end of it; d if laws are met, else 0, and nothing has changed unless keep.
+    """Take a part d of a step, from its share begin to its share end, and return d if the laws are met.
 
-    Less than d, and nothing has changed, where an event lies in the middle of a prescribed motion, whose torque is one number
-    for the whole of a step, and cut is true: so far to go instead.
+    Otherwise it returns 0, and nothing has changed unless keep is true. With cut true it returns less than d, and nothing has
+    changed, where an event lies inside a prescribed motion, because the torque of that motion is one number for the whole of a
+    step: the next part then has this length.
     """
     noinline()
     n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
@@ -544,7 +587,7 @@ def try_step(
         if kind == CAPACITY:
             own.torque[k] = value(laws.tables, k, x + dx)
         elif kind == FRICTION:
-            # friction over slip was drag to the kernel
+            # the kernel counted friction over slip as drag
             drag = el[E_VISC, f] - el0[E_VISC, f]
             share = (cc[VISC, f] - cap[VISC, f]) / cc[VISC, f] if cc[VISC, f] != 0.0 else 0.0
             el[E_VISC, f] -= share * drag
@@ -607,7 +650,7 @@ def settle(
     e_in: Floats,
     work: Floats,
 ) -> None:
-    """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
+    """Set `loss` to the losses by torque that the inputs at the start of a step demand, where these have jumped."""
     noinline()
     count, events = np.zeros(2, np.int64), np.zeros((0, 3))
     qq, cc, gg = q.copy(), cap.copy(), given.copy()
@@ -649,7 +692,7 @@ def settle(
 
 @njit(**INNER)
 def jumped(q: Floats, q_before: Floats, cap: Floats, cap_before: Floats) -> bool:
-    """True where torques or capacities at the start of a step differ, by more than rounding, from the end of the last one."""
+    """Return whether torques or capacities at a step's start differ from the end of the last step by more than rounding."""
     for j in range(q.shape[1]):
         if differ(q[0, j], q_before[j]):
             return True
@@ -662,7 +705,7 @@ def jumped(q: Floats, q_before: Floats, cap: Floats, cap_before: Floats) -> bool
 
 @njit(**INNER)
 def differ(one: float, other: float) -> bool:
-    """True where two numbers differ by more than rounding; the same infinity twice does not."""
+    """Return whether two numbers differ by more than rounding; the same infinity twice does not."""
     return one != other and not abs(one - other) <= 1e-9 * (1.0 + min(abs(one), abs(other)))
 
 
@@ -693,7 +736,10 @@ def settled_step(
     count: Ints,
     work: Floats,
 ) -> int:
-    """As `law_step`, with losses by torque that follow inputs which have jumped (fresh); a step is capped once at most."""
+    """Take a step like `law_step`, with losses by torque that follow inputs which have jumped (fresh).
+
+    It counts a step as capped at most once.
+    """
     if loss.shape[0] > 0 and fresh:
         settle(bare, 1e-6 * h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work)
     capped = count[N_CAPPED] + 1
@@ -717,7 +763,7 @@ SETTLED = (
 
 @cache
 def settled_address() -> int:
-    """Of `settled_step`."""
+    """Return the address of `settled_step`."""
     return address_of(settled_step, SETTLED)
 
 
@@ -750,7 +796,7 @@ def settled_step_at(
     count: types.Type,
     work: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """As `settled_step`, by its address."""
+    """Call `settled_step` by its address."""
     return calling(SETTLED)
 
 
@@ -790,7 +836,7 @@ def run_laws(
     out_spring: Floats,
     out_work: Floats,
 ) -> None:
-    """A step to each time behind the first, and what is reached then; settled, bare: addresses."""
+    """Take a step to each time after the first and record the state there; settled and bare are addresses."""
     for i in range(q.shape[0]):
         fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
         settled_step_at(
@@ -833,8 +879,25 @@ def run_laws(
 
 
 def stored_energy(system: System, v: Floats, twist: Floats, torque: Floats, spring: Floats) -> Floats:
-    """Energy (r,) stored at r moments, J: of speeds v (r, n), twists of the shafts (r, s), and of the laws their torque, or
-    inertia, (r, laws) and the torque of their springs with friction (r, springs).
+    """Return the energy that is stored at r moments.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    v : (r, n) array of float
+        Generalised speeds [rad/s].
+    twist : (r, s) array of float
+        Twists of the shafts [rad].
+    torque : (r, laws) array of float
+        Torque or inertia of the laws.
+    spring : (r, springs) array of float
+        Torque of the springs with friction [Nm].
+
+    Returns
+    -------
+    (r,) array of float
+        Energy [J].
     """
     straight, springs = system.kc[0].copy(), laws_of(system.laws, len(system.speeds)).springs
     out = 0.5 * np.einsum("ri,ij,rj->r", v, system.mass, v)

@@ -1,12 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Losses of gears that grow with the torque they pass on, solved with the torques that they change.
+"""Losses of gears that grow with the torque that the gears pass on, solved together with the torques that they change.
 
 Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity
-depends on a torque of the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that
-torque falls linearly by the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved together. A
-quiet step foretells them and holds the torques that it ends with against them.
+depends on a torque of the same instant: that which clutches carry, or which a meter behind an inertia feels. While the modes
+stay, this torque falls linearly with the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved
+together. A quiet step predicts the losses and compares them with those that the torques at its end demand.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, noinl
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats
 
-# columns of `loss`, one row for each loss: the parabola; the element of its own whose other capacity, BASE, is given
-# here, and the one that the loss brakes, its own or another's, by FACTOR times the parabola; the speed that says which
-# way power flows; what the parabola was last, a step before that, and would be next; then the weights of m friction
-# torques and n accelerations in its torque.
+# Columns of `loss`, one row for each loss: the parabola (CONSTANT, SHARE, SQUARE); the element that the loss owns (OWN), whose
+# other capacity is BASE; the element that it brakes (ON), its own or that of another loss, by FACTOR times the parabola; the
+# speed that gives the direction of power (WAY); the value of the parabola in the last step, in the step before that and in the
+# next one; then the weights of m friction torques and n accelerations in its torque.
 CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS = range(12)
-STEEPEST = 0.5  # of what flows backwards: two losses of a path take no more than comes, as no mesh locks itself
-MOST = 1e15  # Nm, above which no loss is looked for
-CLOSE = 1e-5  # Nm, of Newton's last step; the parabolas leave a hundred-thousandth of that
-FORETOLD = 1e-3  # Nm, by which a loss may miss the one that its torque asks for where it was foretold and not solved
+STEEPEST = 0.5  # share of the torque that flows backwards: two losses in a path take at most all of it, as no mesh locks itself
+MOST = 1e15  # Nm, above which the search for a loss ends
+CLOSE = 1e-5  # Nm, size of the last Newton step; the parabolas leave an error of a hundred-thousandth of that
+FORETOLD = 1e-3  # Nm, largest difference of a predicted loss, which is not solved, from the one that its torque demands
 
 
 def loss_width(n: int, m: int) -> int:
-    """Columns of `loss` for n speeds and m friction elements."""
+    """Return the number of columns of `loss` for n speeds and m friction elements."""
     return WEIGHTS + m + n
 
 
 @njit(**INLINED)
 def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
-    """Capacities at one end (0 or 1) of the elements that losses own: BASE, and what stands in ``column``.
+    """Set the capacities at one end (0 or 1) of the elements that losses own to BASE plus the losses in ``column``.
 
-    ``column``: LAST or NEXT; -1 for BASE alone.
+    ``column`` is LAST or NEXT, or -1 for BASE alone.
     """
     for k in range(loss.shape[0]):
         put_loss(loss, cap, end, column, int(loss[k, OWN]), k)
@@ -49,7 +49,7 @@ def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
 
 @njit(**INLINED)
 def put_loss(loss: Floats, cap: Floats, end: int, column: int, own: int, k: int) -> None:
-    """:func:`put_losses` of loss k, whose own element is known."""
+    """Do the work of :func:`put_losses` for loss k, whose own element is known."""
     torque = loss[k, BASE]
     if column >= 0:
         for other in range(loss.shape[0]):
@@ -62,7 +62,10 @@ def put_loss(loss: Floats, cap: Floats, end: int, column: int, own: int, k: int)
 
 @njit(**INLINED)
 def brakes(factor: float, mode: float) -> float:
-    """Torque on an element per loss: against its slip or the way it is loaded, none while it sticks or is open."""
+    """Return the torque on an element per loss.
+
+    It acts against the slip or against the direction in which the element is loaded, and is 0 while the element sticks or is open.
+    """
     if mode == STUCK or mode == OPEN:
         return 0.0
     return factor if mode > 0 else -factor
@@ -70,10 +73,10 @@ def brakes(factor: float, mode: float) -> float:
 
 @njit(**INLINED)
 def parabola(loss: Floats, k: int, x: float) -> tuple[float, float]:
-    """(loss, its slope over x) at a torque x, positive where power goes from the drive to the load.
+    """Return (loss, its slope over x) at a torque x, which is positive where power goes from the drive to the load.
 
-    Behind the top of a parabola that falls there the loss stays; it never drives. Backwards it grows by no more than
-    STEEPEST: what comes from the load's inertia can be lost, and no more than that.
+    Beyond the top of a parabola that falls there the loss stays constant; it never drives. Backwards it grows by no more than
+    STEEPEST: what comes from the inertia of the load can be lost, and no more than that.
     """
     u = abs(x)
     share, square = loss[k, SHARE], loss[k, SQUARE]
@@ -96,24 +99,25 @@ def parabola(loss: Floats, k: int, x: float) -> tuple[float, float]:
 
 @njit(**INLINED)
 def foretell_losses(loss: Floats) -> None:
-    """Leaves in NEXT the losses as they have been going."""
+    """Set NEXT to the losses that continue the course of the last two steps."""
     for k in range(loss.shape[0]):
         loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])
 
 
 @njit(**INLINED)
 def loss_at(loss: Floats, k: int, torque: float, speed: float) -> float:
-    """The loss that a torque asks for at the speed of its WAY."""
+    """Return the loss that a torque demands at the speed of its WAY."""
     return parabola(loss, k, torque if speed >= 0.0 else -torque)[0]
 
 
 @njit(**INNER)
 def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: int) -> bool:
-    """Leaves in NEXT the losses at torques y less S times the losses; False where there are none.
+    """Set NEXT to the losses at torques y less S times the losses; return False where there is no solution.
 
-    y (k,) and S (k, k) stand in the work buffer at oy and os, at oe is room for (k, k + 2). Newton from the last losses,
-    which meets parabolas at once, with steps as long as they bring it nearer. 1 + p' S is positive throughout (the slopes
-    are bounded backwards, and what inertia makes of a loss is less than the loss), so there is one solution.
+    y (k,) and S (k, k) stand in the work buffer at oy and os; at oe there is room for (k, k + 2). Newton's method starts from the
+    last losses, which solves parabolas quickly, and takes steps as long as they bring it nearer. 1 + p' S is positive throughout
+    (the slopes are bounded backwards, and the part of a loss that comes from inertia is less than the loss), so there is one
+    solution.
     """
     noinline()
     count = loss.shape[0]
@@ -150,7 +154,10 @@ def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: in
 
 @njit(**INNER)
 def equations(loss: Floats, work: Floats, oy: int, os: int, oe: int) -> float:
-    """Newton's equations at the losses in NEXT into the rows at oe, matrix and right side; the sum of what they miss."""
+    """Write Newton's equations at the losses in NEXT to the rows at oe, matrix and right side.
+
+    Returns the sum of the residuals.
+    """
     count = loss.shape[0]
     missed = 0.0
     for k in range(count):
@@ -169,7 +176,7 @@ def equations(loss: Floats, work: Floats, oy: int, os: int, oe: int) -> float:
 
 @njit(**INNER)
 def solve_equations(count: int, work: Floats, oe: int) -> None:
-    """The solution of the equations at oe into their last column, by elimination with the largest pivot of a column."""
+    """Solve the equations at oe into their last column, by elimination with the largest pivot of a column."""
     width = count + 2
     for col in range(count):
         pivot = col

@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Natural frequencies, damping and mode shapes of a driveline, with some of its friction elements locked."""
+"""Natural frequencies, damping and mode shapes of a driveline, with some of its friction elements locked.
+
+It works on the arrays of `Driveline.build`.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +26,23 @@ if TYPE_CHECKING:
 
     from rig_nodes.arrays import Floats
 
-_STILL = 1e-7  # of the highest pole: a pole this slow is that of a driveline which turns as one
+_STILL = 1e-7  # share of the highest pole: a pole this slow belongs to a driveline which turns as one
 
 
 @dataclass(frozen=True)
 class Modes:
-    """The modes of a driveline, slowest first, k rows.
+    """The k modes of a driveline, slowest first.
 
-    frequencies (k,): undamped natural frequency, Hz; 0 where bodies turn as one, without any shaft between them giving way.
-    damping (k,): of the critical one; 1 for a motion that only dies away, at the rate of 2 pi times its frequency. shapes
-    (k, b): amplitudes of the bodies, the largest of each row 1; complex where damping shifts the bodies' phases.
+    Parameters
+    ----------
+    bodies : tuple of str
+        Names of the b bodies.
+    frequencies : (k,) array of float
+        Undamped natural frequency [Hz]; 0 where bodies turn as one and no shaft between them twists.
+    damping : (k,) array of float
+        Damping as a share of the critical one; 1 for a motion that only decays, at the rate of 2 pi times its frequency.
+    shapes : (k, b) array of float or complex
+        Amplitudes of the bodies, the largest of each row 1; complex where damping shifts the phases of the bodies.
     """
 
     bodies: tuple[str, ...]
@@ -42,11 +52,27 @@ class Modes:
 
 
 def modes(system: System, locked: Sequence[str] = ()) -> Modes:
-    """Modes with the clutches, brakes and free-wheels that `locked` names locked and all others open, which keep their drag.
+    """Return the modes of a driveline with some friction elements locked and all others open.
 
-    What depends on the motion is taken as it is at the start: a torque with the slope of its table, over a speed a damping and
-    over an angle a stiffness, an inertia with its value. What a prescribed motion moves is held. RigError for a name that does
-    not exist.
+    Open elements keep their drag. What depends on the motion is taken at the start: a torque with the slope of its table (a damping
+    over a speed, a stiffness over an angle), an inertia with its value. What a prescribed motion moves is held.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    locked : sequence of str
+        Names of the clutches, brakes and free-wheels that are locked.
+
+    Returns
+    -------
+    Modes
+        The modes.
+
+    Raises
+    ------
+    RigError
+        When there is no friction element of a name.
     """
     check_built(system)
     if isinstance(locked, str):
@@ -63,7 +89,9 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
         return Modes(system.bodies, np.zeros(0), np.zeros(0), np.zeros((0, len(system.bodies))))
     w, sh = system.w[~held], system.sh
     mass, stiffness, drag = _of_laws(system)
-    pushes = stiffness.any()  # a torque over an angle may push away, or act where the angle is not
+    pushes = (
+        stiffness.any()
+    )  # a torque over an angle may push away from it, or act on another body than the one whose angle it reads
     mass = free.T @ (mass + system.mass) @ free
     stiffness = free.T @ (stiffness + sh.T @ (system.kc[0][:, None] * sh)) @ free
     drag = free.T @ (drag + sh.T @ (system.kc[1][:, None] * sh) + w.T @ (system.drag[~held][:, None] * w)) @ free
@@ -80,7 +108,7 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
 
 
 def _of_laws(system: System) -> tuple[Floats, Floats, Floats]:
-    """Mass, stiffness and damping (n, n) of a system's laws at its start."""
+    """Return mass, stiffness and damping (n, n) of the laws of a system at its start."""
     mass, stiffness, drag = np.zeros((3, *system.mass.shape))
     factors = list(system.factors.values())
     for law in system.laws:
@@ -94,13 +122,16 @@ def _of_laws(system: System) -> tuple[Floats, Floats, Floats]:
 
 
 def _damped(mass: Floats, stiffness: Floats, drag: Floats) -> tuple[Floats, Floats, Floats | npt.NDArray[np.complex128]]:
-    """Natural angular frequencies, damping and shapes, by the poles of speeds and angles, these in a unit that makes both alike."""
+    """Return natural angular frequencies, damping and shapes from the poles of speeds and angles.
+
+    The angles are in a unit that makes them about as large as the speeds.
+    """
     n = len(mass)
     inverse = np.linalg.inv(mass)
     fast = math.sqrt(np.linalg.norm(inverse @ stiffness)) or 1.0
     poles, vectors = linalg.eig(np.block([[np.zeros((n, n)), fast * np.eye(n)], [-inverse @ stiffness / fast, -inverse @ drag]]))
     still = np.abs(poles) <= _STILL * np.abs(poles).max()
-    # what turns as one has its angle free, a pole at 0
+    # a motion of all bodies as one has a free angle, hence a pole at 0
     rigid = linalg.null_space(stiffness, rcond=_STILL**2)
     rows = [(0.0, 0.0, shape) for shape in rigid.T]
     for pole, vector in zip(poles[~still], vectors[n:, ~still].T):

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A driveline as a picture: bodies, what joins two of them, and what sits on them, as SVG.
+"""Draws a driveline as an SVG picture: its bodies, what joins two of them, and what sits on them.
 
-Used by plant.driveline for a description in Python, and by description.picture for a rig. Bodies stand in columns by how far
-they are from the first; what joins two of them is a line with a sign on it.
+Used by plant.driveline for a description in Python, and by description.picture for a rig. The bodies stand in columns by their
+distance from the first one; what joins two of them is a line with a symbol on it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 270, 110, 60  # of a body, between columns and rows, at the edge [px]
+WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 270, 110, 60  # size of a body, distances of columns and of rows, margin [px]
 STYLE = (
     "text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}"
     ".body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}.massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}"
@@ -26,7 +26,17 @@ STYLE = (
 
 @dataclass(frozen=True)
 class Link:
-    """What joins two bodies; kind: mesh, set, clutch, freewheel, shaft or torque; text: what stands on the line."""
+    """A line between two bodies.
+
+    Parameters
+    ----------
+    a, b : str
+        Names of the bodies.
+    kind : str
+        "mesh", "set", "clutch", "freewheel", "shaft" or "torque".
+    text : str
+        Text on the line.
+    """
 
     a: str
     b: str
@@ -36,8 +46,22 @@ class Link:
 
 @dataclass
 class Body:
-    """A body; inertia [kg m2], 0 without one of its own; brake: the names of its brakes; one_way: (name, way) of its
-    free-wheels to the ground; notes: what else sits on it; end: "input" or "output".
+    """A body in the picture.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    inertia : float
+        Inertia [kg m2], 0 for a body without one of its own.
+    brake : str
+        Names of its brakes.
+    one_way : list of (str, str)
+        Name and direction of each of its free-wheels to the ground.
+    notes : list of str
+        What else sits on it.
+    end : str
+        "input", "output" or empty.
     """
 
     name: str
@@ -49,9 +73,9 @@ class Body:
 
 
 def _places(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, tuple[int, int]]:
-    """Column and row of each body: columns by the number of joints from the input, the output alone in the last one.
+    """Return column and row of each body: columns by the number of joints from the input, the output alone in the last one.
 
-    What is joined across a column stands above what is joined to the next one, so that no line runs through a body.
+    A body that is joined across a column stands above one that is joined to the next column, so that no line runs through a body.
     """
     start = next((body.name for body in bodies if body.end == "input"), bodies[0].name)
     end = next((body.name for body in bodies if body.end == "output"), None)
@@ -87,7 +111,24 @@ def _places(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, tuple[in
 
 
 def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = "") -> str:
-    """The picture; links: between bodies that are there; below: a line of text under it."""
+    """Return the picture as SVG text.
+
+    Parameters
+    ----------
+    title : str
+        Text above the picture.
+    bodies : sequence of Body
+        The bodies.
+    links : sequence of Link
+        What joins two of these bodies.
+    below : str
+        A line of text under the picture.
+
+    Returns
+    -------
+    str
+        The SVG document.
+    """
     places = _places(bodies, links)
     notes = max(len(body.notes) for body in bodies)
     down = DOWN + 20 * notes
@@ -113,7 +154,7 @@ def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = 
 
 
 def _body(body: Body, x: int, y: int) -> list[str]:
-    """A body with what sits on it; x, y: of its corner."""
+    """Return the SVG elements of a body and of what sits on it, with its corner at x, y."""
     end = f" ({body.end})" if body.end and body.end != body.name else ""
     out = [
         f'<rect class="{"body" if body.inertia else "massless body"}" x="{x}" y="{y}" width="{WIDE}" height="{HIGH}" rx="6"/>',
@@ -137,7 +178,7 @@ def _body(body: Body, x: int, y: int) -> list[str]:
 
 
 def _line(a: tuple[int, int], b: tuple[int, int], link: Link, k: int) -> str:
-    """A line between two bodies with its text in the middle; k: how many there are between them already."""
+    """Return a line between two bodies with its text in the middle; k lines between the same bodies come before it."""
     if a[0] > b[0]:
         a, b = b, a
     same = a[0] == b[0]

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a driveline in which nothing happens: most steps of a rig, at a fraction of the cost.
+"""One step of a driveline in which no event happens: most steps of a rig, at a fraction of the cost.
 
-Called by the engine before plant/driveline_kernel.py, which does what this one leaves.
+The engine calls it before plant/driveline_kernel.py, which takes the steps that this one leaves.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def quiet_step(h: float, line: Record) -> bool:
-    """As `driveline_step` on a driveline's record (engine.world.driveline_dtype), where a look shows that nothing happens.
+    """Take a step like `driveline_step` on a driveline's record (engine.world.driveline_dtype) if no event can happen in it.
 
-    True if it is done; False if something may happen (a change of mode, a root, a limit, another set of stuck elements
-    than in the last step, a loss by torque that does not go on as it went): then nothing has changed, and
-    `driveline_step` has to be called, which solves the losses that are foretold here.
+    Returns True when the step is done. Returns False when something may happen: a change of mode, a root, a limit, another set of
+    stuck elements than in the last step, or a loss by torque that does not continue its course. Then nothing has changed, and
+    `driveline_step` has to be called; it solves the losses that are predicted here.
 
-    The compiler knows the sizes of the driveline from the record's type, and which elements the losses own.
+    The compiler knows the sizes of the driveline from the type of the record, and which elements the losses own.
     """
     w, sh, kc, q, cap, loss, v = line.w, line.sh, line.kc, line.q, line.cap, line.loss, line.v
     twist, mode, el, shaft, e_in, work, own = line.twist, line.mode, line.el, line.shaft, line.e_in, line.work, line.own.shape

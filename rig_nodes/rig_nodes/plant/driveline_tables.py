@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Characteristics that are linear between their points: values, slopes and exact means over a way. Used by plant/driveline_laws.py.
+"""Characteristics that are linear between their points: values, slopes and exact means over a way.
 
-A mean over a way is taken of the line itself, not of its ends, so that bends and jumps inside a step cost no order of accuracy,
-and what a spring stores is what it gives back.
+Used by plant/driveline_laws.py. A mean over a way is that of the line itself, not of its ends, so that bends and jumps inside a
+step do not lower the order of accuracy, and a spring gives back exactly what it stores.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 
 
 class Tables(NamedTuple):
-    """Tables one behind the other: that of k has points x, y from first[k] to first[k + 1] and goes on with the slopes ends
-    (k, 2) before and behind these, or repeats itself after period[k] > 0.
+    """Several tables in one set of arrays.
+
+    Table k has the points x, y from first[k] to first[k + 1]. Beyond them it goes on with the slopes `ends` (k, 2), before the
+    first and after the last point, or it repeats itself after period[k] > 0.
     """
 
     first: np.ndarray
@@ -37,7 +39,10 @@ class Tables(NamedTuple):
 
 
 class Table(NamedTuple):
-    """One table, checked: points, how it goes on ("flat", "straight") or the period after which it repeats itself, 0 for none."""
+    """One table that has been checked.
+
+    It has points x, y. Beyond its ends it goes on "flat" or "straight", or it repeats itself after `period`, which is 0 for none.
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -46,7 +51,29 @@ class Table(NamedTuple):
 
 
 def table_of(what: str, given: tuple[Sequence[float], Sequence[float]], beyond: str = "flat", period: float | None = None) -> Table:
-    """The table of an element for people called `what`; RigError where it is none."""
+    """Check a table and return it.
+
+    Parameters
+    ----------
+    what : str
+        What messages call the element of the table.
+    given : pair of sequences of float
+        Points and values.
+    beyond : str
+        How the table goes on beyond its ends, "flat" or "straight".
+    period : float, optional
+        Length after which it repeats itself.
+
+    Returns
+    -------
+    Table
+        The table.
+
+    Raises
+    ------
+    RigError
+        When the points and values are not a table, or do not span the period.
+    """
     try:
         x, y = (np.array(one, float) for one in given)
     except (TypeError, ValueError):
@@ -61,7 +88,7 @@ def table_of(what: str, given: tuple[Sequence[float], Sequence[float]], beyond: 
 
 
 def tables_of(tables: Sequence[Table]) -> Tables:
-    """As the compiled code wants them."""
+    """Return the tables in the form that the compiled code reads."""
     ends = np.zeros((len(tables), 2))
     for k, one in enumerate(tables):
         if one.beyond == "straight" and len(one.x) > 1:
@@ -76,18 +103,18 @@ def tables_of(tables: Sequence[Table]) -> Tables:
 
 
 def value_at(table: Table, x: float) -> float:
-    """Of a table at one point."""
+    """Return the value of a table at one point."""
     return float(value(tables_of([table]), 0, float(x)))
 
 
 def slope_at(table: Table, x: Floats | Sequence[float]) -> np.ndarray:
-    """Of a table at some points, to their right."""
+    """Return the slopes of a table at some points, to their right."""
     tables = tables_of([table])
     return np.array([line(tables, 0, piece(tables, 0, float(at)))[4] for at in x])
 
 
 def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
-    """Integral of a table from 0 to x."""
+    """Return the integral of a table from 0 to each x."""
     left, right = tables_of([table]).ends[0]
     knots, y = table.x, table.y
 
@@ -111,7 +138,7 @@ def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def piece(tables: Tables, k: int, x: float) -> int:
-    """Number of the straight piece of table k that reaches from x to the right; -1 is before the first point."""
+    """Return the number of the straight piece of table k that reaches from x to the right; -1 is before the first point."""
     noinline()
     first, last = tables.first[k], tables.first[k + 1] - 1
     turns = 0
@@ -134,7 +161,7 @@ def piece(tables: Tables, k: int, x: float) -> int:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, float, float]:
-    """(begin, end, value at a point of it, this point, slope) of a straight piece of table k."""
+    """Return (begin, end, value at one of its points, this point, slope) of a straight piece of table k."""
     noinline()
     first, last = tables.first[k], tables.first[k + 1] - 1
     shift = 0.0
@@ -152,12 +179,12 @@ def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, floa
     return tables.x[i] + shift, tables.x[i + 1] + shift, tables.y[i], tables.x[i] + shift, slope
 
 
-LEAST = 1e-150  # of a way whose square is a number
+LEAST = 1e-150  # least length of a way whose square is still a number
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def value(tables: Tables, k: int, x: float) -> float:
-    """Of table k at x."""
+    """Return the value of table k at x."""
     noinline()
     _, _, y, at, slope = line(tables, k, piece(tables, k, x))
     return y + slope * (x - at)
@@ -165,7 +192,7 @@ def value(tables: Tables, k: int, x: float) -> float:
 
 @njit(**INNER)
 def along(tables: Tables, k: int, x: float, dx: float) -> tuple[float, float]:
-    """(value at x, slope) of the straight line that begins with table k at x and has its mean on the way from x to x + dx."""
+    """Return (value at x, slope) of the line that begins on table k at x and has its mean over the way from x to x + dx."""
     noinline()
     number = piece(tables, k, x)
     begin, end, y, at, slope = line(tables, k, number)
@@ -178,7 +205,7 @@ def along(tables: Tables, k: int, x: float, dx: float) -> tuple[float, float]:
     start = y + slope * (x - at)
     if begin <= x + dx <= end or not LEAST < abs(dx) < np.inf:
         return start, slope
-    # the mean's distance from the start, piece by piece; what lies before the start is left out, and no large sums are subtracted
+    # sums the distance of the mean from the start value piece by piece, so that no large sums are subtracted
     total = 0.0
     here = x
     to = x + dx

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which speeds of a driveline are free: its gears, planetary sets and other linear relations, eliminated exactly.
+"""Finds which speeds of a driveline are free: eliminates its gears, planetary sets and other linear relations exactly.
 
-Used by plant/driveline.py. Bodies that gears alone join turn as one, by factors that are products of the gears' ratios; every
-other relation then takes away one of these speeds, that of a body without inertia where there is one.
+Used by plant/driveline.py. Bodies that gears alone join turn as one, by factors that are products of the gear ratios. Every
+other relation then removes one of these speeds, that of a body without inertia if there is one.
 """
 
 from __future__ import annotations
@@ -20,17 +20,34 @@ if TYPE_CHECKING:
     from rig_nodes.arrays import Floats
 
 GROUND = "ground"
-_SAME = 1e-9  # relative size of a difference that counts as none
+_SAME = 1e-9  # relative size up to which a difference counts as zero
 
 
 def bodies_from_speeds(
     inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]], relations: Mapping[str, Mapping[str, float]]
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """(n bodies whose speeds are free, speeds (b, n) of all bodies by theirs), from what ties the bodies together.
+    """Return the bodies whose speeds are free, and the speeds of all bodies by theirs.
 
-    inertia: of each body, 0 for one without; gears (a, b, ratio): w_a = ratio w_b; relations: by name, coefficients of bodies
-    whose speeds times these have the sum 0. Raises RigError for loops that cannot turn, for relations that say nothing
-    new and for bodies that could turn without moving any inertia.
+    Parameters
+    ----------
+    inertia : mapping of str to float
+        Inertia of each body, 0 for one without.
+    gears : sequence of (str, str, float)
+        Gears (a, b, ratio) with w_a = ratio w_b.
+    relations : mapping of str to mapping
+        By name, the coefficients of bodies; the sum of coefficients times speeds is 0.
+
+    Returns
+    -------
+    tuple of str
+        The n bodies whose speeds are free.
+    (b, n) array of float
+        Speeds of all bodies by the free ones.
+
+    Raises
+    ------
+    RigError
+        For loops that cannot turn, for relations that add nothing new and for bodies that could turn without moving any inertia.
     """
     bodies = tuple(inertia)
     root, factor = _gear_groups(inertia, gears)
@@ -65,8 +82,26 @@ def bodies_from_speeds(
 
 
 def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarray) -> np.ndarray:
-    """The n free speeds at the start, from those of some bodies; what these leave open stands still. RigError when they
-    contradict what ties the bodies together.
+    """Return the free speeds at the start from the speeds of some bodies; what they leave open stands still.
+
+    Parameters
+    ----------
+    given : mapping of str to float
+        Initial speeds of some bodies [rad/s].
+    bodies : sequence of str
+        Names of all bodies.
+    t : (b, n) array of float
+        Speeds of all bodies by the free ones.
+
+    Returns
+    -------
+    (n,) array of float
+        The free speeds [rad/s].
+
+    Raises
+    ------
+    RigError
+        When the speeds contradict what ties the bodies together.
     """
     v = np.zeros(t.shape[1])
     known: list[int] = []
@@ -94,7 +129,10 @@ def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarra
 
 
 def _gear_groups(inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]]) -> tuple[dict[str, str], dict[str, float]]:
-    """Root body of each group that gears join, one with inertia where there is one; every body's speed by its root's."""
+    """Return the root body of each group that gears join, and every body's speed by that of its root.
+
+    The root is a body with inertia if there is one.
+    """
     meshes = {name: [] for name in inertia}
     for a, b, ratio in gears:
         meshes[b].append((a, ratio))
@@ -121,7 +159,7 @@ def _gear_groups(inertia: Mapping[str, float], gears: Sequence[tuple[str, str, f
 
 
 def _moves_inertia(inertia: Mapping[str, float], free: Sequence[str], t: Floats) -> None:
-    """RigError when some body could turn while all those with inertia stand still."""
+    """Raise a RigError when some body could turn while all bodies with inertia stand still."""
     heavy = t[[j > 0.0 for j in inertia.values()]]
     if np.linalg.matrix_rank(heavy) == len(free):
         return

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The kiss pressure of a clutch's cylinder, in closed form; of the balance that plant.clutch steps through in time.
+"""Kiss pressure of a clutch's cylinder in closed form, from the balance that plant.clutch steps through in time.
 
-Used by transmission, and by the calibration, which holds it against the printed one.
+Used by transmission, and by the calibration, which compares it with the printed one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
 
     class Cylinder(Protocol):
-        """What is read of a cylinder, SI; parts.wet_clutch has the like."""
+        """Values of a cylinder that are read here, in SI units; parts.wet_clutch has a class with these values."""
 
         piston_area: float
         force_per_pressure_squared: float
@@ -26,10 +26,20 @@ if TYPE_CHECKING:
 
 
 def kiss_pressure(cylinder: Cylinder) -> float:
-    """Pressure [Pa, gauge] at which the rising piston meets the plates: springs and seals at the end of the clearance.
+    """Return the pressure at which the rising piston meets the plates.
 
-    The push is area p and a square term, the seals take a constant and a share of it. cylinder: a clutch.Cylinder, or
-    whatever has those of its values.
+    There the force of the pressure equals springs and seals at the end of the clearance. The force is area times p plus a square
+    term; the seals take a constant and a share of it.
+
+    Parameters
+    ----------
+    cylinder : Cylinder
+        A clutch's cylinder, or any object that has these values.
+
+    Returns
+    -------
+    float
+        Pressure [Pa, gauge].
     """
     resist = cylinder.spring_preload + cylinder.spring_rate * cylinder.clearance + cylinder.seal_friction
     slope, square = cylinder.piston_area, cylinder.force_per_pressure_squared

@@ -3,8 +3,8 @@
 
 """Vectors of a few numbers in registers, for compiled code that knows their length from the types of its arrays.
 
-Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read
-by the place of their first number that is wanted, whatever their dimensions.
+Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats. Arrays are C-contiguous, of float64, and are
+read from a given place on, whatever their dimensions.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _at(builder: ir.IRBuilder, data: ir.Value, begin: ir.Value, i: int) -> ir.Va
 def vector(
     _context: TypingContext, array: types.Array, begin: types.Type, like: types.NestedArray
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """As many numbers of an array from its place ``begin`` on as ``like``, an array of known length, has."""
+    """Return as many numbers of an array, from its place ``begin`` on, as the array ``like`` of known length has."""
     count = like.shape[0]
 
     def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
@@ -52,7 +52,7 @@ def vector(
 def put(
     _context: TypingContext, array: types.Array, begin: types.Type, values: types.UniTuple
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """The values to an array, from its place ``begin`` on."""
+    """Write the values to an array, from its place ``begin`` on."""
 
     def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         data = _numbers(context, builder, array, arguments[0])
@@ -77,7 +77,7 @@ def _sum(builder: ir.IRBuilder, one: Callable[[int], ir.Value], other: Callable[
 
 @intrinsic
 def dot(_context: TypingContext, a: types.UniTuple, b: types.UniTuple) -> tuple[Signature, Callable[..., ir.Value]]:
-    """The sum of a times b."""
+    """Return the sum of a times b."""
 
     def build(_: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         one, other = (cgutils.unpack_tuple(builder, value) for value in arguments)
@@ -90,7 +90,7 @@ def dot(_context: TypingContext, a: types.UniTuple, b: types.UniTuple) -> tuple[
 def add(
     _context: TypingContext, a: types.UniTuple, share: types.Type, b: types.UniTuple
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """A + share b."""
+    """Return the vector a + share b."""
 
     def build(_: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         return _each(builder, lambda x, y: builder.fadd(x, builder.fmul(arguments[1], y)), arguments[0], arguments[2])
@@ -100,7 +100,7 @@ def add(
 
 @intrinsic
 def scaled(_context: TypingContext, share: types.Type, a: types.UniTuple) -> tuple[Signature, Callable[..., ir.Value]]:
-    """Share a."""
+    """Return the vector share times a."""
 
     def build(_: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         return _each(builder, lambda x: builder.fmul(arguments[0], x), arguments[1])
@@ -112,7 +112,7 @@ def scaled(_context: TypingContext, share: types.Type, a: types.UniTuple) -> tup
 def product(
     _context: TypingContext, array: types.Array, begin: types.Type, a: types.UniTuple
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """The square matrix that begins at a place of an array, row by row, times a."""
+    """Return the product with a of the square matrix that begins at a place of an array, row by row."""
     count = a.count
 
     def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
@@ -133,7 +133,7 @@ def product(
 
 @intrinsic
 def room(_context: TypingContext, like: types.NestedArray) -> tuple[Signature, Callable[..., ir.Value]]:
-    """An array on the stack with as many numbers as ``like``, an array of known length, has; nobody has set them."""
+    """Return an array on the stack, not initialised, with as many numbers as the array ``like`` of known length has."""
     made, count = types.Array(types.float64, 1, "C"), like.shape[0]
 
     def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> ir.Value:
