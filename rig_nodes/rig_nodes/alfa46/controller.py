@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Alfa46 box as an object: orders in, duty out, one call per controller sample.
+"""The Alfa46 controller as an object: it takes orders and returns duties, with one call per controller sample.
 
 Used by the alfa46 node (a process of its own); the embedded controller of the kernel runs the same law.
 """
@@ -24,7 +24,24 @@ if TYPE_CHECKING:
 
 
 def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> str | None:
-    """Why an order cannot be taken, or None. box: whose gears there are."""
+    """Return why an order cannot be accepted, or None when it can.
+
+    Parameters
+    ----------
+    gear : int
+        Number of the gear that is ordered.
+    current_gear : int
+        Number of the gear that was ordered last.
+    shifting : bool
+        True while a shift is running.
+    box : Transmission
+        The transmission with its gears.
+
+    Returns
+    -------
+    str or None
+        The reason.
+    """
     if gear not in box.names:
         return f"there is no gear {gear}; order {box.spoken}"
     if gear and (gear > law.GEARS or not box.outputs(gear)):
@@ -37,9 +54,14 @@ def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> 
 
 
 class Alfa46:
-    """The shift controller. Samples are counted by the rig; times are samples times the sample period.
+    """The shift controller. The rig counts the samples; a time is a number of samples times the sample period.
 
-    transmission: whose gears can be ordered; each moves the outputs of its clutches' valves.
+    Parameters
+    ----------
+    config : Alfa46Config
+        The settings.
+    transmission : Transmission
+        The transmission whose gears can be ordered; each gear drives the outputs of the valves of its clutches.
     """
 
     def __init__(self, config: Alfa46Config, transmission: Transmission) -> None:
@@ -53,13 +75,32 @@ class Alfa46:
 
     @classmethod
     def load(cls, config: Alfa46Config, transmission: Transmission) -> None:
-        """Load (or compile) everything the box will call, so that no sample waits for it."""
+        """Load or compile everything that the controller will call, so that no sample has to wait for it.
+
+        Parameters
+        ----------
+        config : Alfa46Config
+            The settings.
+        transmission : Transmission
+            The transmission whose gears can be ordered.
+        """
         box = cls(config, transmission)
         box.order(law.GEAR_I)
         box.step(0, np.zeros(law.OUTPUTS))
 
     def order(self, gear: int) -> None:
-        """Order a gear; it takes effect at the next sample. RigError with the reason when refused."""
+        """Order a gear; the order takes effect at the next sample.
+
+        Parameters
+        ----------
+        gear : int
+            Number of the gear.
+
+        Raises
+        ------
+        RigError
+            When the order is refused, with the reason.
+        """
         why = refusal(
             gear,
             self.gear if self._ordered is None else self._ordered,
@@ -71,7 +112,22 @@ class Alfa46:
         self._ordered = gear
 
     def step(self, sample: int, currents: Sequence[float] | Floats) -> tuple[np.ndarray, np.ndarray]:
-        """One controller sample: measured coil currents (3,) [A] in, duty (3,) and setpoints (3,) [A] out."""
+        """Take one controller sample.
+
+        Parameters
+        ----------
+        sample : int
+            Number of the sample.
+        currents : (3,) sequence of float
+            Measured coil currents [A].
+
+        Returns
+        -------
+        duty : (3,) array of float
+            Duty of each output, 0 to 1.
+        setpoint : (3,) array of float
+            Current setpoint of each output [A].
+        """
         if self._ordered is not None:
             law.order_gear(self._ordered, sample, self._config[0], self._profiles, self._outputs, self._state[0])
             self._ordered = None
@@ -80,21 +136,26 @@ class Alfa46:
         return self._outputs["duty"], self._outputs["setpoint"]
 
     def force_neutral(self) -> None:
-        """Neutral at once, without the falling halves of the profiles: the rig has tripped and drives no coil."""
+        """Go to neutral at once, without the falling halves of the profiles, because the rig has tripped and drives no coil."""
         self._outputs[:] = np.zeros(1, law.LAW_OUTPUT)
         self._state["gear"], self._state["shift_end"] = law.NEUTRAL, 0
         self._ordered = None
 
     def outputs_in_shift(self) -> np.ndarray:
-        """Which outputs the running shift moves (3,); none between shifts."""
+        """Return which outputs (3,) the running shift changes; none between shifts."""
         moved = (self._outputs["pending"] != law.OFF) | (self._outputs["phase"] == law.FALLING)
         moved[list(self.transmission.outputs(self.gear))] = True
         return moved & self.shifting
 
     def change(self, config: Alfa46Config) -> None:
-        """Go on with other settings from the next sample on; for outputs that no shift moves.
+        """Use other settings from the next sample on; only the settings of outputs that no shift changes may differ.
 
-        An output past its last point stays there, whatever the new times are: only its hold current follows.
+        An output that has passed its last point stays there, whatever the new times are: only its hold current follows.
+
+        Parameters
+        ----------
+        config : Alfa46Config
+            The new settings.
         """
         now, period = self._state["sample"][0], config.values.sample_time
         for k, out in enumerate(self._outputs):
@@ -107,15 +168,15 @@ class Alfa46:
 
     @property
     def gear(self) -> int:
-        """Gear ordered last."""
+        """Number of the gear that was ordered last."""
         return int(self._state["gear"][0])
 
     @property
     def shifting(self) -> bool:
-        """True until the last point of every running profile has passed."""
+        """True until every running profile has passed its last point."""
         return bool(self._state["sample"][0] < self._state["shift_end"][0])
 
     @property
     def active(self) -> np.ndarray:
-        """Which outputs are on (3,): from switch-on to the end of the profile's falling half."""
+        """Which outputs (3,) are on: from switch-on to the end of the falling half of the profile."""
         return self._outputs["phase"] != law.OFF

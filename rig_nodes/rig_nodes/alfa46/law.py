@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The law of the Alfa46 box, compiled: six-point current profiles, shift delays, PID on the coil current.
+"""The compiled law of the Alfa46: current profiles of six points, shift delays, and a PID on the coil current.
 
-Called by the engine (embedded controller) and by alfa46.controller (a process of its own) alike, once per sample.
+Called once per sample by the engine (embedded controller) and by alfa46.controller (a process of its own).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numba import njit
 if TYPE_CHECKING:
     from ..arrays import Floats, Record
 
-OUTPUTS = 3  # the box drives up to three valves
-GEARS = 7  # as many as there are choices of outputs
+OUTPUTS = 3  # the controller drives up to three valves
+GEARS = 7  # number of combinations of outputs
 NEUTRAL, GEAR_I, GEAR_II, GEAR_III = 0, 1, 2, 3
 
 LAW_CONFIG = np.dtype(
@@ -34,8 +34,8 @@ LAW_CONFIG = np.dtype(
         ("t32", "f8"),
         ("drives", "i8", (GEARS + 1,)),
     ]
-)  # drives: of each gear by its number, bit k: output k
-# phase of an output: 0 off, 1 rising or on, 2 falling; start: sample of the switch signal of that phase
+)  # drives: by number of the gear, bit k is set where the gear drives output k
+# phase of an output: 0 off, 1 rising or on, 2 falling; start: sample of the switch signal that began this phase
 LAW_OUTPUT = np.dtype(
     [
         ("phase", "f8"),
@@ -55,10 +55,26 @@ OFF, ON, FALLING = 0.0, 1.0, 2.0
 
 @njit(cache=True, error_model="numpy", forceinline=False)
 def profile_current(elapsed: float, rising: bool, level: float, points: Floats) -> float:
-    """Current setpoint [A], ``elapsed`` seconds after the switch signal.
+    """Return the current setpoint at a time after the switch signal.
 
-    points: (6, 2) times [s] and currents [A]. P1-P3 count from switch-on and start at no current, P4-P6 from
-    switch-off and start at the current ``level`` of that moment; straight lines in between (thesis 3.4).
+    P1-P3 count from switch-on and start at no current; P4-P6 count from switch-off and start at the current of that moment. The
+    current is linear in between (thesis 3.4).
+
+    Parameters
+    ----------
+    elapsed : float
+        Time since the switch signal [s].
+    rising : bool
+        True after switch-on, False after switch-off.
+    level : float
+        Current at switch-off [A].
+    points : (6, 2) array of float
+        Times [s] and currents [A] of P1-P6.
+
+    Returns
+    -------
+    float
+        Current setpoint [A].
     """
     first = 0 if rising else 3
     t0 = 0.0
@@ -73,11 +89,26 @@ def profile_current(elapsed: float, rising: bool, level: float, points: Floats) 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
 def order_gear(gear: int, sample: int, config: Record, profiles: Floats, outputs: Record, state: Record) -> None:
-    """Take a gear order at a sample: schedules switch-on and switch-off with the delay of this change.
+    """Accept a gear order at a sample: schedule switch-on and switch-off with the delay of this change of gear.
 
-    A negative delay energises the engaging valves that much before the releasing ones are switched off; a positive
-    one lets them wait; only changes to the next gear have one. An output of both gears stays as it is. Orders are checked by
-    the caller (gear already in, shift running).
+    A negative delay energises the engaging valves that much before the releasing ones are switched off; a positive delay energises
+    them that much later. Only changes to the next gear have a delay. An output of both gears stays as it is. The caller checks the
+    order (gear already in, shift running).
+
+    Parameters
+    ----------
+    gear : int
+        Number of the gear.
+    sample : int
+        Number of the sample.
+    config : Record
+        Record of LAW_CONFIG.
+    profiles : (OUTPUTS, 6, 2) array of float
+        Times [s] and currents [A] of the profiles.
+    outputs : (OUTPUTS,) record array
+        Records of LAW_OUTPUT, which are changed.
+    state : Record
+        Record of LAW_STATE, which is changed.
     """
     old = int(state.gear)
     delay = 0.0
@@ -108,10 +139,21 @@ def order_gear(gear: int, sample: int, config: Record, profiles: Floats, outputs
 
 @njit(cache=True, error_model="numpy", forceinline=False)
 def current_loop(active: bool, current: float, out: Record, config: Record) -> None:
-    """One sample of an output's power stage: PID on the measured coil current [A], leaves its duty in ``out``.
+    """Take one sample of an output's power stage: a PID on the measured coil current sets the duty in ``out``.
 
-    In volts of coil voltage, with a filtered derivative; the integral is held inside the supply (no wind-up);
+    The PID works in volts of coil voltage, with a filtered derivative. Its integral is held inside the supply (no wind-up);
     duty = voltage / supply, 0 to 1. An output that is not active gets no duty.
+
+    Parameters
+    ----------
+    active : bool
+        Whether the output is on.
+    current : float
+        Measured coil current [A].
+    out : Record
+        Record of LAW_OUTPUT, which is changed.
+    config : Record
+        Record of LAW_CONFIG.
     """
     if not active:
         out.duty = 0.0
@@ -129,7 +171,23 @@ def current_loop(active: bool, current: float, out: Record, config: Record) -> N
 
 @njit(cache=True, error_model="numpy", forceinline=False)
 def law_step(sample: int, currents: Floats, config: Record, profiles: Floats, outputs: Record, state: Record) -> None:
-    """One controller sample: reads the measured coil currents (3,) [A], leaves duty and setpoint in ``outputs``."""
+    """Take one controller sample: set duty and setpoint in ``outputs`` by the measured coil currents.
+
+    Parameters
+    ----------
+    sample : int
+        Number of the sample.
+    currents : (OUTPUTS,) array of float
+        Measured coil currents [A].
+    config : Record
+        Record of LAW_CONFIG.
+    profiles : (OUTPUTS, 6, 2) array of float
+        Times [s] and currents [A] of the profiles.
+    outputs : (OUTPUTS,) record array
+        Records of LAW_OUTPUT, which are changed.
+    state : Record
+        Record of LAW_STATE, which is changed.
+    """
     state.sample = sample
     for k in range(OUTPUTS):
         out = outputs[k]

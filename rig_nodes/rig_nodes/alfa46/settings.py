@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the Alfa46: profiles, delays, gains, read and checked from YAML.
+"""Settings of the Alfa46, which are profiles, delays and gains, read from YAML and checked.
 
-Used by testbench.configuration; alfa46.law runs on the numbers that come out of here.
+Used by testbench.configuration; alfa46.law runs on the numbers that this module returns.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
 
 @dataclass(frozen=True)
 class Alfa46Values:
-    """Scalar settings; delays are those of the changes between two gears that follow each other."""
+    """Scalar settings; each delay is that of the change between two gears that follow each other."""
 
     sample_time: float = param("time", SAMPLE, SAMPLE, "Time between two samples of the controller")
     pwm_frequency: float = param("frequency", 10.0, 1e5, "Frequency of the PWM on the coils")
@@ -59,13 +59,32 @@ class Alfa46Values:
 
 @dataclass(frozen=True)
 class Alfa46Config:
-    """Everything the box is set to. profiles: (outputs, 6, 2), time [s] and current [A]."""
+    """All settings of the controller.
+
+    Parameters
+    ----------
+    values : Alfa46Values
+        Scalar settings.
+    profiles : (outputs, 6, 2) array of float
+        Time [s] and current [A] of each point of the profiles.
+    """
 
     values: Alfa46Values
     profiles: np.ndarray
 
     def law_config(self, box: Transmission) -> np.ndarray:
-        """One record for the compiled law. box: the transmission (rig_nodes.transmission) whose gears can be ordered."""
+        """Return the settings as a record for the compiled law.
+
+        Parameters
+        ----------
+        box : Transmission
+            The transmission (rig_nodes.transmission) whose gears can be ordered.
+
+        Returns
+        -------
+        (1,) record array
+            Record of law.LAW_CONFIG.
+        """
         record = np.zeros(1, law.LAW_CONFIG)
         record["period"] = self.values.sample_time
         for gear in box.gears:
@@ -77,16 +96,37 @@ class Alfa46Config:
         return record
 
     def as_dict(self) -> dict:
-        """Plain SI values for the run's record."""
+        """Return plain SI values for the record of a run."""
         out = {f.name: getattr(self.values, f.name) for f in fields(self.values)}
         out["profiles"] = {key: self.profiles[k].tolist() for k, key in enumerate(OUTPUT_KEYS)}
         return out
 
 
 def read_profile(node: Any, path: str | Path, what: str, limit: float) -> np.ndarray:
-    """(6, 2) times and currents of P1-P6; RigError when times do not increase or a current is out of bounds.
+    """Read the times and currents of P1-P6.
 
-    P1-P3 must increase among themselves, and P4-P6 too: each half counts from its own switch signal.
+    P1-P3 must increase among themselves, and so must P4-P6: each half counts from its own switch signal.
+
+    Parameters
+    ----------
+    node : Any
+        The loaded map of the profile.
+    path : str or Path
+        The file, for messages.
+    what : str
+        Name of the profile in messages.
+    limit : float
+        Largest current [A].
+
+    Returns
+    -------
+    (6, 2) array of float
+        Times [s] and currents [A].
+
+    Raises
+    ------
+    RigError
+        When times do not increase or a current is out of bounds.
     """
     check_keys(path, node, POINTS, POINTS, what)
     points = np.zeros((6, 2))
@@ -101,7 +141,24 @@ def read_profile(node: Any, path: str | Path, what: str, limit: float) -> np.nda
 
 
 def check_point(points: np.ndarray, k: int, where: str, limit: float) -> None:
-    """Point k of a profile (6, 2), those before it being right; RigError as :func:`read_profile`."""
+    """Check point k of a profile whose earlier points are right.
+
+    Parameters
+    ----------
+    points : (6, 2) array of float
+        Times [s] and currents [A].
+    k : int
+        Number of the point, from 0.
+    where : str
+        Name of the point in messages.
+    limit : float
+        Largest current [A].
+
+    Raises
+    ------
+    RigError
+        As for :func:`read_profile`.
+    """
     time, current = points[k]
     if not 0.0 <= current <= limit:
         raise RigError(f"{where} asks for {current * 1e3:g} mA; the valve takes 0 to {limit * 1e3:g} mA")
@@ -114,7 +171,20 @@ def check_point(points: np.ndarray, k: int, where: str, limit: float) -> None:
 
 
 def check_gains(level: str, names: Iterable[str]) -> None:
-    """RigError where settings of these names are gains of a loop that the controller does not close at its level."""
+    """Check that no gain is set of a loop that the controller does not close at its level.
+
+    Parameters
+    ----------
+    level : str
+        Level of the controller.
+    names : iterable of str
+        Names of the settings.
+
+    Raises
+    ------
+    RigError
+        When one of the settings is a gain of the current loop and the level is "current".
+    """
     gain = next((name for name in names if name in CURRENT_LOOP), None)
     if gain is not None and level == "current":
         raise RigError(
@@ -124,13 +194,46 @@ def check_gains(level: str, names: Iterable[str]) -> None:
 
 
 def check_profile(points: np.ndarray, what: str, limit: float) -> None:
-    """A whole profile (6, 2), times [s] and currents [A]; RigError as :func:`read_profile`."""
+    """Check a whole profile.
+
+    Parameters
+    ----------
+    points : (6, 2) array of float
+        Times [s] and currents [A].
+    what : str
+        Name of the profile in messages.
+    limit : float
+        Largest current [A].
+
+    Raises
+    ------
+    RigError
+        As for :func:`read_profile`.
+    """
     for k, name in enumerate(POINTS):
         check_point(points, k, f"{what}.{name}", limit)
 
 
 def read_alfa46(path: str | Path, node: Any = None) -> Alfa46Config:
-    """The settings of a file (or of an already loaded map of it); RigError with file and line."""
+    """Read the settings from a file, or from a map of it that is loaded already.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    node : Any, optional
+        The loaded map.
+
+    Returns
+    -------
+    Alfa46Config
+        The settings.
+
+    Raises
+    ------
+    RigError
+        With file and line, when a setting is not valid.
+    """
     node = load_yaml(path) if node is None else node
     values = build(Alfa46Values, node, path, "alfa46", others=("profiles",))
     check_keys(path, node, node, ("profiles",), "alfa46")

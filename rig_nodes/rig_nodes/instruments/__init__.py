@@ -3,7 +3,7 @@
 
 """Transducers and loggers of the laboratory.
 
-Importing it points numba's cache at a folder of its own before numba is loaded.
+Importing it sets the folder of numba's cache before numba is loaded.
 """
 
 from ..compiled import use_kernel_cache

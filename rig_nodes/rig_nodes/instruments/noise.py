@@ -3,7 +3,7 @@
 
 """Counter-based noise: the same (seed, channel, sample) gives the same number, whatever was drawn before.
 
-Called by the engine and testbench.gauges; it is what makes a run independent of how it is cut into pieces.
+Called by the engine and testbench.gauges; because of it a run does not depend on how it is cut into pieces.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ def _mix(z: np.uint64) -> np.uint64:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def channel_key(seed: int, channel: int) -> np.uint64:
-    """Where the numbers of a channel begin (uint64), for :func:`noise_at`."""
+    """Return the key (uint64) at which the numbers of a channel begin, for :func:`noise_at`."""
     return _mix(np.uint64(seed) * _GOLDEN + np.uint64(channel) * _CHANNEL)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def noise_at(key: np.uint64, sample: int) -> float:
-    """A number of zero mean and unit variance: sum of four 16-bit uniforms, so never beyond 3.5."""
+    """Return a number of zero mean and unit variance, the sum of four 16-bit uniforms, which is never beyond 3.5."""
     z = _mix(key + np.uint64(sample) * _GOLDEN)
     low = np.uint64(0xFFFF)
     total = float(z & low) + float((z >> np.uint64(16)) & low)
@@ -42,6 +42,6 @@ def noise_at(key: np.uint64, sample: int) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def uniform(seed: int, channel: int, sample: int) -> float:
-    """A number from 0 to below 1, each as likely as the other."""
+    """Return a number from 0 to below 1, uniformly distributed."""
     z = _mix(channel_key(seed, channel) + np.uint64(sample) * _GOLDEN)
     return float(z >> np.uint64(11)) / 9007199254740992.0  # 53 bits

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What lies between a true value and a logger row: analog transducer, encoder, mains, the logger's converter.
+"""What lies between a true value and a logger row: analog transducer, encoder, mains hum, and the logger's converter.
 
-Compiled parts are called by the engine for each channel and row; testbench.gauges fills the table that they read.
+The engine calls the compiled functions for each channel and row; testbench.gauges fills the table that they read.
 """
 
 from __future__ import annotations
@@ -23,25 +23,40 @@ if TYPE_CHECKING:
 
     from ..arrays import Floats, Record
 
-# rows of the table, a column for each channel of the logger, SI:
-# NOISE standard deviation; LOW, HIGH range; QUANTUM step of the converter; GAIN, OFFSET class error; KEEP share of the
-# low pass's last output that is left after a row; HUM amplitude of the mains; PICKUP height of the induced coil pulses;
-# STEP of an encoder's reading, 0 for analog channels; TURN counts of an encoder per rad/s and row
+# Rows of the table, which has a column for each channel of the logger, in SI units:
+# NOISE: standard deviation; LOW, HIGH: range; QUANTUM: step of the converter; GAIN, OFFSET: class error; KEEP: share of the
+# low pass's last output that is left after a row; HUM: amplitude of the mains; PICKUP: height of the induced coil pulses;
+# STEP: step of an encoder's reading, 0 for analog channels; TURN: counts of an encoder per rad/s and row
 NOISE, LOW, HIGH, QUANTUM, GAIN, OFFSET, KEEP, HUM, PICKUP, STEP, TURN = range(11)
 ROWS = 11
-HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # of the mains and their shares of the first, assumed: a supply with rectifier
+HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # harmonics of the mains with their shares of the first, assumed: a supply with a rectifier
 SQRT2 = sqrt(2.0)
-WIDTH = 8  # of a vector of the processor: the lanes of a logger are a multiple of it
+WIDTH = 8  # numbers in a vector of the processor: the number of lanes of a logger is a multiple of it
 
 
 def shown_dtype(channels: int, untouched: int, encoders: int) -> np.dtype:
-    """All channels of a logger side by side, for :func:`show`.
+    """Return the type of the record with all channels of a logger side by side, for :func:`show`.
 
-    table: as above; white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the
-    encoders, in counts; counted: their counters a gate ago, then now; fineness: steps of the converter per unit; induced:
-    voltage of the coils less its mean; mains: hum; row: true values, then what is shown; encoder: channels that are
-    encoders; source: place of each channel's true value in the world; untouched: values of the last channels, which no
-    transducer shows, and where they are; pickup, noisy > 0: somebody has some; present > 0: there are transducers.
+    Its fields are: table, as described above; white: noise of the analog channels; keys: keys of the noise; state: state of the low
+    passes; angle: angle of the encoders in counts; counted: their counters one gate ago, then now; fineness: steps of the converter
+    per unit; induced: voltage of the coils less its mean; mains: hum; row: true values, then the values shown; encoder: channels
+    that are encoders; source: place of each channel's true value in the world; untouched, untouched_source: values of the last
+    channels, which no transducer shows, and their places; pickup > 0, noisy > 0: some channel has pickup or noise; present > 0:
+    there are transducers.
+
+    Parameters
+    ----------
+    channels : int
+        Number of channels that transducers show.
+    untouched : int
+        Number of the last channels, which no transducer shows.
+    encoders : int
+        Number of encoders.
+
+    Returns
+    -------
+    numpy.dtype
+        Type of the record.
     """
     lanes = -(-max(channels, 1) // WIDTH) * WIDTH
     return one_record(
@@ -70,9 +85,21 @@ def shown_dtype(channels: int, untouched: int, encoders: int) -> np.dtype:
 
 
 def mains(step: float, frequency: float, phase: float) -> np.ndarray:
-    """Hum of unit fundamental at rows every ``step`` [s], as many as it takes until it repeats; at most one second.
+    """Return the hum of unit fundamental at successive rows until it repeats, or for one second at most.
 
-    frequency [Hz]; phase: share of a period that has passed at row 0.
+    Parameters
+    ----------
+    step : float
+        Time from row to row [s].
+    frequency : float
+        Frequency of the mains [Hz].
+    phase : float
+        Share of a period that has passed at row 0.
+
+    Returns
+    -------
+    (rows,) array of float
+        Hum at each row.
     """
     rows = Fraction(step * frequency).limit_denominator(round(1.0 / step)).denominator
     angle = 2.0 * np.pi * (phase + frequency * step * np.arange(rows))
@@ -81,9 +108,27 @@ def mains(step: float, frequency: float, phase: float) -> np.ndarray:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def analog(true: float, disturbance: float, c: int, table: Floats, state: Floats) -> float:
-    """Output of an analog transducer behind its first-order low pass, whose last output stands in ``state``.
+    """Return the output of an analog transducer behind its first-order low pass.
 
-    disturbance: what mains and coils induce, beside the class error; the exact solution for an input held over a row.
+    It is the exact solution for an input that is held over a row.
+
+    Parameters
+    ----------
+    true : float
+        True value.
+    disturbance : float
+        What mains and coils induce, in addition to the class error.
+    c : int
+        Column of the channel.
+    table : (ROWS, channels) array of float
+        The table.
+    state : (channels,) array of float
+        Last output of the low pass, which is changed.
+
+    Returns
+    -------
+    float
+        Output of the transducer.
     """
     value = table[GAIN, c] * true + table[OFFSET, c] + disturbance
     state[c] = value + table[KEEP, c] * (state[c] - value)
@@ -92,11 +137,32 @@ def analog(true: float, disturbance: float, c: int, table: Floats, state: Floats
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def encoder(speed: float, index: int, c: int, key: np.uint64, table: Floats, state: Floats, counts: Floats) -> float:
-    """Speed [rad/s] from the pulses of an incremental encoder, counted over the gate that ends with this row.
+    """Return the speed from the pulses of an incremental encoder, counted over the gate that ends with this row.
 
-    ``state`` has the angle in counts; counts (gate in rows, channels): the counter at the rows of one gate. So the
-    reading is a whole number of steps, and what is cut off one reading comes with a later one. The noise is that of the
-    pulses' places on the disc: a standing disc has none.
+    The reading is a whole number of steps, and what is cut off one reading comes with a later one. The noise is that of the places
+    of the pulses on the disc, so a disc at rest has none.
+
+    Parameters
+    ----------
+    speed : float
+        True speed [rad/s].
+    index : int
+        Number of the row.
+    c : int
+        Column of the channel.
+    key : uint64
+        Key of the noise.
+    table : (ROWS, channels) array of float
+        The table.
+    state : (channels,) array of float
+        Angle in counts, which is changed.
+    counts : (gate in rows, channels) array of float
+        Counter at the rows of one gate, which is changed.
+
+    Returns
+    -------
+    float
+        Reading [rad/s].
     """
     state[c] += table[TURN, c] * speed
     place = state[c]
@@ -112,7 +178,7 @@ def encoder(speed: float, index: int, c: int, key: np.uint64, table: Floats, sta
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def logged(value: float, c: int, table: Floats) -> float:
-    """The value held inside the channel's range, in steps of the logger's converter."""
+    """Return the value limited to the range of channel c, in steps of the logger's converter."""
     value = min(max(value, table[LOW, c]), table[HIGH, c])
     quantum = table[QUANTUM, c]
     return round(value / quantum) * quantum if quantum > 0.0 else value
@@ -120,7 +186,7 @@ def logged(value: float, c: int, table: Floats) -> float:
 
 @njit(cache=True, error_model="numpy")
 def take(shown: Record, table: Floats, keys: npt.NDArray[np.uint64], state: Floats) -> None:
-    """Copy the arrays of testbench.gauges, into a record of :func:`shown_dtype`."""
+    """Copy the arrays of testbench.gauges into a record of :func:`shown_dtype`."""
     shown.pickup = shown.noisy = 0.0
     for c in range(shown.source.shape[0]):
         for i in range(ROWS):
@@ -137,30 +203,30 @@ def take(shown: Record, table: Floats, keys: npt.NDArray[np.uint64], state: Floa
 
 @njit(cache=True, error_model="numpy")
 def give(shown: Record, state: Floats) -> None:
-    """Copy what transducers remember back into the array of testbench.gauges."""
+    """Copy the states of the transducers back into the array of testbench.gauges."""
     for c in range(shown.source.shape[0]):
         state[c] = shown.angle[c] if shown.table[STEP, c] > 0.0 else shown.state[c]
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def encode(shown: Record, c: int, index: int) -> None:
-    """:func:`encoder` on a channel of a record of :func:`shown_dtype`, if it has one."""
+    """Apply :func:`encoder` to a channel of a record of :func:`shown_dtype`, if the channel has an encoder."""
     table = shown.table
     if table[STEP, c] > 0.0:
         speed = shown.row[c]
         place = shown.angle[c] = shown.angle[c] + table[TURN, c] * speed
         if table[NOISE, c] > 0.0 and speed != 0.0:
             place += table[NOISE, c] / (SQRT2 * table[STEP, c]) * noise_at(shown.keys[c], index)
-        count = np.floor(place)  # a float, which takes no way through whole numbers
+        count = np.floor(place)  # a float, so that it is not converted to a whole number and back
         shown.row[c] = (count - shown.counted[c]) * table[STEP, c]
         shown.counted[c] = count
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def show(shown: Record, index: int) -> None:
-    """True values in a record of :func:`shown_dtype` as analog transducers and the converter show them, all channels at once.
+    """Replace the true values in a record of :func:`shown_dtype` by what analog transducers and converter show.
 
-    The same as :func:`analog`, noise and :func:`logged` one by one, without a branch.
+    It does the same as :func:`analog`, noise and :func:`logged` one by one, without a branch, for all channels at once.
     """
     table, row, state = shown.table, shown.row, shown.state
     for c in range(row.shape[0]):
@@ -175,5 +241,5 @@ def show(shown: Record, index: int) -> None:
     for c in range(row.shape[0]):
         value = min(max(row[c], table[LOW, c]), table[HIGH, c])
         quantum = table[QUANTUM, c]
-        steps = np.rint(value * shown.fineness[c]) * quantum + 0.0  # no zero with a sign
+        steps = np.rint(value * shown.fineness[c]) * quantum + 0.0  # + 0.0 removes the sign of a negative zero
         row[c] = steps if quantum > 0.0 else value
