@@ -3,7 +3,7 @@
 
 """Plate pack whose line has a prescribed pressure, piecewise cubic in the time since its order: chapter 9's clutches.
 
-A part of the engine for comparing model with model; nothing of a valve or a cylinder acts in it.
+It is a part of the engine for comparing one model with another; no valve and no cylinder acts in it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Force:
-    """Force on the plates: square p^2 + linear p + offset (Annex D) less the springs' at the kiss point."""
+    """Force on the plates: square p^2 + linear p + offset (Annex D) less the force of the springs at the kiss point."""
 
     force_square: float = param("force per pressure squared", 0.0, 1e-6, "Force on the plates per pressure squared")
     force_linear: float = param("area", 0.0, 1.0, "Force on the plates per pressure, beside the square one")
@@ -39,17 +39,29 @@ class Force:
 
 @njit(**INLINED)
 def prescribed_clamp(pressure: float, clutch: Record) -> float:
-    """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
+    """Return the clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
     push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
     return max(0.0, push - clutch.contact_force)
 
 
 @njit(error_model="numpy")
 def prescribed_pressure(since: float, phase: float, pieces: Floats) -> float:
-    """Pressure [Pa] ``since`` s after the switch signal of a valve's phase; none before the first.
+    """Return the pressure at a time after the switch signal of a valve's phase; it is 0 before the first signal.
 
-    pieces (2, n, 5): for switching on and off, rows of end [s] and the coefficients of a cubic [Pa, s], lowest power
-    first; a row without end is the last one.
+    Parameters
+    ----------
+    since : float
+        Time since the switch signal [s].
+    phase : float
+        Phase of the valve's output.
+    pieces : (2, n, 5) array of float
+        For switching on and off, rows with the end [s] and the coefficients of a cubic [Pa, s], lowest power first. The last row
+        has no end.
+
+    Returns
+    -------
+    float
+        Pressure [Pa].
     """
     if phase == OFF:
         return 0.0
@@ -63,20 +75,20 @@ def prescribed_pressure(since: float, phase: float, pieces: Floats) -> float:
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """What the step's length makes of the plates' cooling."""
+    """Compute the values of the plates' cooling that depend on the step's length."""
     plates.fill_plates(world.values.curve_clutch[k], h)
 
 
 @njit(**INLINED)
 def ordered(world: Record, k: int, outputs: Record, steps_per_sample: int, h: float) -> None:
-    """Note when which way of the curve began."""
+    """Record which branch of the curve began, and when."""
     me, out = world.parts.curve_clutch[k], outputs[world.values.curve_clutch[k].output]
     me.phase, me.began = out.phase, out.start * steps_per_sample
 
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Pressure of the curve at the step's end, and the pack under it."""
+    """Set the pressure of the curve at the step's end, and the pack under it."""
     me, my = world.parts.curve_clutch[k], world.values.curve_clutch[k]
     drag = plates.capacities_before(me, my, world.driveline.cap)
     me.chamber = world.oil[my.line].pressure = prescribed_pressure((round(t / h) + 1 - me.began) * h, me.phase, my.pieces)
@@ -87,11 +99,11 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Heat and wear of the plates."""
+    """Add the heat and wear of the plates."""
     plates.heat_plates(world.parts.curve_clutch[k], world.values.curve_clutch[k], world)
 
 
-# phase, began: of the curve, in steps; clearance, piston: only where the pack's drag asks for them
+# phase, began: phase of the curve and the step in which it began; clearance, piston: used only by the drag of the pack
 PART = Part(
     "curve_clutch",
     20,

@@ -3,7 +3,7 @@
 
 """Free-wheel, a one-way clutch: its first body cannot turn faster than its second one, and runs behind it without torque.
 
-The driveline holds and releases it (plant.driveline), so it has no step of its own; its message is that of a clutch.
+The driveline holds and releases it (plant.driveline), so it has no step of its own. Its message is that of a clutch.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its ClutchState; nothing presses it, and it has no drag."""
+    """Return the fields of its ClutchState; nothing presses it, and it has no drag."""
     return (2 if rig.holds(name) else 0, rig.friction_torque(name), 0.0, 0.0, 0.0, rig.slip(name), 0.0, 0.0, 0.0, 0.0)
 
 

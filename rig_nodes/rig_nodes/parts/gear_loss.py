@@ -3,7 +3,7 @@
 
 """Loss of a gear train on one of its shafts: by speed, and by a torque that it passes on, as the driveline solves it.
 
-A part of the engine; the parabola by torque itself is plant.driveline_losses'.
+It is a part of the engine. The parabola of the loss by torque itself is in plant.driveline_losses.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ if TYPE_CHECKING:
 
 RPM = pi / 30.0
 PER_RPM = 30.0 / pi
-PER_COAST_DOWN = 1.0 / 49.274  # s/rad: of where the coast-down of 7.3.1 began
-LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
+PER_COAST_DOWN = 1.0 / 49.274  # s/rad: reciprocal of the speed at which the coast-down of 7.3.1 began
+LEAST_LOSS = 1e-9  # Nm: keeps an element that may brake as soon as a torque acts from being open
 
 
 @dataclass(frozen=True)
 class GearLossConfig:
     """Loss torque on a shaft: by its speed, and a parabola of the torque passed on (Annex D), which the driveline solves.
 
-    Of the two losses by speed one is Annex D's, the other that of the printed coast-down (7.7): its speed is a parabola of
-    time, so the torque's square is linear in the speed. Whichever side the part by torque brakes (Annex D has its output's
-    on its own), the torque at the input in steady state is the same, what the clutches carry is not.
+    There are two losses by speed. One is that of Annex D; the other is that of the printed coast-down (7.7), whose speed is a
+    parabola of time, so that the square of the torque is linear in the speed. Annex D has the part by the output's torque on the
+    output itself. Whichever side the part by torque brakes, the torque at the input in steady state is the same; what the clutches
+    carry is not.
     """
 
     by_speed: float = param("ratio", 0.0, 10.0, "Factor on Annex D's parabola of the speed, which falls above 1300 rpm")
@@ -57,7 +58,7 @@ class GearLossConfig:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def loss_by_speed(speed: float, loss: Record) -> float:
-    """Loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
+    """Return the loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
     total = 0.0
     if loss.by_speed > 0.0:
         n = abs(speed) * PER_RPM
@@ -70,7 +71,7 @@ def loss_by_speed(speed: float, loss: Record) -> float:
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """What is by speed, held over the step; what comes by torque is the driveline's to solve."""
+    """Set the loss by speed, which is held over the step; the driveline solves the loss by torque."""
     my, line = world.values.gear_loss[k], world.driveline
     line.loss[my.row, BASE] = max(LEAST_LOSS, loss_by_speed(line.middle[my.body], my) + my.steady)
     if my.elsewhere > 0.0:  # the same power on the other shaft
@@ -80,11 +81,12 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """The torque that brakes its shaft now."""
+    """Record the torque that now brakes the shaft."""
     world.parts.gear_loss[k].torque = world.driveline.cap[KIN1, world.values.gear_loss[k].element]
 
 
-# row: of the driveline's losses; element: that brakes its body; elsewhere: its loss by torque brakes the body ``braked``
+# row: row of the driveline's losses; element: element that brakes its body; elsewhere > 0: its loss by torque brakes the body
+# ``braked``
 PART = Part(
     "gear_loss",
     50,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OilSupplyConfig:
-    """Relief valve and oil."""
+    """Values of the relief valve and the oil."""
 
     relief_droop: float = param(
         "hydraulic resistance", 0.0, 1e12, "How far the supply pressure falls below its setting with the flow that is drawn"
@@ -44,19 +44,40 @@ class OilSupplyConfig:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def viscosity_at(temperature: float, oil: Record) -> float:
-    """Dynamic viscosity [Pa s] at a temperature [degC]: exponential around that of ``viscosity_temperature``."""
+    """Return the dynamic viscosity [Pa s] at a temperature [degC], exponential around ``viscosity_temperature``."""
     return oil.viscosity * exp(-oil.viscosity_per_kelvin * (temperature - oil.viscosity_temperature))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def supply_pressure(pressure: float, setting: float, enabled: bool, flow: float, h: float, oil: Record) -> float:
-    """Supply pressure [Pa] after h: towards the relief setting less its droop with the flow drawn."""
+    """Return the supply pressure after a step; it moves towards the relief setting less its droop with the flow drawn.
+
+    Parameters
+    ----------
+    pressure : float
+        Supply pressure before the step [Pa].
+    setting : float
+        Setting of the relief valve [Pa].
+    enabled : bool
+        Whether the supply is on.
+    flow : float
+        Flow that is drawn [m3/s].
+    h : float
+        Length of the step [s].
+    oil : Record
+        Values of the oil supply.
+
+    Returns
+    -------
+    float
+        Supply pressure [Pa].
+    """
     return supply_after(pressure, setting, enabled, flow, exp(-h / oil.pressure_time), oil)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def supply_after(pressure: float, setting: float, enabled: bool, flow: float, decay: float, oil: Record) -> float:
-    """:func:`supply_pressure` over a time in which the share ``decay`` of a change is still to come."""
+    """Return :func:`supply_pressure` after a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
     if enabled:
         target = max(0.0, setting - oil.relief_droop * max(flow, 0.0))
@@ -65,13 +86,13 @@ def supply_after(pressure: float, setting: float, enabled: bool, flow: float, de
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Share of a change of pressure that is still to come after a step."""
+    """Compute the share of a change of pressure that is still to come after a step."""
     world.values.oil_supply[k].decay = exp(-h / world.values.oil_supply[k].pressure_time)
 
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Pressure by what was drawn in the last step."""
+    """Set the pressure by the flow that was drawn in the last step."""
     me, my = world.parts.oil_supply[k], world.values.oil_supply[k]
     line = world.oil[my.line]
     me.flow = line.drawn
@@ -81,7 +102,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 # setting, enabled: of the relief valve; temperature: of the oil in the whole rig [degC]
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its OilState."""
+    """Return the fields of its OilState."""
     me = rig.device(name)
     return (
         float(me["pressure"]),

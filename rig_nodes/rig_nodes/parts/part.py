@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a type of device is to the engine: its configuration, the numbers it carries, and its compiled stages.
+"""Definition of a type of device for the engine: its configuration, the numbers in its record, and its compiled stages.
 
 Every file of parts/ that is a type of device ends with ``PART = Part(...)``; engine.world finds it by its name.
 """
@@ -19,12 +19,11 @@ import numpy as np
 from ..config.schema import record_dtype
 from ..errors import RigError
 
-# What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one may be the
-# ground), "torque" (a torque meter, or
-# "clutches": all that the body gives clutches), "transducer", "output" (of the controller, from 1), "line" (name of the oil line
-# that begins here), or a role of devices.
+# What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one of them may be
+# the ground), "torque" (a torque meter, or "clutches" for all torque that the body gives to clutches), "transducer", "output" (an
+# output of the controller, from 1), "line" (the oil line that begins here), or a role of devices.
 BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = ("body", "bodies", "one_way", "torque", "transducer", "output", "line")
-# Roles of devices: what a rig asks its devices for. ``values`` are shared by others and no device.
+# Roles of devices, by which a rig finds its devices. ``values`` are shared by devices and are not a device.
 SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
     "source",
     "load",
@@ -38,23 +37,31 @@ SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
     "values",
 )
 
-# Place of a wire that goes nowhere. Places are unsigned: compiled code need not look whether one counts from the end.
+# Place of a wire without a target. Places are unsigned, so that compiled code need not check whether one counts from the end.
 NOWHERE = 2**64 - 1
 
-# Stages of the engine, in which a part may take part by a compiled function; k is the instance of this part:
-# fill(world, k, h): what the step's length makes of its values, at the start of every call of the engine
-# command(world, k, outputs, drive): the controller's newest answer, once a controller sample
-# ordered(world, k, outputs, steps_per_sample, h): what the embedded law has just begun, once a controller sample
-# before(world, k, h, t): from t over h, all but the driveline: torques and capacities that it gives the driveline
-# bound(world, k): changes of speeds that are in no torque, right after the driveline
-# after(world, k, h): with the driveline's new speeds, torques and heats
-# pickup(world, k, h, index, shown): what it induces in the wires of transducers, at the end of the step before ``index``
+# Stages of the engine. A part takes part in a stage by a compiled function; k is the instance of this part:
+# fill(world, k, h): computes the values that depend on the step's length, at the start of every call of the engine
+# command(world, k, outputs, drive): applies the controller's newest answer, once per controller sample
+# ordered(world, k, outputs, steps_per_sample, h): reads what the embedded law has just begun, once per controller sample
+# before(world, k, h, t): moves the device from t over h and sets its torques and capacities in the driveline
+# bound(world, k): changes speeds without a torque, right after the driveline
+# after(world, k, h): uses the driveline's new speeds, torques and heats
+# pickup(world, k, h, index, shown): sets what it induces in the wires of transducers, at the end of the step before ``index``
 STAGES = ("fill", "command", "ordered", "before", "bound", "after", "pickup")
 
 
 @dataclass(frozen=True)
 class Wire:
-    """What a device is joined to by a key of its description: a kind or role as above; needed: it cannot be left out."""
+    """A connection of a device, by a key of its description.
+
+    Parameters
+    ----------
+    to : str
+        Kind or role, as above, of what it connects to.
+    needed : bool
+        False where it can be left out.
+    """
 
     to: str
     needed: bool = True
@@ -62,10 +69,22 @@ class Wire:
 
 @dataclass(frozen=True)
 class Shown:
-    """A signal that a device shows in its state's message.
+    """A signal in the message of a device's state.
 
-    what: the end of its name; of: the quantity with its unit and range, see config.units; text, sign: sentences in which
-    {called} is the device, {driving} and {driven} are the bodies that it joins.
+    Parameters
+    ----------
+    what : str
+        End of the signal's name.
+    field : str
+        Field of the message.
+    of : str
+        Quantity with its unit and range, see config.units.
+    low, high : float
+        Ends of its range.
+    text, sign : str
+        Sentences in which {called} is the device and {driving} and {driven} are the bodies that it joins.
+    states : dict of int to str
+        Names of the values of a state.
     """
 
     what: str
@@ -80,12 +99,26 @@ class Shown:
 
 @dataclass(frozen=True)
 class Command:
-    """A setpoint that a device takes, with a switch.
+    """A setpoint of a device, with a switch.
 
-    step: its key in a sequence; takes: key of the value there -> dimension; target, enabled: states that it sets;
-    text: what is set, for people; of: quantity of the device's transducer whose unit and range the value has; node: end of the
-    name of the node that takes it, where the device has more than one; only: switch of its configuration without which
-    there is nobody who takes it; parameter: name of the value as a parameter of that node, by default the last of ``takes``.
+    Parameters
+    ----------
+    step : str
+        Its key in a sequence.
+    takes : dict of str to str
+        Dimension of the value of each key there.
+    target, enabled : str
+        States that it sets.
+    text : str
+        What is set, in words.
+    of : str
+        Quantity of the device's transducer, whose unit and range the value has.
+    node : str
+        End of the name of the node that accepts the setpoint, where the device has more than one.
+    only : str
+        Switch of the device's configuration without which no node accepts the setpoint.
+    parameter : str
+        Name of the value as a parameter of that node, by default the last key of ``takes``.
     """
 
     step: str
@@ -100,7 +133,7 @@ class Command:
 
     @property
     def value(self) -> str:
-        """What the value is called, e.g. speed."""
+        """Name of the value, e.g. speed."""
         return list(self.takes)[-1]
 
 
@@ -108,15 +141,38 @@ class Command:
 class Part:
     """A type of device.
 
-    name: of its file; configs: dataclasses of its configuration, one after the other in its record; state: numbers that
-    it carries from step to step, all finite at all times; derived: numbers made of its configuration before time passes;
-    wires: places of what it is joined to (bodies, elements, oil lines, outputs of the controller, other instances);
-    tables: derived arrays of numbers, name -> shape, where a shape may differ from rig to rig; order: place of its
-    stages among those of the other parts, smaller ones first.
-
-    To who describes a rig: role, one of those above; joined: key in the rig's description -> what it names; effects: name of
-    what can be left out -> the values of its configuration without it; message: type of its state's message, says(rig, name):
-    the fields of that message; shows, takes: its signals and commands.
+    Parameters
+    ----------
+    name : str
+        Name of its file.
+    order : int
+        Place of its stages among those of the other parts, smaller ones first.
+    configs : tuple of type
+        Dataclasses of its configuration, one after the other in its record.
+    state : tuple of str
+        Numbers that go from step to step, all finite at all times.
+    derived : tuple of str
+        Numbers that are computed from its configuration before time passes.
+    wires : tuple of str
+        Places of what it is joined to: bodies, elements, oil lines, outputs of the controller, other instances.
+    tables : tuple of str
+        Derived arrays of numbers, whose shapes may differ from rig to rig.
+    stages : dict of str to function
+        Compiled functions by the name of their stage.
+    role : str
+        One of the roles above, for the description of a rig.
+    joined : dict of str to Wire
+        What each key in the rig's description names.
+    effects : dict of str to dict
+        By the name of an effect that can be left out, the values of the configuration without it.
+    message : str
+        Type of its state's message.
+    says : function, optional
+        says(rig, name) returns the fields of that message.
+    shows : tuple of Shown
+        Its signals.
+    takes : tuple of Command
+        Its commands.
     """
 
     name: str
@@ -136,11 +192,22 @@ class Part:
     takes: tuple[Command, ...] = ()
 
     def state_dtype(self) -> np.dtype:
-        """One float64 per state."""
+        """Return the type of its states: one float64 for each."""
         return np.dtype([(name, "f8") for name in self.state])
 
     def values_dtype(self, shapes: dict[str, tuple[int, ...]]) -> np.dtype:
-        """Configuration and derived numbers as float64, wires as uint64, tables of these shapes."""
+        """Return the type of its values: configuration and derived numbers as float64, wires as uint64, and tables.
+
+        Parameters
+        ----------
+        shapes : dict of str to tuple of int
+            Shapes of the tables by their names.
+
+        Returns
+        -------
+        numpy.dtype
+            Type of the record.
+        """
         return np.dtype(
             [
                 *record_dtype(*self.configs).descr,
@@ -152,7 +219,7 @@ class Part:
 
 
 def parts() -> list[str]:
-    """Names of all types of devices that a rig's description may use."""
+    """Return the names of all types of devices that a rig's description may use."""
     return sorted(
         path.stem
         for path in Path(__file__).parent.glob("*.py")
@@ -162,7 +229,23 @@ def parts() -> list[str]:
 
 @cache
 def part(name: str) -> Part:
-    """The type of device of this name; RigError when there is none."""
+    """Return the type of device of a name.
+
+    Parameters
+    ----------
+    name : str
+        Name of its file.
+
+    Returns
+    -------
+    Part
+        The type of device.
+
+    Raises
+    ------
+    RigError
+        When there is no such part or it has an unknown stage.
+    """
     try:
         found = import_module(f"{__package__}.{name}").PART
     except (ImportError, AttributeError):

@@ -3,7 +3,7 @@
 
 """Plates of one type as a part of their own, whose values all clutches that name it share; no device and no step.
 
-The plates' law is parts.plates.
+The law of the plates is in parts.plates.
 """
 
 from __future__ import annotations

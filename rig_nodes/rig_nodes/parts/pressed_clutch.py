@@ -3,7 +3,7 @@
 
 """Plate pack that a press cylinder clamps: the clutch bench's (thesis chapter 8).
 
-A part of the engine; the plates themselves are parts.plates, the force comes from a parts.press_cylinder.
+It is a part of the engine. The plates themselves are in parts.plates; the force comes from a parts.press_cylinder.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """What the step's length makes of the plates' cooling."""
+    """Compute the values of the plates' cooling that depend on the step's length."""
     plates.fill_plates(world.values.pressed_clutch[k], h)
 
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """The pack under the force of its cylinder."""
+    """Move the pack over a step under the force of its cylinder."""
     me, my = world.parts.pressed_clutch[k], world.values.pressed_clutch[k]
     press = world.parts.press_cylinder[my.press]
     drag = plates.capacities_before(me, my, world.driveline.cap)
@@ -41,12 +41,12 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Heat and wear of the plates."""
+    """Add the heat and wear of the plates."""
     plates.heat_plates(world.parts.pressed_clutch[k], world.values.pressed_clutch[k], world)
 
 
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its ClutchState."""
+    """Return the fields of its ClutchState."""
     press = rig.device(rig.wire(name, "press"))
     return plates.said(rig, name, float(press["pressure"]), float(press["travel"]))
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a device's message asks of the rig that runs it: testbench.rig.Rig as a part's ``says`` sees it.
+"""What a device's message reads of the rig that runs it: testbench.rig.Rig as the ``says`` of a part sees it.
 
 Used in annotations only.
 """
@@ -36,34 +36,34 @@ class ShownRig(Protocol):
         """Time since the sample that the newest command answers [s]."""
 
     def device(self, name: str) -> np.void:
-        """The states of a device [SI]."""
+        """Return the states of a device, in SI units."""
 
     def wire(self, name: str, key: str) -> str:
-        """What a device is joined to by a key of its description."""
+        """Return the name of what a device is joined to by a key of its description."""
 
     def speed_at(self, name: str) -> float:
-        """Speed of the body that a device sits on [rad/s]."""
+        """Return the speed of the body that carries a device [rad/s]."""
 
     def slip(self, name: str) -> float:
-        """Driving minus driven side of a clutch [rad/s]."""
+        """Return the speed of a clutch's driving side less that of its driven side [rad/s]."""
 
     def holds(self, name: str) -> bool:
-        """True while a clutch or free-wheel does not slip."""
+        """Return whether a clutch or free-wheel does not slip."""
 
     def clutch_mode(self, name: str) -> int:
-        """Whether a clutch is open, slips or is locked: 0, 1, 2."""
+        """Return 0 for a clutch that is open, 1 for one that slips, 2 for one that is locked."""
 
     def friction_torque(self, name: str) -> float:
-        """Friction torque of a device [Nm]."""
+        """Return the friction torque of a device [Nm]."""
 
     def capacity(self, name: str) -> float:
-        """Friction torque that a device could hold while it slips [Nm]."""
+        """Return the friction torque that a device could hold while it slips [Nm]."""
 
     def heat_of(self, name: str) -> str:
-        """Name of a clutch's heat among the energies."""
+        """Return the name of a clutch's heat among the energies."""
 
     def fed_pressure(self, valve: str) -> float:
-        """Pressure between a valve and its clutch [Pa, gauge]."""
+        """Return the pressure between a valve and its clutch [Pa, gauge]."""
 
     def oil_drawn(self, name: str) -> float:
-        """What valves take from an oil supply [m3/s]."""
+        """Return the flow that valves take from an oil supply [m3/s]."""

@@ -3,7 +3,7 @@
 
 """Torque meter in a shaft, between what drives or loads the shaft and all else on it; rigid, so it has no step of its own.
 
-Its torque follows from the driveline's, see testbench.plan; a compliant one is a shaft of the driveline.
+Its torque follows from that of the driveline, see testbench.plan; a compliant meter is a shaft of the driveline.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .part import METER, Part, Wire
 
 @dataclass(frozen=True)
 class TorqueMeterConfig:
-    """What of its shaft's inertia lies on which side of the meter."""
+    """Inertia on one side of the meter, and which side this is."""
 
     inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter, which its body's own counts too")
     side: str = choice(

@@ -3,7 +3,7 @@
 
 """Wet multi-plate clutch with its cylinder: line, feed orifice, chamber, piston against disc springs, plate pack.
 
-A part of the engine, fed by a parts.proportional_valve; the plates themselves are parts.plates.
+It is a part of the engine, fed by a parts.proportional_valve. The plates themselves are in parts.plates.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 THIRD = 1.0 / 3.0
-LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
+LOWEST = -1e4  # Pa: how far the integration may go below the tank's pressure
 
 
 @dataclass(frozen=True)
 class Cylinder(PackFriction):
-    """Cylinder, return springs, seals, the pack's axial elasticity and the oil in front of the piston."""
+    """Cylinder, return springs, seals, the axial elasticity of the pack and the oil in front of the piston."""
 
     piston_area: float = param("area", 1e-5, 1e-1, "Area of the piston")
     force_per_pressure_squared: float = param(
@@ -56,9 +56,21 @@ class Cylinder(PackFriction):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def pack_force(piston: float, clutch: Record) -> tuple[float, float]:
-    """(force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
+    """Return (force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
 
     F = k x / (1 - x / x_f): soft at first, stiff as the sinusoidal plates lie flat at the travel x_f.
+
+    Parameters
+    ----------
+    piston : float
+        Position of the piston [m].
+    clutch : Record
+        Values of the clutch.
+
+    Returns
+    -------
+    tuple of float
+        Force [N] and its slope [N/m].
     """
     squeeze = piston - clutch.clearance
     if squeeze <= 0.0:
@@ -69,10 +81,26 @@ def pack_force(piston: float, clutch: Record) -> tuple[float, float]:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tuple[float, float]:
-    """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
+    """Return (piston position after h, its derivative by pressure) by an implicit step of the massless, damped piston.
 
-    Balance: push = springs + pack + damping v + seal friction, which holds the piston while the rest is smaller. The
-    push is area p and a square term, which the laboratory's force over pressure has (Annex D).
+    The balance is push = springs + pack + damping v + seal friction; the seals hold the piston while the rest is smaller than their
+    friction. The push is area times p and a square term, which the laboratory's force over pressure has (Annex D).
+
+    Parameters
+    ----------
+    piston : float
+        Position of the piston [m].
+    pressure : float
+        Pressure in the chamber [Pa].
+    h : float
+        Length of the step [s].
+    clutch : Record
+        Values of the clutch.
+
+    Returns
+    -------
+    tuple of float
+        Position [m] and its derivative by pressure [m/Pa].
     """
     square = clutch.force_per_pressure_squared * max(pressure, 0.0)
     push, slope = (clutch.piston_area + square) * pressure, clutch.piston_area + 2.0 * square
@@ -86,7 +114,7 @@ def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tup
         return piston, 0.0
     rate = clutch.piston_damping / h
     stiff = clutch.spring_rate + rate
-    # the balance with the pack just touched; k s / (1 - s / s_f) makes it a quadratic in the squeeze s beyond that
+    # the balance at the kiss point; beyond it k s / (1 - s / s_f) makes the balance a quadratic in the squeeze s
     miss = drive - clutch.spring_preload + rate * piston - stiff * clutch.clearance
     if miss <= 0.0:
         x = clutch.clearance + miss / stiff
@@ -102,8 +130,22 @@ def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tup
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def oil_stiffness(h: float, oil: Record, clutch: Record) -> tuple[float, float, float]:
-    """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure that the
-    feed orifice takes per flow squared [Pa s2/m6]), for steps of h: constants of :func:`cylinder_step`.
+    """Return the constants of :func:`cylinder_step` for steps of h.
+
+    Parameters
+    ----------
+    h : float
+        Length of a step [s].
+    oil : Record
+        Values of the oil supply.
+    clutch : Record
+        Values of the clutch.
+
+    Returns
+    -------
+    tuple of float
+        Flow that raises the line's pressure [m3/(s Pa)], the same for the chamber by backward differences, and pressure drop
+        of the feed orifice per flow squared [Pa s2/m6].
     """
     return (
         clutch.line_volume / oil.bulk_modulus / h,
@@ -126,21 +168,43 @@ def cylinder_step(
     valve: Record,
     clutch: Record,
 ) -> tuple[float, float, float, float, float]:
-    """One implicit step of line, feed orifice, chamber and piston from where they are in ``port`` and ``cylinder``.
+    """Take one implicit step of line, feed orifice, chamber and piston from their states in ``port`` and ``cylinder``.
 
-    state: of the valve, with its opening or, where it stands outside the plant, its held answer; full_line to inertia_drop:
-    of :func:`oil_stiffness`; speed_by_root: of parts.proportional_valve.orifice_speed. Of second order: the oil's compression
-    by backward differences over two steps, which damp a stiff volume as a backward step does, the piston's way by the
-    trapezoidal rule. Returns (line pressure, chamber pressure, piston, its speed [m/s], valve flow). Unknown is the chamber
-    pressure alone: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's volume is
-    a monotone function of it, solved by Newton inside a shrinking bracket.
+    The step is of second order: the compression of the oil by backward differences over two steps, which damp a stiff volume as a
+    backward step does, and the way of the piston by the trapezoidal rule. The chamber pressure is the only unknown: piston, feed
+    flow and line pressure follow from it in closed form, and the balance of the line's volume is a monotone function of it,
+    which is solved by Newton's method inside a shrinking bracket.
+
+    Parameters
+    ----------
+    cylinder : Record
+        States of the clutch.
+    port : Record
+        State of the oil line.
+    state : Record
+        States of the valve, with its opening or, for a valve outside the plant, its held answer.
+    supply : float
+        Supply pressure [Pa].
+    h : float
+        Length of the step [s].
+    full_line, stiff_chamber, inertia_drop : float
+        Constants of :func:`oil_stiffness`.
+    speed_by_root : float
+        Constant of parts.proportional_valve.orifice_speed.
+    valve, clutch : Record
+        Values of the valve and of the clutch.
+
+    Returns
+    -------
+    tuple of float
+        Line pressure [Pa], chamber pressure [Pa], piston position [m], its speed [m/s] and valve flow [m3/s].
     """
     stiff_line = 1.5 * full_line
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
     chamber_before = cylinder.chamber + cylinder.chamber_rise * THIRD
     line_before = port.pressure + port.rise * THIRD
-    # what fell this fast, and stopped, would fall on below the tank's pressure by the step before alone: there a backward
-    # step, with which no volume gets below the tank, as nothing draws from it
+    # a pressure that fell this fast and then stopped would go below the tank's pressure by the difference over the last step
+    # alone: there a backward step is taken, with which no volume gets below the tank, as nothing draws from it
     if line_before < LOWEST:
         line_before, stiff_line = port.pressure, full_line
     if chamber_before < LOWEST:
@@ -164,16 +228,16 @@ def cylinder_step(
         else:
             low = p
         new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
-        if abs(new - p) < 1e-3:  # Pa; a root that is met lies on the bracket's edge, so this comes first
+        if abs(new - p) < 1e-3:  # Pa; a root that is found lies on the bracket's edge, so this test comes first
             break
         p = new if turn < 40 and low < new < high else 0.5 * (low + high) if high < inf else 2.0 * p + 1000000.0
-    # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
+    # the remaining error goes into the line's pressure, so that no oil is lost or created over any number of steps
     return line - miss / stiff_line, p, x, speed, flow
 
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """What the step's length makes of the oil's stiffness and the plates' cooling."""
+    """Compute the values of the oil's stiffness and the plates' cooling that depend on the step's length."""
     my = world.values.wet_clutch[k]
     my.full_line, my.stiff_chamber, my.feed_drop = oil_stiffness(h, world.values.oil_supply[my.oil], my)
     my.orifice_speed = orifice_speed(world.values.oil_supply[my.oil].density)
@@ -182,7 +246,7 @@ def fill(world: Record, k: int, h: float) -> None:
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Line, chamber, piston and pack over the step."""
+    """Move line, chamber, piston and pack over the step."""
     me, my = world.parts.wet_clutch[k], world.values.wet_clutch[k]
     drag = plates.capacities_before(me, my, world.driveline.cap)
     port = world.oil[my.line]
@@ -210,11 +274,11 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Heat and wear of the plates."""
+    """Add the heat and wear of the plates."""
     plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)
 
 
-# chamber_rise: of its pressure in the last step; speed: of the piston
+# chamber_rise: rise of the chamber's pressure in the last step; speed: speed of the piston
 SHOWS = (
     Shown(
         "mode",
@@ -252,7 +316,7 @@ EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 
 
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its ClutchState."""
+    """Return the fields of its ClutchState."""
     me = rig.device(name)
     return plates.said(rig, name, float(me["chamber"]), float(me["piston"]))
 
