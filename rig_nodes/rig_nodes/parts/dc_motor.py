@@ -3,7 +3,7 @@
 
 """DC motor with thyristor speed control on a shaft: a ramped speed setpoint, a PI speed loop, torque build-up.
 
-A part of the engine; engine.outside steps its physics alone, where a motor stands outside.
+It is a part of the engine; engine.outside steps its physics alone for a motor that stands outside.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MotorConfig:
-    """Drive data; the torque limit is the smaller of torque_limit and power_limit / speed."""
+    """Values of the drive; the torque limit is the smaller of torque_limit and power_limit / speed."""
 
     torque_limit: float = param(
         "torque", 1.0, 1e5, "Largest driving torque, which holds as long as the power limit does not ask for less"
@@ -44,14 +44,14 @@ class MotorConfig:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def ramp_setpoint(setpoint: float, target: float, h: float, motor: Record) -> float:
-    """The speed setpoint after h, moved towards its target by the drive's ramp."""
+    """Return the speed setpoint after h [s], moved towards its target by the drive's ramp [rad/s]."""
     change = motor.ramp * h
     return setpoint + min(max(target - setpoint, -change), change)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def next_setpoint(setpoint: float, target: float, speed: float, enabled: bool, h: float, motor: Record) -> float:
-    """The speed setpoint after h: ramped towards its target; that of a disabled drive follows the shaft."""
+    """Return the speed setpoint after h: ramped towards its target; that of a disabled drive follows the shaft."""
     return ramp_setpoint(setpoint, target, h, motor) if enabled else speed
 
 
@@ -59,7 +59,26 @@ def next_setpoint(setpoint: float, target: float, speed: float, enabled: bool, h
 def drive_torque(
     torque: float, integral: float, setpoint: float, speed: float, enabled: bool, h: float, motor: Record
 ) -> tuple[float, float]:
-    """(torque [Nm], integral part [Nm]) after h: PI with clamped integral; a disabled drive has no torque."""
+    """Return the air-gap torque after a step: a PI with clamped integral; a disabled drive has no torque.
+
+    Parameters
+    ----------
+    torque, integral : float
+        Torque and its integral part before the step [Nm].
+    setpoint, speed : float
+        Speed setpoint and speed [rad/s].
+    enabled : bool
+        Whether the drive is on.
+    h : float
+        Length of the step [s].
+    motor : Record
+        Values of the motor.
+
+    Returns
+    -------
+    tuple of float
+        Torque and integral part [Nm].
+    """
     return torque_after(torque, integral, setpoint, speed, enabled, h, exp(-h / motor.torque_time), motor)
 
 
@@ -67,7 +86,7 @@ def drive_torque(
 def torque_after(
     torque: float, integral: float, setpoint: float, speed: float, enabled: bool, h: float, decay: float, motor: Record
 ) -> tuple[float, float]:
-    """:func:`drive_torque` over a time h in which the share ``decay`` of a change of torque is still to come."""
+    """Return :func:`drive_torque` after a time h in which the share ``decay`` of a change of torque is still to come."""
     if not enabled:
         return 0.0, 0.0
     upper = min(motor.torque_limit, motor.power_limit / max(abs(speed), 1.0))
@@ -80,17 +99,17 @@ def torque_after(
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Share of a change of torque that is still to come after a step."""
+    """Compute the share of a change of torque that is still to come after a step."""
     world.values.dc_motor[k].decay = exp(-h / world.values.dc_motor[k].torque_time)
 
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Torque on its body at both ends of the step, by the speed in the middle of it."""
+    """Set the torque on its body at both ends of the step, by the speed in the middle of it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     drive = me.enabled > 0.0 and world.safe == 0.0
     if my.stiff > 0.0:
-        # its body is so heavy that no clutch is felt; it is pushed to the setpoint of the step's end
+        # its body is so heavy that no clutch changes its speed; the torque brings it to the setpoint of the step's end
         me.setpoint = next_setpoint(me.setpoint, me.target, line.speed[my.body], drive, h, my)
         me.before = me.torque = (me.setpoint - line.speed[my.body]) / (my.mobility * h) if drive else 0.0
     elif me.held > 0.0:
@@ -109,16 +128,16 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """What gives a body that is held at its speed that speed, without what was put on it."""
+    """Compute the torque that gives a body with a prescribed speed this speed, without the torque that was applied to it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     if my.stiff > 0.0:
         me.torque = my.inertia * line.gained[my.body] / h + (me.torque - line.rate[my.body] / my.mobility)
 
 
-# target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
-# before: torque at the step's start; stiff: the speed is the setpoint, whatever the load; inertia: of its body
+# target, enabled: speed setpoint and switch; held*: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
+# before: torque at the step's start; stiff > 0: the speed equals the setpoint, whatever the load; inertia: inertia of its body
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its MotorState."""
+    """Return the fields of its MotorState."""
     me = rig.device(name)
     return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))
 

@@ -3,7 +3,7 @@
 
 """Hydraulic motor behind a flow regulator and a maximum valve: the clutch bench's SH with RP and ZP_2 (thesis fig. 8.1).
 
-A part of the engine: torque by the pressure before it, friction of its own on its body.
+It is a part of the engine, with a torque by the pressure before the motor and a friction of its own on its body.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HydraulicMotorConfig:
-    """Motor, its line and its valves; the maximum valve is the thesis's ZP_2."""
+    """Values of the motor, its line and its valves; the maximum valve is ZP_2 of the thesis."""
 
     displacement: float = param("displacement", 1e-7, 1e-3, "Displacement of the motor")
     friction: float = param("torque", 0.0, 100.0, "The motor's own friction on its body")
@@ -44,9 +44,9 @@ class HydraulicMotorConfig:
 
 @njit(cache=True)
 def valve_setting(setting: float, target: float, h: float, motor: Record) -> float:
-    """Setting [Pa] of ZP_2 after h: turned towards its target; shut off (target 0) it opens at once.
+    """Return the setting [Pa] of ZP_2 after h: it is turned towards its target; shut off (target 0) it opens at once.
 
-    Nothing sets more than the pressure of the pump's line, p_2.
+    No setting exceeds the pressure of the pump's line, p_2.
     """
     if target <= 0.0:
         return 0.0
@@ -58,10 +58,32 @@ def valve_setting(setting: float, target: float, h: float, motor: Record) -> flo
 def line_pressure(
     pressure: float, flow: float, speed: float, setting: float, h: float, bulk_modulus: float, motor: Record
 ) -> float:
-    """Pressure [Pa] before the motor after h, implicit: V/K dp/dt = Q_RP - V_SH w - (p - p_ZP2) / droop.
+    """Return the pressure before the motor after a step, implicitly: V/K dp/dt = Q_RP - V_SH w - (p - p_ZP2) / droop.
 
-    flow: of the regulator [m3/s], whatever the pressure; the last term only above the setting. A motor that runs ahead
-    of its oil draws from the tank: no pressure below zero.
+    The last term acts only above the setting. A motor that runs ahead of its oil draws from the tank, so the pressure is never
+    below zero.
+
+    Parameters
+    ----------
+    pressure : float
+        Pressure before the step [Pa].
+    flow : float
+        Flow of the regulator, whatever the pressure [m3/s].
+    speed : float
+        Speed of the motor [rad/s].
+    setting : float
+        Setting of ZP_2 [Pa].
+    h : float
+        Length of the step [s].
+    bulk_modulus : float
+        Bulk modulus of the oil [Pa].
+    motor : Record
+        Values of the motor.
+
+    Returns
+    -------
+    float
+        Pressure [Pa].
     """
     stiff = motor.line_volume / bulk_modulus / h
     rest = flow - motor.displacement * speed
@@ -73,7 +95,7 @@ def line_pressure(
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Relief setting, line pressure and torque over the step."""
+    """Set relief setting, line pressure and torque over the step."""
     me, my, line = world.parts.hydraulic_motor[k], world.values.hydraulic_motor[k], world.driveline
     cap, f, safe = line.cap, my.element, world.safe > 0.0
     cap[KIN0, f] = cap[KIN1, f] = cap[HI0, f] = cap[HI1, f] = my.friction
@@ -88,10 +110,10 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     line.push[1, my.body] += my.displacement * me.pressure
 
 
-# target, enabled: speed for which the regulator is set; relief_target, relief_enabled: where ZP_2 is turned to; relief: its
-# setting as it is turned
+# target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: setting to which ZP_2 is
+# turned, and its switch; relief: its present setting
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its MotorState."""
+    """Return the fields of its MotorState."""
     me = rig.device(name)
     return (
         rig.speed_at(name),

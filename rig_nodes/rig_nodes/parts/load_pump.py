@@ -3,7 +3,7 @@
 
 """Load pump (the laboratory's PO, type PWK) with relief valve in its pressure line: a passive load on a shaft.
 
-A part of the engine: a torque capacity that the driveline applies as friction, so it can hold, never drive.
+It is a part of the engine. It gives a torque capacity that the driveline applies as friction, so it can hold but never drive.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PER_RPM = 30.0 / pi
 
 @dataclass(frozen=True)
 class LoadConfig:
-    """Pump and relief valve."""
+    """Values of the pump and its relief valve."""
 
     displacement: float = param("displacement", 1e-8, 1e-3, "Displacement of the pump")
     mechanical_loss: float = param("torque", 0.0, 100.0, "The pump's own friction on its body, whatever the pressure")
@@ -43,20 +43,41 @@ class LoadConfig:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def relief_factor(speed: float) -> float:
-    """Pressure over setting of the relief valve against speed [rad/s]: f(n) of Annex D, n in rpm."""
+    """Return pressure over setting of the relief valve at a speed [rad/s]: f(n) of Annex D, n in rpm."""
     n = abs(speed) * PER_RPM
     return 3.84e-7 * n * n - 6.36e-4 * n + 1.32
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def line_pressure(pressure: float, setting: float, enabled: bool, speed: float, h: float, load: Record) -> float:
-    """Pressure [Pa] of the pump's pressure line after h; an opened relief valve leaves none."""
+    """Return the pressure of the pump's pressure line after a step; an opened relief valve leaves none.
+
+    Parameters
+    ----------
+    pressure : float
+        Pressure before the step [Pa].
+    setting : float
+        Setting of the relief valve [Pa].
+    enabled : bool
+        False when the relief valve is opened.
+    speed : float
+        Speed of the pump [rad/s].
+    h : float
+        Length of the step [s].
+    load : Record
+        Values of the pump.
+
+    Returns
+    -------
+    float
+        Pressure [Pa].
+    """
     return pressure_after(pressure, setting, enabled, speed, exp(-h / load.pressure_time), load)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def pressure_after(pressure: float, setting: float, enabled: bool, speed: float, decay: float, load: Record) -> float:
-    """:func:`line_pressure` over a time in which the share ``decay`` of a change is still to come."""
+    """Return :func:`line_pressure` after a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
     if enabled:
         target = min(setting * relief_factor(speed), load.pressure_limit)
@@ -65,29 +86,44 @@ def pressure_after(pressure: float, setting: float, enabled: bool, speed: float,
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def torque_capacity(pressure: float, load: Record) -> float:
-    """Torque [Nm] with which the pump resists turning: V/(2 pi) p plus its own friction."""
+    """Return the torque [Nm] with which the pump resists rotation: V/(2 pi) p plus its own friction."""
     return load.displacement * pressure + load.mechanical_loss
 
 
 def most_torque(load: LoadConfig) -> float:
-    """Torque [Nm] that the pump holds at its pressure limit: :func:`torque_capacity` without the kernel's record."""
+    """Return the torque [Nm] that the pump holds at its pressure limit: :func:`torque_capacity` without the kernel's record."""
     return load.displacement * load.pressure_limit + load.mechanical_loss
 
 
 def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
-    """Relief setting [Pa] that gives this load torque [Nm] at this output speed [rad/s]."""
+    """Return the relief setting for a load torque.
+
+    Parameters
+    ----------
+    torque : float
+        Load torque [Nm].
+    speed : float
+        Output speed [rad/s].
+    load : LoadConfig
+        Values of the pump.
+
+    Returns
+    -------
+    float
+        Setting of the relief valve [Pa].
+    """
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * relief_factor(speed))
 
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Share of a change of pressure that is still to come after a step."""
+    """Compute the share of a change of pressure that is still to come after a step."""
     world.values.load_pump[k].decay = exp(-h / world.values.load_pump[k].pressure_time)
 
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Pressure and capacity by the speed in the middle of the step."""
+    """Set pressure and capacity by the speed in the middle of the step."""
     me, my, line = world.parts.load_pump[k], world.values.load_pump[k], world.driveline
     cap, f = line.cap, my.element
     capacity = cap[KIN1, f]
@@ -101,9 +137,9 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     cap[KIN1, f], cap[HI1, f], cap[LO1, f] = capacity, capacity, -capacity
 
 
-# setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (engine.outside)
+# setting, enabled: setting and switch of the relief valve; held*: answer of a load outside the plant, for a tick (engine.outside)
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its LoadState."""
+    """Return the fields of its LoadState."""
     me = rig.device(name)
     return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])
 

@@ -100,7 +100,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     me.pressure = line.pressure = supply_after(me.pressure, me.setting, me.enabled > 0.0, me.flow, my.decay, my)
 
 
-# setting, enabled: of the relief valve; temperature: of the oil in the whole rig [degC]
+# setting, enabled: setting and switch of the relief valve; temperature: temperature of the oil in the whole rig [degC]
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plates of a wet multi-plate clutch, whatever presses them: friction, drag, heat, wear and what they remember.
+"""Plates of a wet multi-plate clutch, whatever presses them: friction, drag, heat, wear and memory.
 
-Used by parts.wet_clutch, parts.pressed_clutch and parts.curve_clutch, so all packs follow one law; the models of torque
+Used by parts.wet_clutch, parts.pressed_clutch and parts.curve_clutch, so that all packs follow one law; the models of torque
 and drag themselves are in plant.friction.
 """
 
@@ -73,7 +73,7 @@ class PlatePack(PackGeometry):
 
 @dataclass(frozen=True)
 class PackFriction:
-    """How much of its model's torque a pack has, and what it holds without being pressed (6.56)."""
+    """Models of a pack's torque and drag, the correction of the torque, and what the pack holds without being pressed (6.56)."""
 
     friction_model: str = choice("Model of the torque by the clamp force", *FRICTION_MODELS)
     drag_model: str = choice("Model of the viscous drag of the open pack", *DRAG_MODELS)
@@ -90,10 +90,31 @@ class PackFriction:
 
 
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
-    """Torque per clamp force [Nm/N] of the whole pack by a model of chapter 6; RigError for a pack that cannot be.
+    """Return the torque per clamp force of the whole pack by a model of chapter 6.
 
-    Only for the thesis's model there is a reading of the release: plates that stick on their splines, so its spline
-    friction is that of rest, turned round. With the others the pack follows its clamp force.
+    Only the thesis's model can be read for the release: the plates stick on their splines, so the spline friction is that at rest,
+    in the reversed direction. With the other models the pack follows its clamp force.
+
+    Parameters
+    ----------
+    pack : PlatePack
+        Geometry and friction of the plates.
+    friction : float
+        Coefficient of friction of the plates.
+    releasing : bool
+        True as the pack is released.
+    model : str
+        One of FRICTION_MODELS.
+
+    Returns
+    -------
+    float
+        Torque per force [Nm/N].
+
+    Raises
+    ------
+    RigError
+        For a pack that is not possible.
     """
     spline = pack.friction_spline_static if releasing and model == "thesis" else pack.friction_spline
     try:
@@ -109,7 +130,25 @@ def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, 
 
 
 def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
-    """Viscous drag of a model of chapter 6 per viscosity, slip and reciprocal gap [m4]; RigError as above."""
+    """Return the viscous drag of a model of chapter 6 per viscosity, slip and reciprocal gap.
+
+    Parameters
+    ----------
+    pack : PlatePack
+        Geometry and friction of the plates.
+    model : str
+        One of DRAG_MODELS.
+
+    Returns
+    -------
+    float
+        Factor [m4].
+
+    Raises
+    ------
+    RigError
+        For a pack that is not possible.
+    """
     try:
         if model == "kitabayashi":
             return drag.kitabayashi(pack, 1.0, 1.0, 1.0)
@@ -124,13 +163,13 @@ def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def friction_factor(temperature: float, clutch: Record) -> float:
-    """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
+    """Return the friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
     return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def plates_cooling(h: float, clutch: Record) -> tuple[float, float]:
-    """(share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
+    """Return (share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
     spent = h * clutch.cooling / clutch.heat_capacity
     return exp(-spent), (-expm1(-spent) / spent if spent > 0.0 else 1.0) / clutch.heat_capacity
 
@@ -139,9 +178,27 @@ def plates_cooling(h: float, clutch: Record) -> tuple[float, float]:
 def plates_after(
     temperature: float, wear: float, heat: float, oil_temperature: float, left: float, rise: float, clutch: Record
 ) -> tuple[float, float]:
-    """(temperature [degC], wear of the whole pack [m]) of the plates after a step in which they took ``heat`` [J].
+    """Return temperature and wear of the plates after a step, by the exact solution for heat that comes evenly.
 
-    left, rise: of :func:`plates_cooling`, the exact solution for heat that comes evenly.
+    Parameters
+    ----------
+    temperature : float
+        Temperature of the plates before the step [degC].
+    wear : float
+        Wear of the whole pack before the step [m].
+    heat : float
+        Heat of the step [J].
+    oil_temperature : float
+        Temperature of the oil [degC].
+    left, rise : float
+        Values of :func:`plates_cooling`.
+    clutch : Record
+        Values of the clutch.
+
+    Returns
+    -------
+    tuple of float
+        Temperature [degC] and wear of the whole pack [m].
     """
     rate = clutch.wear_rate * max(0.0, 1.0 + clutch.wear_per_kelvin * (temperature - clutch.friction_temperature))
     return oil_temperature + (temperature - oil_temperature) * left + heat * rise, wear + rate * heat
@@ -149,7 +206,7 @@ def plates_after(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def drag_coefficient(piston: float, clamp: float, viscosity: float, clutch: Record) -> float:
-    """Viscous torque per slip [Nm s/rad]: oil sheared in the gaps, giving way to the asperities as they carry."""
+    """Return the viscous torque per slip [Nm s/rad]: oil is sheared in the gaps, less and less as the asperities carry."""
     gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
     film_share = max(0.0, 1.0 - clamp / clutch.film_force)
     return clutch.drag_factor * viscosity / gap * film_share
@@ -157,26 +214,28 @@ def drag_coefficient(piston: float, clamp: float, viscosity: float, clutch: Reco
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_torque(before: float, clamp: float, engaging: float, releasing: float) -> float:
-    """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
-    force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N].
+    """Return the torque [Nm] at which a stuck pack slips, with the memory of the splines.
+
+    It rises along ``engaging`` times the clamp force, stays while the plates stick on their splines, and falls along ``releasing``
+    times the clamp force [Nm/N].
     """
     return min(max(before, engaging * clamp), releasing * clamp)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def rest_share(before: float, piston: float, clamp: float, clutch: Record) -> float:
-    """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
+    """Return the share of M_rest of (6.56), which an unclamped pack still holds, with the memory of the contact.
 
-    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them
-    (8.3.5 names both), let go as the piston gives way to a film of full height between all of them.
+    It is present as soon as the asperities carry, and lasts longer than the clamp force: plates that stick, and waves that press
+    them (8.3.5 names both), release as the piston gives way to a film of full height between all plates.
     """
     carried = max(before, min(1.0, clamp / clutch.film_force))
     return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / (clutch.surfaces * clutch.film_gap)))
 
 
-# what a pack carries from step to step, and what is made of its configuration; clearance: new_clearance and wear
+# states of a pack from step to step, and values derived from its configuration; clearance is new_clearance plus wear
 STATE = ("temperature", "wear", "heat", "clamp", "held", "rest", "kinetic", "static", "drag", "film_temperature", "film_viscosity")
-SERIES = 1e-3  # exponent up to which a series with five terms is the exponential to rounding
+SERIES = 1e-3  # exponent up to which a series of five terms equals the exponential to rounding
 DERIVED = (
     "engaging_kinetic",
     "engaging_static",
@@ -188,7 +247,7 @@ DERIVED = (
     "plates_rise",
 )
 WIRES = ("element", "oil")
-# a pack between two bodies, or from one to the held housing; plates: whose values it has
+# a pack between two bodies, or between one body and the fixed housing; plates: the part whose values it has
 JOINED = {
     "joins": Wire("bodies", needed=False),
     "brakes": Wire("body", needed=False),
@@ -198,7 +257,29 @@ JOINED = {
 
 
 def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hysteresis: bool = True) -> dict[str, float]:
-    """Values of DERIVED that time does not change, for a pack that is new."""
+    """Return the values of DERIVED that do not change with time, for a pack that is new.
+
+    Parameters
+    ----------
+    plates : PlatePack
+        Geometry and friction of the plates.
+    pack : PackFriction
+        Models and correction of the pack.
+    clearance : float
+        Clearance of the new pack [m].
+    spline_hysteresis : bool
+        False to leave out the sticking on the splines.
+
+    Returns
+    -------
+    dict of str to float
+        The values by name.
+
+    Raises
+    ------
+    RigError
+        For a pack that is not possible.
+    """
     kinetic, static, held = (
         pack.friction_correction * torque_per_force(plates, mu, turned, pack.friction_model)
         for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False), (plates.friction_static, True))
@@ -215,7 +296,24 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
 
 
 def said(rig: ShownRig, name: str, pressure: float, travel: float) -> tuple[float, ...]:
-    """Fields of a pack's ClutchState, with the pressure [Pa] that presses it and the way [m] of what does."""
+    """Return the fields of a pack's ClutchState.
+
+    Parameters
+    ----------
+    rig : ShownRig
+        The rig.
+    name : str
+        Name of the clutch.
+    pressure : float
+        Pressure that presses the pack [Pa].
+    travel : float
+        Way of the piston that presses it [m].
+
+    Returns
+    -------
+    tuple of float
+        The fields in the order of the message.
+    """
     me, slip = rig.device(name), rig.slip(name)
     return (
         rig.clutch_mode(name),
@@ -233,9 +331,9 @@ def said(rig: ShownRig, name: str, pressure: float, travel: float) -> tuple[floa
 
 @njit(**INLINED)
 def film_viscosity(me: Record, oil: Record) -> float:
-    """Viscosity [Pa s] of the oil between the plates: the exponential's series around a temperature near by.
+    """Return the viscosity [Pa s] of the oil between the plates, by the series of the exponential around a nearby temperature.
 
-    Exact to rounding, and without a call in every step; the pack carries the place around which it goes.
+    It is exact to rounding and needs no call of the exponential in every step; the pack stores the temperature of the series.
     """
     x = -oil.viscosity_per_kelvin * (me.temperature - me.film_temperature)
     if abs(x) > SERIES or me.film_viscosity == 0.0:
@@ -247,13 +345,13 @@ def film_viscosity(me: Record, oil: Record) -> float:
 
 @njit(**INLINED)
 def fill_plates(my: Record, h: float) -> None:
-    """What the step's length makes of the plates' cooling."""
+    """Compute the values of the plates' cooling that depend on the step's length."""
     my.plates_left, my.plates_rise = plates_cooling(h, my)
 
 
 @njit(**INLINED)
 def capacities_before(me: Record, my: Record, cap: Floats) -> float:
-    """Leave the pack's torques at the step's start with the driveline; the drag of then."""
+    """Set the pack's torques at the step's start in the driveline, and return the drag at that time."""
     f = my.element
     cap[KIN0, f], cap[HI0, f], cap[LO0, f] = me.kinetic, me.static, -me.static
     return me.drag
@@ -261,16 +359,16 @@ def capacities_before(me: Record, my: Record, cap: Floats) -> float:
 
 @njit(**INLINED)
 def capacities_after(me: Record, my: Record, piston: float, drag: float, world: Record) -> None:
-    """What the pack can carry at its clamp force, with its memory, and the drag over the step, to the driveline.
+    """Set what the pack can carry at its clamp force, with its memory, and the drag over the step, in the driveline.
 
-    drag: that of the step's start.
+    ``drag`` is that at the step's start.
     """
     me.held = held_torque(me.held, me.clamp, my.engaging_static, my.releasing_static)
     me.rest = rest_share(me.rest, piston, me.clamp, my)
     rest = my.rest_torque * me.rest
     factor = friction_factor(me.temperature, my)
-    # sliding breaks the adhesion; the waves' force is the clamp itself until the piston has left them alone. What the
-    # splines hold back presses the plates whether they slip or not
+    # sliding breaks the adhesion; the force of the waves is the clamp force itself until the piston no longer presses them. The
+    # force that the splines hold back presses the plates whether they slip or not
     me.kinetic = max(factor * my.engaging_kinetic * me.clamp, my.rest_sliding * rest)
     me.kinetic += factor * my.sliding_share * (me.held - my.engaging_static * me.clamp)
     me.static = factor * me.held + rest
@@ -282,7 +380,7 @@ def capacities_after(me: Record, my: Record, piston: float, drag: float, world: 
 
 @njit(**INLINED)
 def heat_plates(me: Record, my: Record, world: Record) -> None:
-    """Temperature and wear by the heat of the step."""
+    """Compute temperature and wear by the heat of the step."""
     el, f = world.driveline.el, my.element
     heat = el[E_FRIC, f] + el[E_VISC, f]
     me.temperature, me.wear = plates_after(

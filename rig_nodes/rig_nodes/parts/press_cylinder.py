@@ -3,7 +3,7 @@
 
 """Cylinder S_z of the clutch bench, its disc springs and what it presses: a pack, a force transducer or nothing.
 
-A part of the engine. Force over pressure (8.2), springs (8.1), clamp force (8.3) of the thesis.
+It is a part of the engine, with force over pressure (8.2), springs (8.1) and clamp force (8.3) of the thesis.
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PressCylinder:
-    """Cylinder and springs, and how far away and how stiff what it presses is.
+    """Values of cylinder and springs, and distance and stiffness of what the cylinder presses.
 
-    (8.2) is read as that of a rising pressure: its constant is the friction of seals and guide rings (8.2.2), which
-    turns round, with a value of its own, as the piston goes back. The spring force is (8.1), the testing machine that of
-    fig. 8.5.
+    (8.2) is read as that of a rising pressure: its constant is the friction of seals and guide rings (8.2.2), which is reversed,
+    with a value of its own, as the piston goes back. The spring force is (8.1); the testing machine is that of fig. 8.5.
     """
 
     force_linear: float = param("area", 1e-5, 1e-1, "Force on the piston per pressure")
@@ -49,7 +48,7 @@ class PressCylinder:
 
 @njit(cache=True)
 def spring_force(travel: float, cylinder: Record) -> tuple[float, float]:
-    """(F_s [N], its slope [N/m]) at travel s [m] by (8.1); beyond the 4 mm of the tests its tangent goes on."""
+    """Return (F_s [N], its slope [N/m]) at travel s [m] by (8.1), continued by its tangent beyond the 4 mm of the tests."""
     s = min(max(travel, 0.0), SPRING_TRAVEL) * 1e3
     force, slope = 0.0, 0.0
     for c in SPRING_FORCE:
@@ -62,23 +61,39 @@ def spring_force(travel: float, cylinder: Record) -> tuple[float, float]:
 
 @njit(cache=True)
 def contact_force(travel: float, cylinder: Record) -> float:
-    """Force [N] on what is pressed: none before the contact, then linear."""
+    """Return the force [N] on what is pressed: none before the contact, then linear."""
     return cylinder.contact_rate * max(0.0, travel - cylinder.contact_travel)
 
 
 @njit(cache=True)
 def machine_step(travel: float, target: float, h: float, cylinder: Record) -> float:
-    """Travel [m] after h in the testing machine, towards its target at its speed."""
+    """Return the travel [m] after h in the testing machine, which moves towards its target at its speed."""
     change = cylinder.machine_speed * h
     return travel + min(max(target - travel, -change), change)
 
 
 @njit(cache=True)
 def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> float:
-    """Travel [m] after h: implicit step of the massless, damped piston.
+    """Return the travel after h by an implicit step of the massless, damped piston.
 
-    F_p(p) -+ seals = F_s(s) + contact + damping v; it stays while the seals take the rest. At rest after a rise
-    this is (8.3): F_a = F_p - F_s, with the constant of (8.2) in F_p.
+    F_p(p) -+ seals = F_s(s) + contact + damping v; the piston stays while the seals hold the rest. At rest after a rise this is
+    (8.3): F_a = F_p - F_s, with the constant of (8.2) in F_p.
+
+    Parameters
+    ----------
+    travel : float
+        Travel before the step [m].
+    pressure : float
+        Pressure in the chamber [Pa].
+    h : float
+        Length of the step [s].
+    cylinder : Record
+        Values of the cylinder.
+
+    Returns
+    -------
+    float
+        Travel [m].
     """
     push = (cylinder.force_linear + cylinder.force_square * pressure) * pressure
     rest = push - spring_force(travel, cylinder)[0] - contact_force(travel, cylinder)
@@ -90,7 +105,7 @@ def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> f
         return travel
     rate = cylinder.piston_damping / h
     x = travel
-    for _ in range(40):  # Newton; both forces are monotone but for a dip of 0.6 N at the springs' start
+    for _ in range(40):  # Newton's method; both forces are monotone except for a dip of 0.6 N at the start of the springs
         force, slope = spring_force(x, cylinder)
         stiff = rate + slope + (cylinder.contact_rate if x > cylinder.contact_travel else 0.0)
         miss = rate * (x - travel) + force + contact_force(x, cylinder) - drive
@@ -104,7 +119,7 @@ def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> f
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """The lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
+    """Move lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
     me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]
     on = me.enabled > 0.0 and world.safe == 0.0
     me.pressure = supply_pressure(me.pressure, me.setting, on, 0.0, h, world.values.oil_supply[my.oil])
@@ -117,10 +132,10 @@ def before(world: Record, k: int, h: float, t: float) -> None:
         me.force = me.clamp = contact_force(me.travel, my)
 
 
-# setting, enabled: of the pressure; machine_target, machine_enabled: travel of the testing machine; pressure: in the chamber;
-# force: on what the piston or the machine presses; clamp: on a pack
+# setting, enabled: setting of the pressure and its switch; machine_target, machine_enabled: travel of the testing machine and its
+# switch; pressure: pressure in the chamber; force: force on what the piston or the machine presses; clamp: force on a pack
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its OilState."""
+    """Return the fields of its OilState."""
     me = rig.device(name)
     return (
         float(me["pressure"]),

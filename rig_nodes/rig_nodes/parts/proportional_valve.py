@@ -3,7 +3,7 @@
 
 """Proportional pressure-reducing valve: coil, spool with friction and dead band, orifice with a flow limit.
 
-A part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothing here prescribes a pressure.
+It is a part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); no pressure is prescribed here.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-# who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
+# what drives the coils: a duty from outside, the embedded law, or the plant's power stage with setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 
 
 @dataclass(frozen=True)
 class ValveConfig:
-    """One valve. The regulated pressure settles where spool force and port pressure balance."""
+    """Values of one valve; its regulated pressure settles where spool force and port pressure balance."""
 
     coil_voltage: float = param("voltage", 1.0, 100.0, "Supply voltage of the coil")
     coil_resistance: float = param("resistance", 1.0, 200.0, "Resistance of the coil")
@@ -54,28 +54,62 @@ class ValveConfig:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def coil_current(current: float, duty: float, h: float, valve: Record) -> float:
-    """Coil current after h [s] at an averaged PWM duty: exact solution of L di/dt + R i = duty U, diode i >= 0."""
+    """Return the coil current after a step at an averaged PWM duty.
+
+    It is the exact solution of L di/dt + R i = duty U; the diode keeps i >= 0.
+
+    Parameters
+    ----------
+    current : float
+        Coil current before the step [A].
+    duty : float
+        Share of the supply voltage on the coil, 0 to 1.
+    h : float
+        Length of the step [s].
+    valve : Record
+        Values of the valve.
+
+    Returns
+    -------
+    float
+        Coil current [A].
+    """
     return coil_after(current, duty, coil_decay(h, valve), valve)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def coil_decay(h: float, valve: Record) -> float:
-    """Share of a change of the coil's current that is still to come after h [s]."""
+    """Return the share of a change of the coil's current that is still to come after h [s]."""
     return exp(-h * valve.coil_resistance / valve.coil_inductance)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def coil_after(current: float, duty: float, decay: float, valve: Record) -> float:
-    """:func:`coil_current` over a time whose ``decay`` is known."""
+    """Return :func:`coil_current` after a time whose ``decay`` is known."""
     steady = duty * valve.coil_voltage / valve.coil_resistance
     return lagged(current, steady, decay)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def on_share(t: float, h: float, duty: float, frequency: float) -> float:
-    """Share of the time from t to t + h in which a PWM of this frequency [Hz] is on; on from the start of a period."""
+    """Return the share of the time from t to t + h in which a PWM is on; it is on from the start of each period.
+
+    Parameters
+    ----------
+    t, h : float
+        Start and length of the time [s].
+    duty : float
+        Share of a period in which it is on.
+    frequency : float
+        Frequency of the PWM [Hz].
+
+    Returns
+    -------
+    float
+        Share of the time.
+    """
     first, last = t * frequency, (t + h) * frequency
-    turns = np.floor(first)  # a float, which takes no way through whole numbers
+    turns = np.floor(first)  # a float, so that it is not converted to a whole number and back
     on = 0.0
     while turns < last:
         on += max(0.0, min(last, turns + duty) - max(first, turns))
@@ -85,10 +119,10 @@ def on_share(t: float, h: float, duty: float, frequency: float) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def magnet_pressure(before: float, current: float, valve: Record) -> float:
-    """Magnet's force [Pa of port pressure]: g i with hysteresis, the share of the force that iron and armature keep.
+    """Return the force of the magnet [Pa of port pressure]: g i with hysteresis, the share that iron and armature keep.
 
-    It rises along (1 - share) g i, stays while the current turns round, and falls along (1 + share) g i. ``before``:
-    the force of the last step.
+    It rises along (1 - share) g i, stays while the current reverses its course, and falls along (1 + share) g i. ``before`` is the
+    force in the last step.
     """
     force = valve.pressure_gain * current
     return min(max(before, (1.0 - valve.hysteresis) * force), (1.0 + valve.hysteresis) * force)
@@ -96,10 +130,10 @@ def magnet_pressure(before: float, current: float, valve: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_pressures(magnet: float, valve: Record) -> tuple[float, float]:
-    """(lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
+    """Return (lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
 
-    Magnet against port pressure and spring; friction holds the spool within a band of that. Nothing regulates above
-    ``pressure_limit``: more is let off, whatever the magnet asks for.
+    The magnet acts against port pressure and spring; friction holds the spool within a band around their balance. The valve
+    regulates no pressure above ``pressure_limit``: it lets off more oil, whatever the force of the magnet.
     """
     middle = magnet - valve.pressure_gain * valve.cracking_current
     return (
@@ -110,22 +144,40 @@ def held_pressures(magnet: float, valve: Record) -> tuple[float, float]:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def spool_position(spool: float, magnet: float, port_pressure: float, h: float, valve: Record) -> float:
-    """Spool position [m] after h: first-order towards the band that friction holds it in, between its stops.
+    """Return the spool position after a step: first-order towards the band in which friction holds it, between its stops.
 
     0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
+
+    Parameters
+    ----------
+    spool : float
+        Position before the step [m].
+    magnet : float
+        Force of the magnet [Pa of port pressure].
+    port_pressure : float
+        Pressure of the port [Pa, gauge].
+    h : float
+        Length of the step [s].
+    valve : Record
+        Values of the valve.
+
+    Returns
+    -------
+    float
+        Position [m].
     """
     return spool_after(spool, magnet, port_pressure, spool_decay(h, valve), valve)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def spool_decay(h: float, valve: Record) -> float:
-    """Share of the spool's way that is still to come after h [s]."""
+    """Return the share of the spool's way that is still to come after h [s]."""
     return exp(-h / valve.spool_time)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def spool_after(spool: float, magnet: float, port_pressure: float, decay: float, valve: Record) -> float:
-    """:func:`spool_position` over a time whose ``decay`` is known."""
+    """Return :func:`spool_position` after a time whose ``decay`` is known."""
     lowest, highest = held_pressures(magnet, valve)
     gain = valve.spool_stroke / valve.full_opening_pressure
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
@@ -135,9 +187,25 @@ def spool_after(spool: float, magnet: float, port_pressure: float, decay: float,
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def closing_pressure(spool: float, reducing: bool, magnet: float, h: float, valve: Record) -> float:
-    """Port pressure [Pa] that, held over h, brings the spool to its edge; infinite where none does.
+    """Return the port pressure that, held over h, brings the spool to its edge.
 
-    reducing: the edge towards the supply is meant, else that of the relieving side.
+    Parameters
+    ----------
+    spool : float
+        Position of the spool [m].
+    reducing : bool
+        True for the edge towards the supply, False for that of the relieving side.
+    magnet : float
+        Force of the magnet [Pa of port pressure].
+    h : float
+        Time [s].
+    valve : Record
+        Values of the valve.
+
+    Returns
+    -------
+    float
+        Pressure [Pa], infinite where no pressure does so.
     """
     decay = exp(-h / valve.spool_time)
     edge = 0.0 if reducing else -valve.spool_dead_band
@@ -145,14 +213,14 @@ def closing_pressure(spool: float, reducing: bool, magnet: float, h: float, valv
     if not -valve.spool_dead_band - valve.spool_stroke <= target <= valve.spool_stroke:
         return inf
     lowest, highest = held_pressures(magnet, valve)
-    # a spool that closes the supply is pushed by the highest, one that closes the drain by the lowest
+    # the highest pressure closes the supply, the lowest one closes the drain
     held = highest if target < spool else lowest
     return held - target / valve.spool_stroke * valve.full_opening_pressure
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def opening(spool: float, valve: Record) -> float:
-    """Share of the full orifice, -1 (drain) to 1 (supply); 0 inside the dead band."""
+    """Return the share of the full orifice, -1 (drain) to 1 (supply); it is 0 inside the dead band."""
     if spool > 0.0:
         return spool / valve.spool_stroke
     if spool < -valve.spool_dead_band:
@@ -162,18 +230,32 @@ def opening(spool: float, valve: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def orifice_speed(density: float) -> float:
-    """sqrt(2 / rho) of the orifice law [m3/2 kg-1/2], for :func:`port_flow`."""
+    """Return sqrt(2 / rho) of the orifice law [m3/2 kg-1/2], for :func:`port_flow`."""
     return sqrt(2.0 / density)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def port_flow(share: float, port_pressure: float, supply_pressure: float, speed: float, valve: Record) -> tuple[float, float]:
-    """(flow to the clutch [m3/s], d flow/d port pressure): orifice law Q = A sqrt(2 dp / rho).
+    """Return the flow to the clutch and its derivative by port pressure, by the orifice law Q = A sqrt(2 dp / rho).
 
-    speed: of :func:`orifice_speed`.
+    Near zero pressure difference the root is replaced by a smooth form that resembles its tangent, so that the slope stays finite.
+    The oil cannot flow back into a supply of lower pressure than the port (check valve in the line P).
 
-    Near zero pressure difference the root is replaced by its tangent-like smooth form so that the slope stays
-    finite; the oil cannot flow back into a supply of lower pressure than the port (check valve in the line P).
+    Parameters
+    ----------
+    share : float
+        Opening of the orifice, -1 to 1.
+    port_pressure, supply_pressure : float
+        Pressures [Pa].
+    speed : float
+        Value of :func:`orifice_speed`.
+    valve : Record
+        Values of the valve.
+
+    Returns
+    -------
+    tuple of float
+        Flow [m3/s] and its derivative by port pressure [m3/(s Pa)].
     """
     if share > 0.0:
         area, drop, sign = share * valve.orifice_area, supply_pressure - port_pressure, 1.0
@@ -183,8 +265,8 @@ def port_flow(share: float, port_pressure: float, supply_pressure: float, speed:
         area, drop, sign = -share * valve.drain_area, port_pressure, -1.0
     else:
         return 0.0, 0.0
-    laminar = 2.0e3  # Pa: below this the orifice flow turns laminar; far under every pressure of interest
-    if drop == 0.0:  # an empty line: most lines at most times, and the roots below are long ones
+    laminar = 2.0e3  # Pa: below this the orifice flow turns laminar; far below every pressure of interest
+    if drop == 0.0:  # an empty line, as most lines are at most times; this saves the roots below, which take long
         return 0.0, -area * (speed / sqrt(laminar))
     root = speed / sqrt(sqrt(drop * drop + laminar * laminar))
     flow = area * drop * root
@@ -194,11 +276,11 @@ def port_flow(share: float, port_pressure: float, supply_pressure: float, speed:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_flow(state: Record, port_pressure: float, supply_pressure: float, most: float) -> tuple[float, float]:
-    """As :func:`port_flow` for a valve outside the plant: its answer, Q0 + slope (p - p0), held for a tick.
+    """Return flow and slope like :func:`port_flow` for a valve outside the plant: its answer, held for a tick.
 
-    Whatever the answer says, within a tick the flow keeps its direction, no oil comes from a supply below the
-    port, none leaves an empty line, and none brings the line past either: ``most`` [m3/(s Pa)] is the flow
-    that changes the line's pressure by 1 Pa in a step. So the port gains no energy that the supply did not give.
+    The answer is Q0 + slope (p - p0). Whatever it is, within a tick the flow keeps its direction, no oil comes from a supply below
+    the port, none leaves an empty line, and none moves the line past either of these: ``most`` [m3/(s Pa)] is the flow that changes
+    the line's pressure by 1 Pa in a step. So the port gains no energy that the supply did not give.
     """
     flow = state.cut_flow + state.cut_slope * (port_pressure - state.cut_pressure)
     highest = most * max(0.0, supply_pressure - port_pressure) if state.cut_flow >= 0.0 else 0.0
@@ -212,14 +294,17 @@ def held_flow(state: Record, port_pressure: float, supply_pressure: float, most:
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Shares of the coil's and the spool's way that are left after a step."""
+    """Compute the shares of the coil's and the spool's way that are left after a step."""
     my = world.values.proportional_valve[k]
     my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
 
 
 @njit(**INLINED)
 def command(world: Record, k: int, outputs: Record, drive: int) -> None:
-    """Duty of this sample; where the current is its setpoint, that of the last sample, as the duty would be."""
+    """Set the duty of this sample.
+
+    Where the current equals its setpoint, that setpoint is the one of the last sample, as the duty would be.
+    """
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     safe = world.safe > 0.0
     if drive != BY_DUTY:
@@ -231,14 +316,14 @@ def command(world: Record, k: int, outputs: Record, drive: int) -> None:
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Coil, magnet and spool over the step; the flow is solved with the line that it fills."""
+    """Move coil, magnet and spool over the step; the flow is solved together with the line that it fills."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     me.on = me.duty if my.pwm == 0.0 else on_share(t, h, me.duty, my.pwm)
     current = me.current
     if my.ideal_current == 0.0:
         me.current = coil_after(me.current, me.on, my.coil_left, my)
     if me.cut == 0.0:
-        # in the middle of the step: the current as it was, the port's pressure as it has been going
+        # in the middle of the step: the mean current, and the port's pressure continued from the last step
         line = world.oil[my.line]
         me.magnet = magnet_pressure(me.magnet, 0.5 * (current + me.current), my)
         me.spool = spool_after(me.spool, me.magnet, line.pressure + 0.5 * line.rise, my.spool_left, my)
@@ -247,17 +332,17 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def pickup(world: Record, k: int, h: float, index: int, shown: Record) -> None:
-    """Voltage of the coil less its mean, in the wire of the transducer beside it."""
+    """Set the voltage of the coil less its mean in the wire of the transducer beside it."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     if my.beside != NOWHERE:
-        # nothing is induced by the mean
+        # the mean voltage induces nothing
         on = on_share((index - 1) * h, h, me.duty, my.pulses) if me.duty > 0.0 else 0.0
         shown.induced[my.beside] = on - me.duty
 
 
 @njit(**INLINED)
 def line_flow(valve: Record, line: float, supply: float, speed: float, most: float, values: Record) -> tuple[float, float]:
-    """(flow into the line [m3/s], its slope): of the spool, or of a valve that stands outside the plant."""
+    """Return (flow into the line [m3/s], its slope) of the spool, or of a valve that stands outside the plant."""
     if valve.cut > 0.0:
         return held_flow(valve, line, supply, most)
     return port_flow(valve.share, line, supply, speed, values)
@@ -265,15 +350,15 @@ def line_flow(valve: Record, line: float, supply: float, speed: float, most: flo
 
 @njit(**INLINED)
 def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
-    """Note what the valve has given to its line over a step, by whoever has solved it."""
+    """Record what the valve has given to its line over a step; called by the part that has solved the flow."""
     me = world.parts.proportional_valve[k]
     me.flow = flow
     me.work += line * flow * h
-    world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # what it lets out goes to the tank
+    world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # the oil that it lets off goes to the tank
 
 
 def says(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Fields of its ValveState."""
+    """Return the fields of its ValveState."""
     me = rig.device(name)
     return (
         float(me["duty"]),
@@ -286,10 +371,10 @@ def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     )
 
 
-# on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: given to the port
-# since time 0; cut > 0: the valve but for its coil stands outside (engine.outside), and cut_* is its answer. ideal_current: the
-# current is its setpoint; pwm: frequency, 0 where it is averaged; pulses: of what is picked up, there also where it is
-# averaged; beside: column of the transducer whose wire lies beside its own, -1 for none
+# on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: work on the port since
+# time 0; cut > 0: the valve without its coil stands outside (engine.outside), and cut_* is its answer. ideal_current > 0: the
+# current equals its setpoint; pwm: frequency, 0 where the PWM is averaged; pulses: frequency of the induced pulses, which is set
+# also where the PWM is averaged; beside: column of the transducer whose wire lies beside its own, NOWHERE for none
 PART = Part(
     "proportional_valve",
     10,
