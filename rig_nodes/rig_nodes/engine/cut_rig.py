@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What engine.outside asks of a rig's configuration (testbench.configuration.RigConfig) and its structure.
+"""What engine.outside reads of a rig's configuration (testbench.configuration.RigConfig) and of its structure.
 
 Used in annotations only.
 """
@@ -28,7 +28,7 @@ class Device(Protocol):
 
     @property
     def role(self) -> str:
-        """That of its part."""
+        """Role of its part."""
 
     @property
     def wires(self) -> Mapping[str, Any]:
@@ -36,33 +36,33 @@ class Device(Protocol):
 
 
 class Devices(Protocol):
-    """The structure of a rig, as far as it is a list of devices."""
+    """The structure of a rig as a list of its devices."""
 
     @property
     def devices(self) -> Sequence[Device]:
-        """All of them, in the order of the description."""
+        """All devices, in the order of the description."""
 
 
 class Structure(Devices, Protocol):
-    """The structure of a rig whose devices are looked up."""
+    """The structure of a rig in which devices are looked up."""
 
     def device(self, name: str) -> Device:
-        """The device of this name."""
+        """Return the device of this name."""
 
     def oil_of(self, device: Any, key: str = "oil") -> str:
-        """Name of the oil supply of one of its own devices."""
+        """Return the name of the oil supply of one of its own devices."""
 
 
 class Cut(Protocol):
-    """How a device outside is reached."""
+    """Settings of the connection to a device outside the plant."""
 
     @property
     def tick(self) -> float:
-        """Time that each side holds what the other one gave [s]."""
+        """Time for which each side holds the values of the other one [s]."""
 
 
 class Kernel(Protocol):
-    """How time passes in the plant."""
+    """Settings of the plant's steps."""
 
     @property
     def step(self) -> float:
@@ -74,15 +74,15 @@ class CutRig(Protocol):
 
     @property
     def structure(self) -> Structure:
-        """What the rig is made of."""
+        """The structure of the rig."""
 
     @property
     def cut(self) -> Cut:
-        """How its devices outside are reached."""
+        """Settings of the connection to its devices outside the plant."""
 
     @property
     def kernel(self) -> Kernel:
-        """How time passes in its plant."""
+        """Settings of its plant's steps."""
 
     def felt_at(self, body: str) -> float:
-        """Inertia that wheels tie to a body, its own counted [kg m2]."""
+        """Return the inertia that wheels tie to a body, its own included [kg m2]."""

@@ -3,8 +3,8 @@
 
 """The driveline's steps as the engine calls them: by their address, with the arrays of a rig's record.
 
-Used by engine.step: the general step where a step is not a quiet one, and the driven one of rigs with laws or inputs over time.
-Both are compiled once for all rigs, beside whatever else is compiled, and are not needed before the first step.
+Used by engine.step: the general step where a step is not a quiet one, and the driven step for rigs with laws or inputs over time.
+Both are compiled once for all rigs, in parallel with the rest, and are not needed before the first step.
 """
 
 from __future__ import annotations
@@ -26,14 +26,23 @@ if TYPE_CHECKING:
     from numba.core.typing.context import BaseContext as TypingContext
     from numba.core.typing.templates import Signature
 
-DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # in the driveline's record, behind the addresses and times
+DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # arrays of the driveline's record, after the addresses and times in the call
 _DRIVEN = (types.int64, types.int64, types.float64, types.float64, *array_types(DRIVEN, WHOLE_NUMBERS))
 NONE = (0, 0, 0)
 
 
 def addresses(driven: bool = False) -> tuple[int, int, int]:
-    """Where compiled steps begin in this process: the bare one, and where a driveline is driven the settled and the driven one,
-    which are 0 else. Made or read from the cache.
+    """Return the addresses at which compiled steps begin in this process; the steps are compiled or read from the cache.
+
+    Parameters
+    ----------
+    driven : bool
+        Whether the driveline has laws or inputs over time.
+
+    Returns
+    -------
+    tuple of int
+        Addresses of the bare, the settled and the driven step; the last two are 0 for a driveline that is not driven.
     """
     if not driven:
         return bare_address(), 0, 0
@@ -50,7 +59,7 @@ def _fields(
 def general_step(
     context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
 ) -> tuple[Signature, Callable]:
-    """Move a driveline's record from t over h by the bare step; at: :func:`addresses`."""
+    """Move a driveline's record from t over h by the bare step; `at` are :func:`addresses`."""
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         at, h, t, line = given
@@ -65,7 +74,7 @@ def general_step(
 def driven_step_at(
     context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
 ) -> tuple[Signature, Callable]:
-    """The same by the driven step, on the record of a driveline that has what that needs."""
+    """Move a driveline's record from t over h by the driven step; the record must have the arrays that this step needs."""
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         at, h, t, line = given

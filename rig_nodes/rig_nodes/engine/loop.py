@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one compiled entry of all rigs: plant, instruments and embedded controller, moved together in fixed order.
+"""The one compiled entry of all rigs: plant, instruments and embedded controller, moved together in a fixed order.
 
-Called by testbench.rig_base only. All it moves is one record, the world, beside the gauges' arrays, the law's and the ring
-of rows: it allocates nothing and holds no lock.
+Called by testbench.rig_base only. It moves one record, the world, along with the arrays of the gauges, those of the law and the
+ring of rows; it allocates nothing and holds no lock.
 """
 
 from __future__ import annotations
@@ -30,16 +30,26 @@ if TYPE_CHECKING:
     from ..arrays import Floats, Ints, Record
 
 load_numba()
-EXPONENT = 0x7FF << 52  # of a double whose bits are read as an integer: all set where it is no finite number
+EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def true_row(numbers: Floats, shown: Record) -> bool:
-    """The values at the end of a step into the row of ``shown``; False where one is no finite number.
+    """Write the values at the end of a step to the row of ``shown``; return False where one is not a finite number.
 
-    numbers: the beginning of the world, of which every channel shows one.
+    Parameters
+    ----------
+    numbers : array of float
+        The beginning of the world; every channel shows one of its numbers.
+    shown : Record
+        Record of instruments.transducers.shown_dtype.
+
+    Returns
+    -------
+    bool
+        Whether all values are finite.
     """
-    nothing = 0.0  # what a finite number less itself is
+    nothing = 0.0  # stays 0 as long as all numbers are finite
     for c in range(shown.source.shape[0]):
         value = numbers[shown.source[c]]
         shown.row[c] = value
@@ -53,9 +63,18 @@ def true_row(numbers: Floats, shown: Record) -> bool:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def measure(index: int, h: float, world: Record, shown: Record) -> None:
-    """One logger row of a true one: as transducers, encoders and converter show it.
+    """Turn a true logger row into the row that transducers, encoders and converter show.
 
-    shown: record of instruments.transducers.shown_dtype, with the true row, its hum and the encoders' counters a gate ago.
+    Parameters
+    ----------
+    index : int
+        Number of the row.
+    h : float
+        Length of a step [s].
+    world : Record
+        The world.
+    shown : Record
+        Record of instruments.transducers.shown_dtype, with the true row, its hum and the encoders' counters one gate ago.
     """
     if shown.present > 0.0:
         if shown.pickup > 0.0:
@@ -67,7 +86,7 @@ def measure(index: int, h: float, world: Record, shown: Record) -> None:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def put_row(log: Floats, place: int, shown: Record) -> None:
-    """What is shown into a row of the ring."""
+    """Write the shown values to a row of the ring."""
     count = shown.source.shape[0]
     for c in range(count):
         log[place, c] = shown.row[c]
@@ -77,9 +96,18 @@ def put_row(log: Floats, place: int, shown: Record) -> None:
 
 @njit(cache=True, error_model="numpy")
 def power_stage(row: Floats, world: Record, outputs: Record, config: Record) -> None:
-    """The plant's current driver, for controllers that return setpoints: the box's current loop for each output.
+    """Run the plant's current driver for controllers that return setpoints: the current loop of the Alfa46 for each output.
 
-    Reads the coil currents of the logger row ``row`` and the setpoints in ``outputs``; leaves its duty there.
+    Parameters
+    ----------
+    row : array of float
+        Logger row with the coil currents.
+    world : Record
+        The world.
+    outputs : record array
+        Outputs with the setpoints, in which the duties are set.
+    config : Record
+        Record of alfa46.law.LAW_CONFIG.
     """
     for k in range(world.channel.shape[0]):
         if world.channel[k] != NOWHERE:
@@ -101,14 +129,14 @@ def first_row(
     state: Floats,
     counts: Floats,
 ) -> None:
-    """The logger's row of time 0."""
+    """Write the logger's row of time 0."""
     shown = showns[0]
     transducers.take(shown, table, keys, state)
     shown.mains = hum[0]
     for e in range(shown.encoder.shape[0]):
         shown.counted[shown.encoder[e]] = 0.0
     true_row(numbers, shown)
-    measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
+    measure(int(0), h, worlds[0], shown)  # int(): a literal would make numba compile the function once more
     for e in range(shown.encoder.shape[0]):
         counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
     put_row(log, 0, shown)
@@ -117,7 +145,7 @@ def first_row(
 
 @njit(cache=True, error_model="numpy", forceinline=False)
 def put_back(world: Record, moved: Ints, kept: Ints) -> None:
-    """The state of the sample's beginning, the one that is given up into ``kept``."""
+    """Restore the state at the sample's beginning, and copy the state that is given up into ``kept``."""
     for i in range(kept.shape[1]):
         kept[1, i] = moved[i]
         moved[i] = kept[0, i]
@@ -151,16 +179,47 @@ def advance(
 ) -> tuple[int, int]:
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
-    Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in
-    which something went wrong. addresses: of the driveline's steps, from engine.general_step. numbers,
-    moved: the beginning of ``worlds`` as float64 and int64, of which the first ``finite`` must be finite numbers; kept (2,
-    as many as a step leaves to the next): its copy at the sample's beginning, and the state that was not finite. Such a
-    sample leaves the plant as it was at its beginning, and its rows show that.
+    The call ends early with the sample in which something went wrong. A sample with a value that is not finite leaves the plant as
+    it was at the sample's beginning, and its rows show that.
 
-    Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
-    answers this one. So the controller acts with one sample of delay, in the engine and outside it alike. BY_SETPOINT
-    the duty is that of the power stage for the newest setpoints and the currents of the last sample, which the
-    controller saw too: the same delay, wherever the current loop is closed.
+    Order at each controller sample: the duty that answers the last sample is applied, then (drive BY_LAW) the law answers this one.
+    So the controller acts with one sample of delay, both in the engine and outside it. With BY_SETPOINT the duty is that of the
+    power stage for the newest setpoints and the currents of the last sample, which the controller saw too: the delay is the same,
+    wherever the current loop is closed.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    first_sample : int
+        Number of the first one.
+    steps_per_sample : int
+        Steps in a sample.
+    h : float
+        Length of a step [s].
+    drive : int
+        BY_DUTY, BY_LAW or BY_SETPOINT.
+    addresses : tuple of int
+        Addresses of the driveline's steps, from engine.general_step.
+    worlds : (1,) record array
+        The world.
+    numbers, moved : arrays of float64 and of int64
+        The beginning of ``worlds``, as two types.
+    showns, table, keys, hum, gauge_state, counts : arrays
+        Arrays of the gauges.
+    law_config, law_profiles, law_outputs, law_state : arrays
+        Arrays of the law.
+    log : (rows, channels) array of float
+        Ring of logger rows.
+    finite : int
+        How many of the first ``numbers`` must be finite.
+    kept : (2, count) array of int64
+        Copy of ``moved`` at the sample's beginning, and the state that was not finite.
+
+    Returns
+    -------
+    tuple of int
+        The sample that was reached, and WHOLE, NOT_FINITE or NOT_SETTLED.
     """
     rows, first, gate = log.shape[0], first_sample * steps_per_sample, counts.shape[0]
     newest, mains, slot = first % rows, first % hum.shape[0], first % gate
@@ -184,14 +243,14 @@ def advance(
             if how == WHOLE:
                 plant_step(world, addresses, h, index * h)
             if not true_row(numbers, shown) and how == WHOLE:
-                # the gauges would remember it
+                # the states of the gauges would keep a value that is not finite
                 how = NOT_FINITE
                 put_back(world, moved, kept)
                 true_row(numbers, shown)
             newest = newest + 1 if newest + 1 < rows else 0
             mains = mains + 1 if mains + 1 < hum.shape[0] else 0
             slot = slot + 1 if slot + 1 < gate else 0
-            # arrays stay out of what is called here: a function counts those it is given in and out
+            # no arrays are passed to the functions called here, because a call counts the references of its arrays up and down
             shown.mains = hum[mains]
             for e in range(shown.encoder.shape[0]):
                 shown.counted[shown.encoder[e]] = counts[slot, shown.encoder[e]]

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a call of a compiled entry ended; told by engine.loop, read by testbench.rig_base.
+"""How a call of a compiled entry ended; set by engine.loop, read by testbench.rig_base.
 
-WHOLE: all samples are done. NOT_FINITE, NOT_SETTLED: it stopped after the sample in which a value came out that is no
-finite number, or in which the friction of a step did not settle.
+WHOLE: all samples are done. NOT_FINITE, NOT_SETTLED: the call stopped after the sample in which a value was not a finite number,
+or in which the friction of a step did not settle.
 """
 
 WHOLE, NOT_FINITE, NOT_SETTLED = range(3)

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Causal cuts: a device outside the plant, what goes over the cut and back, and the rig's own other side.
+"""Causal cuts: a device outside the plant, the values that cross the cut in both directions, and the rig's own device side.
 
-Used by testbench.cuts (the plant's end), by `simulate` and by the stand-alone device nodes, which step the
-physics that the engine would have stepped. A cut is held for a tick: the port in, the answer out.
+Used by testbench.cuts (the plant's end), by `simulate` and by the stand-alone device nodes, which step the physics that the
+engine would have stepped. The values at a cut are held for a tick: the port goes to the device, the answer comes back.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from .cut_rig import CutRig, Device, Devices
 
 MOTOR, LOAD, VALVE = "dc_motor", "load_pump", "proportional_valve"  # parts that can stand outside
-LOOP = 0.35  # crossover of the motor's speed loop times the tick: 0.3 costs 0.2 % of a shift's loss, 0.45 6 %, 0.75 swings
-# roles of devices that are no such pair, and why
+LOOP = 0.35  # limit of the speed loop's crossover times the tick: 0.3 changes a shift's loss by 0.2 %, 0.45 by 6 %, 0.75 oscillates
+# roles of devices that cannot stand outside, and why
 NOT_CUT = {
     parts.CLUTCH: "clutches that lock are solved together with the shafts in every step, and a friction torque that is a tick "
     "old would chatter at standstill",
@@ -40,7 +40,7 @@ NOT_CUT = {
     parts.METER: "it measures and carries no power; its wire is a topic anyway",
     parts.VALUES: "it is no device, but values that others share",
 }
-# what is in a rig and no device of its description, and why it is no such pair
+# what is in a rig but is not a device of its description, and why it cannot stand outside
 NOT_DEVICES = {
     "gearbox": "its shafts carry the clutches that lock and break away within a step, and a torque that is a "
     "tick old cannot hold them",
@@ -50,9 +50,9 @@ NOT_DEVICES = {
 
 
 class Port(NamedTuple):
-    """The plant's side at one sample, SI: all that the device needs. 0 where a device has no such value."""
+    """The plant's side at one sample, SI: everything that the device needs; a value that a device does not have is 0."""
 
-    tick: float  # s that each side holds what the other one gave
+    tick: float  # s for which each side holds the values of the other one
     speed: float = 0.0  # motor: of w0; load pump: of wk
     pressure: float = 0.0  # valve: of the port, gauge
     supply: float = 0.0  # valve: of its supply, gauge
@@ -63,7 +63,7 @@ class Port(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The device's side, SI; it acts from the next tick on. 0 where a device has no such value."""
+    """The device's side, SI; it acts from the next tick on; a value that a device does not have is 0."""
 
     torque: float = 0.0  # motor: on the shaft; load pump: what it can hold, >= 0
     flow: float = 0.0  # valve: into the clutch's line while its port has ``pressure``
@@ -78,12 +78,30 @@ NOTHING = Answer()
 
 
 def cuttable(device: Device) -> bool:
-    """True of a device (description.structure.Device) that can stand outside."""
+    """Return whether a device (description.structure.Device) can stand outside."""
     return device.part in (MOTOR, LOAD, VALVE)
 
 
 def why_not(structure: Devices, name: str) -> str | None:
-    """The sentence on a device of a rig that cannot be cut out, None for one that can; RigError when there is none."""
+    """Return the sentence on why a device of a rig cannot be cut out.
+
+    Parameters
+    ----------
+    structure : Devices
+        The structure of the rig.
+    name : str
+        Name of the device.
+
+    Returns
+    -------
+    str or None
+        The sentence, None for a device that can be cut out.
+
+    Raises
+    ------
+    RigError
+        When there is no such device.
+    """
     if name in NOT_DEVICES:
         return f"{name} cannot be cut out of the plant: {NOT_DEVICES[name]}"
     known = [device.name for device in structure.devices if cuttable(device)]
@@ -94,7 +112,7 @@ def why_not(structure: Devices, name: str) -> str | None:
 
 
 def check_device(structure: Devices, name: str) -> None:
-    """RigError unless this is a device of the rig that can be cut out."""
+    """Raise a RigError unless this is a device of the rig that can be cut out."""
     if why := why_not(structure, name):
         raise RigError(why)
 
@@ -106,7 +124,7 @@ VALVE_SIDE = np.dtype([("magnet", "f8"), ("spool", "f8"), ("share", "f8"), ("mea
 
 @njit(cache=True)
 def motor_tick(side: Record, speed: float, target: float, drive: bool, steps: int, h: float, motor: Record) -> None:
-    """A motor over ``steps`` of h [s] on a shaft of held speed [rad/s]; leaves its mean torque."""
+    """Move a motor over ``steps`` of h [s] on a shaft of held speed [rad/s], and set its mean torque."""
     side.mean = 0.0
     for _ in range(steps):
         side.setpoint = motor_model.next_setpoint(side.setpoint, target, speed, drive, h, motor)
@@ -118,7 +136,7 @@ def motor_tick(side: Record, speed: float, target: float, drive: bool, steps: in
 
 @njit(cache=True)
 def load_tick(side: Record, speed: float, setting: float, enabled: bool, steps: int, h: float, load: Record) -> None:
-    """A load pump over ``steps`` of h [s] on a shaft of held speed [rad/s]; leaves its mean capacity."""
+    """Move a load pump over ``steps`` of h [s] on a shaft of held speed [rad/s], and set its mean capacity."""
     side.mean = 0.0
     for _ in range(steps):
         side.pressure = load_model.line_pressure(side.pressure, setting, enabled, speed, h, load)
@@ -138,9 +156,9 @@ def valve_tick(
     h: float,
     valve: Record,
 ) -> None:
-    """A valve over ``steps`` of h [s] at a held port pressure [Pa] while its current changes evenly.
+    """Move a valve over ``steps`` of h [s] at a held port pressure [Pa] while its current changes evenly.
 
-    Leaves its mean flow and the mean slope of its orifice's flow by port pressure.
+    It sets the mean flow and the mean slope of the orifice's flow by port pressure.
     """
     side.mean = side.slope = 0.0
     for i in range(steps):
@@ -161,15 +179,27 @@ def _record(*instances: object) -> np.void:
 
 
 class OtherSide:
-    """The device of a cut, with the rig's own physics. config: of the rig, with the values of the device.
+    """The device of a cut, with the rig's own physics.
 
-    The device itself moves from port to port, on the mean of the two. Its answer is a forecast with the
-    newest port held: the mean of the tick in which it will act, which begins one tick after the port. So what
-    is left of the delay is that the port moves on; a valve's slope makes up for much of that.
+    The device itself moves from port to port, on the mean of the two. Its answer is a forecast with the newest port held: the mean
+    over the tick in which it will act, which begins one tick after the port. So the only remaining error of the delay is that the
+    port moves on; the slope of a valve makes up for much of that.
+
+    Parameters
+    ----------
+    device : str
+        Name of a device that can be cut out.
+    config : CutRig
+        Configuration of the rig, with the values of the device.
+
+    Raises
+    ------
+    RigError
+        For a motor whose speed loop is too fast for the tick of the cut.
     """
 
     def __init__(self, device: str, config: CutRig) -> None:
-        """device: name of one that can be cut. RigError for a motor whose speed loop is too quick for the cut's tick."""
+        """Make the device of this name; raise RigError for a motor whose speed loop is too fast for the cut's tick."""
         entry = config.structure.device(device)
         self.device, values = entry.part, getattr(config, device)
         # 1/s, crossover of the speed loop
@@ -189,7 +219,20 @@ class OtherSide:
         self._last: Port | None = None
 
     def step(self, port: Port, ticks: int = 1) -> Answer:
-        """The answer to a port that comes so many ticks after the last one."""
+        """Return the answer to a port.
+
+        Parameters
+        ----------
+        port : Port
+            The plant's side.
+        ticks : int
+            Number of ticks since the last port.
+
+        Returns
+        -------
+        Answer
+            The device's side.
+        """
         last, self._last = self._last, port
         if last is not None:
             between = last._replace(
@@ -201,7 +244,7 @@ class OtherSide:
         ahead = self._ahead[0]
         soon = port._replace(current=self._coil(port))
         later = self._coil(soon)
-        if self.device == MOTOR:  # held as the speed is: a setpoint that ramps on alone would ask for too much
+        if self.device == MOTOR:  # held like the speed: a setpoint that ramped on alone would demand too much torque
             soon = soon._replace(setpoint=float(ahead["setpoint"]))
             port = port._replace(setpoint=float(ahead["setpoint"]))
         self._move(ahead, port, soon.current)
@@ -217,14 +260,14 @@ class OtherSide:
         )
 
     def _coil(self, port: Port) -> float:
-        """Coil current of a valve a tick later, its duty held; 0 for other devices."""
+        """Return the coil current of a valve one tick later with its duty held; 0 for other devices."""
         if self.device != VALVE:
             return 0.0
         duty = 0.0 if port.safe else port.setpoint
         return float(valve_model.coil_current(port.current, duty, port.tick, self._values))
 
     def _move(self, side: np.void, port: Port, current: float) -> None:
-        """Move a state over a tick with the port held, but for the coil current: it goes to ``current``."""
+        """Move a state over a tick with the port held, except for the coil current, which goes to ``current``."""
         steps = round(port.tick / self._h)
         if self.device == MOTOR:
             drive = port.enable and not port.safe
@@ -235,11 +278,11 @@ class OtherSide:
             valve_tick(side, port.current, current, port.pressure, port.supply, self._speed_by_root, steps, self._h, self._values)
 
     def _slope(self, side: np.void, port: Port) -> float:
-        """Change of a valve's answer by port pressure: the steeper of the orifice's and the way to no flow.
+        """Return the change of a valve's answer by port pressure: the steeper of the orifice's slope and the slope to zero flow.
 
-        The latter ends at the port pressure that, held from the port on, would have closed the valve in the
-        middle of the tick in which the answer acts. In a stiff line the pressure gets there within that tick;
-        a slope that knew the orifice alone would let it swing.
+        The latter ends at the port pressure that, held from the port on, would have closed the valve in the middle of the tick in
+        which the answer acts. In a stiff line the pressure gets there within that tick; with the slope of the orifice alone it
+        would oscillate.
         """
         closed = valve_model.closing_pressure(
             float(self._side["spool"]), side["mean"] > 0.0, float(side["magnet"]), 1.5 * port.tick, self._values
@@ -251,7 +294,22 @@ class OtherSide:
 
 
 def drained(pressure: float, config: CutRig, device: str) -> Answer:
-    """The answer of a valve without current whose spool has come to rest: what stands in for a silent one."""
+    """Return the answer of a valve without current whose spool has come to rest, which replaces the answer of a silent valve.
+
+    Parameters
+    ----------
+    pressure : float
+        Port pressure [Pa, gauge].
+    config : CutRig
+        Configuration of the rig.
+    device : str
+        Name of the valve.
+
+    Returns
+    -------
+    Answer
+        Flow to the tank and its slope.
+    """
     values = _record(getattr(config, device))
     oil = getattr(config, config.structure.oil_of(config.structure.device(device), "supply"))
     flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, valve_model.orifice_speed(oil.density), values)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a rig is made of, as the engine needs it, and the world's record filled from that.
+"""What a rig consists of, in the form that the engine needs, and the world's record that is filled from it.
 
-A plan is made of a rig's configuration by testbench.plan; testbench.rig_base moves what comes out.
+testbench.plan makes a plan from a rig's configuration; testbench.rig_base moves the record.
 """
 
 from __future__ import annotations
@@ -27,10 +27,24 @@ from .world import Sizes, places, world_dtype
 
 @dataclass(frozen=True)
 class Instance:
-    """A device of a rig: its name, its part, and what its record holds.
+    """A device of a rig: its name, its part, and the contents of its record.
 
-    configs: as the part's; derived, tables: of the part's derived numbers and tables; start: of its states; wires: names of
-    what it is joined to, or the number of an output or of a loss; see :class:`Plan`.
+    Parameters
+    ----------
+    name : str
+        Name of the device.
+    part : str
+        Name of its part.
+    configs : tuple
+        Configurations, as the part declares them.
+    derived : mapping of str to float
+        Derived numbers of the part.
+    wires : mapping of str to str or int
+        Name of what it is joined to, or number of an output or of a loss; see :class:`Plan`.
+    start : mapping of str to float
+        Values of its states at the start.
+    tables : mapping of str to array
+        Tables of the part.
     """
 
     name: str
@@ -44,8 +58,18 @@ class Instance:
 
 @dataclass(frozen=True)
 class Meter:
-    """Torque between bodies: sum of friction torques (by element), of pushes (by body) and of accelerations (by body)
-    times these weights.
+    """Torque between bodies, as a weighted sum.
+
+    Parameters
+    ----------
+    name : str
+        Name of the meter.
+    friction : mapping of str to float
+        Weights of friction torques, by element.
+    push : mapping of str to float
+        Weights of pushes, by body.
+    rate : mapping of str to float
+        Weights of accelerations, by body.
     """
 
     name: str
@@ -56,14 +80,39 @@ class Meter:
 
 @dataclass(frozen=True)
 class Plan:
-    """A rig for the engine.
+    """A rig in the form that the engine needs.
 
-    Wires of an instance by their key: "body", "braked" name one of ``bodies``, "element" one of the driveline's friction
-    elements, "line", "supply" one of ``oil_lines``, "beside" a channel, "valve", "oil" another instance; others are
-    numbers. channels: column of the logger -> where its true value is, "<instance>.<state>", "<body>.speed",
-    "<oil line>.pressure", the name of a meter or "<name>.torque" of a shaft, a friction element, or a torque or motion among the
-    system's laws. currents: instance -> channel with the current of its coil; untouched: how many of the last channels no
-    transducer shows. inputs: over time, as those of a driveline_run.Run, each a table.
+    The wires of an instance have keys: "body" and "braked" name one of ``bodies``, "element" one of the driveline's friction
+    elements, "line" and "supply" one of ``oil_lines``, "beside" a channel, "valve" and "oil" another instance; other wires are
+    numbers.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    bodies : tuple of str
+        Bodies with a port.
+    oil_lines : tuple of str
+        Names of the oil lines.
+    instances : tuple of Instance
+        The devices.
+    meters : tuple of Meter
+        Meters of the torque between bodies.
+    losses : array of float
+        Losses by torque, one row each.
+    channels : mapping of str to str
+        By column of the logger the place of its true value: "<instance>.<state>", "<body>.speed", "<oil line>.pressure", the
+        name of a meter, or "<name>.torque" of a shaft, a friction element, or a torque or motion among the system's laws.
+    encoders : tuple of str
+        Channels that are encoders.
+    outputs : int
+        Number of outputs of the controller.
+    currents : mapping of str to str
+        By instance the channel with the current of its coil.
+    untouched : int
+        Number of the last channels, which no transducer shows.
+    inputs : mapping of str to Table
+        Inputs over time, as those of a driveline_run.Run, each a table.
     """
 
     system: System
@@ -86,10 +135,30 @@ class Plan:
 
 
 class World:
-    """The record of a plan, and where in it everything is.
+    """The record of a plan, and the places of everything in it.
 
-    record: the world (1,); numbers, moved: its beginning as float64 and int64; names: of these numbers as people say
-    them, of which the first ``finite`` must be finite; kept: room for two copies of what a step leaves to the next one.
+    Parameters
+    ----------
+    plan : Plan
+        The rig.
+
+    Attributes
+    ----------
+    record : (1,) record array
+        The world.
+    numbers, moved : arrays of float64 and of int64
+        The beginning of the record, as two types.
+    names : list of str
+        Names of these numbers for messages.
+    finite : int
+        How many of the first numbers must be finite.
+    kept : (2, count) array of int64
+        Room for two copies of what a step leaves to the next one.
+
+    Raises
+    ------
+    RigError
+        When a loss by torque does not have a friction element of its own.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -126,7 +195,7 @@ class World:
         self.finite = every.index("driveline.mode[0]") if "driveline.mode[0]" in every else every.index("driveline.minv[0, 0]")
         count = self.finite + sizes.elements
         self._places = {place: number for number, place in enumerate(every[: self.finite])}
-        self._numbers: dict[str, int] = {}  # of those that somebody has asked for
+        self._numbers: dict[str, int] = {}  # indices of the numbers that have been looked up
         self._count = count
         self.numbers, self.moved = self.record.view(np.float64)[: self.finite], self.record.view(np.int64)[:count]
         self.kept = np.zeros((2, count), np.int64)
@@ -143,19 +212,19 @@ class World:
 
     @cached_property
     def names(self) -> list[str]:
-        """What people call each of the numbers that a step leaves to the next one; asked for when one of them is wrong."""
+        """Names, for messages, of the numbers that a step leaves to the next one; made only when one of them is wrong."""
         return [self._told(place) for place in places(self.record.dtype)[: self._count]]
 
     def state(self, name: str) -> np.void:
-        """The states of an instance, to be read and written."""
+        """Return the states of an instance, which may be read and written."""
         return self._of("parts", name)
 
     def values(self, name: str) -> np.void:
-        """The configuration, derived numbers and wires of an instance, to be read and written."""
+        """Return the configuration, derived numbers and wires of an instance, which may be read and written."""
         return self._of("values", name)
 
     def _of(self, where: str, name: str) -> np.void:
-        # the record never moves, and every message asks for its device
+        # the record never moves in memory, and every message reads its device
         if (where, name) not in self._views:
             kind, k = self._where(name)
             self._views[where, name] = self.record[where][kind][0, k]
@@ -169,7 +238,23 @@ class World:
         raise RigError(f"the rig has no device '{name}'; known are " + ", ".join(instance.name for instance in self.plan.instances))
 
     def place(self, what: str) -> str:
-        """Place of a number by its name in the rig, as in ``Plan.channels``; RigError when there is none."""
+        """Return the place of a number in the record.
+
+        Parameters
+        ----------
+        what : str
+            Its name in the rig, as in ``Plan.channels``.
+
+        Returns
+        -------
+        str
+            The place.
+
+        Raises
+        ------
+        RigError
+            When there is no such number.
+        """
         plan = self.plan
         owner, _, name = what.partition(".")
         if not name and what in (meters := [meter.name for meter in plan.meters]):
@@ -194,13 +279,13 @@ class World:
         return place
 
     def number(self, what: str) -> int:
-        """Index in ``numbers`` of a number by its name in the rig."""
+        """Return the index in ``numbers`` of a number by its name in the rig; raise RigError when there is none."""
         if what not in self._numbers:
             self._numbers[what] = self._places[self.place(what)]
         return self._numbers[what]
 
     def _told(self, place: str) -> str:
-        """A number of the record as people name it."""
+        """Return the name, for messages, of a number of the record."""
         plan, system = self.plan, self.plan.system
         for kind, group in self._by_part.items():
             for k, instance in enumerate(group):

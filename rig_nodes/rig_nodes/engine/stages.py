@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The stages of a step: one compiled function each, which calls that stage of every part that a world has.
+"""The stages of a step: one compiled function for each, which calls this stage of every part that a world has.
 
-What each stage is for, and its arguments, stand beside parts.part.STAGES. Which parts a world has is known from the type
-of its record, so the compiler makes an engine of its own for each rig, with every call resolved and inlined, and keeps it
-under that type. Called by engine.step and engine.loop.
+The purpose and the arguments of each stage are described beside parts.part.STAGES. The type of a world's record tells which parts
+it has, so the compiler makes a separate engine for each rig, with every call resolved and inlined, and stores it under that type.
+Called by engine.step and engine.loop.
 """
 
 from __future__ import annotations
@@ -28,18 +28,21 @@ if TYPE_CHECKING:
 
 
 def _parts_in(world: types.Record) -> list[Part]:
-    """The parts of a world by the type of its record, in the order of their stages."""
+    """Return the parts of a world by the type of its record, in the order of their stages."""
     return sorted((part(name) for name in world.typeof("parts").fields), key=lambda one: one.order)
 
 
 def _calls(world: types.Record, stage: str) -> list[tuple[int, Callable]]:
-    """Pairs (instances, compiled stage) of the parts that take part in a stage."""
+    """Return pairs (instances, compiled stage) of the parts that take part in a stage."""
     states = world.typeof("parts")
     return [(states.typeof(one.name).shape[0], one.stages[stage]) for one in _parts_in(world) if stage in one.stages]
 
 
 def _one_after_other(calls: list[tuple[int, Callable]]) -> Callable[..., None]:
-    """A function that calls stages of pairs (instances, stage); some at once, as every function costs the compiler time."""
+    """Return a function that calls the stages of pairs (instances, stage).
+
+    It calls several of them in one function, because every function costs the compiler time.
+    """
     if not calls:
         return lambda world, *arguments: None
     if len(calls) == 1:
@@ -70,13 +73,13 @@ def _one_after_other(calls: list[tuple[int, Callable]]) -> Callable[..., None]:
 
 
 def _stage(name: str) -> Callable[..., None]:
-    """The function of compiled code that runs one stage of parts.part.STAGES, whatever parts the world has."""
+    """Return the function of compiled code that runs one stage of parts.part.STAGES, whatever parts the world has."""
 
     def stage(world: Record, *arguments: object) -> None:
         raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
 
-    # numba compares its parameters with those of what it gives, annotations too; here they are types and there values: so
-    # neither has any
+    # numba compares the parameters of this function with those of the function that it returns, annotations too. Here they are
+    # types and there values, so neither function has annotations
     @overload(stage, jit_options=INLINED)
     def chosen(world, *arguments) -> Callable[..., None]:  # noqa: ANN001, ANN002, see above
         return _one_after_other(_calls(world, name))

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of any rig: parts, driveline, parts again, in this order. Called by engine.loop.
+"""One step of any rig: parts, driveline, and parts again, in this order. Called by engine.loop.
 
-1. speeds that the bodies are expected to have in the middle of the step, as they have been going;
+1. the speeds that the bodies are expected to have in the middle of the step, continued from the last step;
 2. ``before`` of each part, in the order of the parts: oil supplies, valves, clutches, motors, loads, losses;
 3. the driveline between the old and the new torques and capacities;
 4. speeds, accelerations and torques between bodies at the step's end;
@@ -34,7 +34,19 @@ if TYPE_CHECKING:
 
 @njit(**INLINED)
 def plant_step(world: Record, addresses: tuple[int, int, int], h: float, t: float) -> None:
-    """The plant from t to t + h; addresses: of the driveline's steps, from engine.general_step."""
+    """Move the plant from t to t + h.
+
+    Parameters
+    ----------
+    world : Record
+        The world.
+    addresses : tuple of int
+        Addresses of the driveline's steps, from engine.general_step.
+    h : float
+        Length of the step [s].
+    t : float
+        Time at its start [s].
+    """
     line = world.driveline
     v, gain, q, pushed = line.v, line.gain, line.q, line.middle.shape[0]
     n = v.shape[0]
@@ -57,17 +69,17 @@ def plant_step(world: Record, addresses: tuple[int, int, int], h: float, t: floa
 
 
 def is_driven(line: types.Record) -> bool:
-    """True of the record's type of a driveline that has laws, meshes with losses or inputs over time."""
+    """Return whether the type of a driveline's record is one with laws, meshes with losses or inputs over time."""
     return "begun" in line.fields
 
 
 def move_driveline(line: Record, addresses: tuple[int, int, int], h: float, t: float) -> None:
-    """Move the driveline's record from t over h, by the step that its type asks for."""
+    """Move the driveline's record from t over h, by the step that its type needs."""
     raise TypeError("the driveline is moved from compiled code only")
 
 
-# numba compares the parameters of an overload with those of the function that it gives, annotations too; those of the one
-# would be types, those of the other values: so neither has any
+# numba compares the parameters of an overload with those of the function that it returns, annotations too. Those of the first
+# would be types and those of the second values, so neither function has annotations
 @overload(move_driveline, jit_options=INLINED)
 def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN001, see above
     if is_driven(line):
@@ -81,7 +93,7 @@ def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN0
 
 
 def accelerations(line: Record) -> tuple[float, ...]:
-    """Accelerations of the driveline's speeds at the end of a step [rad/s2]."""
+    """Return the accelerations of the driveline's speeds at the end of a step [rad/s2]."""
     raise TypeError("accelerations are taken from compiled code only")
 
 
@@ -107,7 +119,7 @@ def _accelerations(line) -> Callable[..., tuple[float, ...]]:  # noqa: ANN001, s
 
 @njit(**INLINED)
 def measure_driveline(line: Record) -> None:
-    """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
+    """Compute speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
     v, el, own = line.v, line.el, line.speed.shape[0]
     m, n = line.w.shape
     speeds = vector(v, 0, v)
@@ -118,7 +130,7 @@ def measure_driveline(line: Record) -> None:
         line.gained[b] = speed - line.speed[b]
         line.speed[b], line.rate[b] = speed, dot(turns, rates)
     for k in range(line.meter.shape[0]):
-        # three sums, so that none waits for the other
+        # three separate sums, so that the processor can compute them at the same time
         friction, pushed = 0.0, 0.0
         for f in range(m):
             friction += line.meter_of[k, f] * el[LAM, f]

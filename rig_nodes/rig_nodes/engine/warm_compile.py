@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compiles on two cores when nothing is kept yet; called by testbench.rig_base.
+"""Compiles on two cores when the cache is empty; called by testbench.rig_base.
 
-One compilation is one thread of Python. The driveline's general step takes half of all the time of the first rig, and the
-engine needs it only to move: a second process compiles it into the same cache meanwhile.
+One compilation is one thread of Python. The driveline's general step takes half of all the compile time of the first rig, and the
+engine needs it only to move: a second process compiles it into the same cache in the meantime.
 """
 
 from __future__ import annotations
@@ -19,9 +19,19 @@ from pathlib import Path
 
 @contextmanager
 def compiling_in_parallel(driven: bool) -> Iterator[bool]:
-    """While the block runs, another process compiles the driveline's general or driven step, if it is not kept yet; True if so.
+    """Let another process compile the driveline's general or driven step while the block runs, if it is not in the cache yet.
 
-    If that one fails, whoever needs the step compiles it, later and as ever.
+    If that process fails, the process that needs the step compiles it later, as usual.
+
+    Parameters
+    ----------
+    driven : bool
+        True for the driven step, False for the general one.
+
+    Yields
+    ------
+    bool
+        Whether another process compiles the step.
     """
     kept = Path(os.environ["NUMBA_CACHE_DIR"]) / f"{'driven' if driven else 'general'}_step.compiled"
     if kept.exists():
@@ -31,7 +41,7 @@ def compiling_in_parallel(driven: bool) -> Iterator[bool]:
     command = [
         sys.executable,
         "-c",
-        "import gc; gc.disable(); "  # a twentieth of its time
+        "import gc; gc.disable(); "  # saves a twentieth of its time
         f"from rig_nodes.engine.general_step import addresses; addresses({driven})",
     ]
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

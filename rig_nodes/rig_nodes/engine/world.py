@@ -3,8 +3,8 @@
 
 """The record that the engine moves, made for one rig: sizes of its driveline, states and values of its parts.
 
-Used by engine.build. Everything lies in one record, so that the compiler sees which values cannot be the same ones; its
-beginning, up to and with the driveline's modes, is what a step leaves to the next one.
+Used by engine.build. Everything is in one record, so that the compiler sees which values cannot be the same. The beginning of
+the record, up to and including the modes of the driveline, is what a step leaves to the next one.
 """
 
 from __future__ import annotations
@@ -21,17 +21,30 @@ from ..plant.driveline_algebra import work_size
 from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS
 from ..plant.driveline_losses import loss_width
 
-EVENTS = 256  # of the driveline, how many are kept
-# pressure in a line [Pa]; rise: in the last step; drawn: flow taken from it since its supply has looked [m3/s]
+EVENTS = 256  # number of the driveline's events that are kept
+# pressure: pressure in a line [Pa]; rise: its rise in the last step; drawn: flow taken since its supply last read it [m3/s]
 OIL = np.dtype([("pressure", "f8"), ("rise", "f8"), ("drawn", "f8")])
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many there are: bodies with a port (of a part or a transducer), and meters of the torque between bodies.
+    """Sizes of a rig's record.
 
-    owned: the driveline's elements that its losses own. driven: shapes of what a driveline keeps beside that has laws or
-    inputs over time (plant.driveline_driven), by name; the twists then have places for the integrals of the speeds.
+    Parameters
+    ----------
+    speeds, elements, shafts, losses : int
+        Numbers of the driveline's speeds, friction elements, shafts and losses by torque.
+    owned : tuple of int
+        The driveline's elements that its losses own.
+    bodies : int
+        Number of bodies with a port of a part or a transducer.
+    meters : int
+        Number of meters of the torque between bodies.
+    oil_lines, outputs : int
+        Numbers of oil lines and of outputs of the controller.
+    driven : mapping of str to tuple of int
+        Shapes, by name, of the further arrays of a driveline that has laws or inputs over time (plant.driveline_driven); the
+        twists then have places for the integrals of the speeds.
     """
 
     speeds: int
@@ -47,13 +60,23 @@ class Sizes:
 
 
 def driveline_dtype(n: Sizes) -> np.dtype:
-    """Arguments of driveline_kernel.driveline_step, those that a step changes first, and what parts need of it.
+    """Return the type of the driveline's record: the arguments of driveline_kernel.driveline_step and what parts need of it.
 
-    gain: of the speeds in the last step. speed, gained, rate: of the bodies with a port now, in the last step [rad/s] and
-    at its end [rad/s2]; middle: speed that is expected in the middle of the step. push: torque of parts on these bodies at
-    both ends of the step. bodies: their speeds by the driveline's. meter: torque between bodies, by the weights meter_of
-    of friction torques, pushes and accelerations. own: empty, its shape says which elements the losses own, so that the
-    compiler knows.
+    Arguments that a step changes come first. The other fields are: gain: change of the speeds in the last step; speed, gained,
+    rate: of the bodies with a port the speed, its change in the last step [rad/s] and the acceleration at its end [rad/s2]; middle:
+    speed that is expected in the middle of the step; push: torque of parts on these bodies at both ends of the step; bodies: speeds
+    of these bodies by those of the driveline; meter: torque between bodies, by the weights meter_of of friction torques, pushes and
+    accelerations; own: empty, but its shape tells the compiler which elements the losses own.
+
+    Parameters
+    ----------
+    n : Sizes
+        Sizes of the record.
+
+    Returns
+    -------
+    numpy.dtype
+        Type of the record.
     """
     s, m = n.speeds, n.elements
     kept, fixed = (
@@ -95,10 +118,24 @@ def driveline_dtype(n: Sizes) -> np.dtype:
 
 
 def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[int, ...]]) -> np.dtype:
-    """The record of a rig with so many instances of each part; shapes: of the parts' tables.
+    """Return the type of a rig's record.
 
-    safe > 0: the rig is in its safe state. channel: column of the logger with the coil current of each output of the
+    Field safe > 0: the rig is in its safe state; channel: column of the logger with the coil current of each output of the
     controller, NOWHERE without one; current: these currents.
+
+    Parameters
+    ----------
+    counts : dict of str to int
+        Number of instances of each part.
+    sizes : Sizes
+        Sizes of the record.
+    shapes : dict of str to tuple of int
+        Shapes of the tables of the parts.
+
+    Returns
+    -------
+    numpy.dtype
+        Type of the record.
     """
     states = np.dtype([(name, part(name).state_dtype(), (count,)) for name, count in counts.items()])
     values = np.dtype([(name, part(name).values_dtype(shapes), (count,)) for name, count in counts.items()])
@@ -119,7 +156,7 @@ def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[in
 
 @lru_cache(maxsize=8)
 def places(dtype: np.dtype) -> tuple[str, ...]:
-    """Name of each number of 8 bytes in a record, e.g. "parts.wet_clutch[1].temperature"."""
+    """Return the name of each number of 8 bytes in a record, e.g. "parts.wet_clutch[1].temperature"."""
     return tuple(_places(dtype, ""))
 
 
