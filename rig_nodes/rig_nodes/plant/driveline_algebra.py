@@ -3,7 +3,7 @@
 
 """Constants, work buffer and linear algebra of the driveline step, on one flat work buffer.
 
-Used by plant/driveline_joint.py, plant/driveline_kernel.py and plant/driveline_quiet.py; nothing here knows about time.
+Used by plant/driveline_joint.py, plant/driveline_kernel.py and plant/driveline_quiet.py; this module does not depend on time.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ TAU, E_SHAFT = 0, 1
 N_EVENTS, N_CAPPED = 0, 1
 
 RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
-UNSEEN = 1e-12  # share of a change of speed in a step that a change of drag may make before H is made anew
-HEAD = 4  # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anything is implicit
+UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
+HEAD = 4  # work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit
 
 
 @intrinsic
 def noinline(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
-    """Keeps the compiled function that calls it out of its callers: what is seldom needed compiles once."""
+    """Keep the compiled function that calls it out of its callers, so that code that is seldom needed is compiled once."""
 
     def mark(_target: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> None:
         builder.function.attributes.add("noinline")
@@ -55,7 +55,10 @@ def noinline(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
 
 
 class Places(NamedTuple):
-    """Where the parts of the work buffer begin, behind HEAD, the drag that H was made with, and how far it may go from there."""
+    """Places at which the parts of the work buffer begin.
+
+    They follow HEAD, the drag for which H was made, and the difference from that drag up to which H remains valid.
+    """
 
     p: int  # (n, n) acceleration by a force, with the stuck elements held
     h: int  # (n, n) the same over a step, with all that is implicit
@@ -66,33 +69,33 @@ class Places(NamedTuple):
     inverse: int  # (m, m)
     b: int  # (n, n)
     a: int  # (n, n)
-    force: int  # (n,) at the start of the sub-step
-    accel: int  # (n,) at its start
-    dforce: int  # (n,) over it
-    dv: int  # (n,) over it
-    rate: int  # (s,) of the shafts' twist at its start
-    state: int  # (m,) modes that are tried
+    force: int  # (n,) force at the start of the sub-step
+    accel: int  # (n,) acceleration at its start
+    dforce: int  # (n,) change of force over it
+    dv: int  # (n,) change of speed over it
+    rate: int  # (s,) rate of the shafts' twist at its start
+    state: int  # (m,) modes of the set that is tried
     candidate: int  # (m,) 1 where stick or slip is to be decided
-    side: int  # (m,) on which an element has just been overloaded
+    side: int  # (m,) side on which an element has just been overloaded
     once: int  # (m,) 1 where an element has been released
-    slip: int  # (m,) left by a root
+    slip: int  # (m,) slip that a root leaves
     slip0: int  # (m,) slip at the start of the sub-step
-    slip1: int  # (m,) and at its end
+    slip1: int  # (m,) slip at its end
     torque0: int  # (m,) friction torque at the start
-    torque1: int  # (m,) and at the end
+    torque1: int  # (m,) friction torque at the end
     lossy: int  # (m,) 1 for an element whose capacity grows by a loss
     rho: int  # (k, n) torque of each loss by a force
-    z: int  # (k, n) and by a speed, of what drags
-    given: int  # (k,) torque that each loss asks by, without any loss
-    fall: int  # (k, k) and how it falls by each of them
+    z: int  # (k, n) the same by a speed, for elements with drag
+    given: int  # (k,) torque on which each loss depends, without any loss
+    fall: int  # (k, k) its decrease by each loss
     newton: int  # (k, k + 2) Newton's equations and their solution
     row: int  # (n,) torque of one loss by a force, with all that is implicit
-    size: int  # of all
+    size: int  # total size
 
 
 @njit(**INLINED)
 def places(n: int, m: int, s: int, k: int) -> Places:
-    """Places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
+    """Return the places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
     p = HEAD + 2 * m
     wm = p + 2 * n * n + m * n
     g = wm + m * n
@@ -140,16 +143,16 @@ def places(n: int, m: int, s: int, k: int) -> Places:
 
 
 def work_size(n: int, m: int, s: int, k: int = 0) -> int:
-    """Length of the float64 work buffer for n speeds, m friction elements, s shafts, k losses by torque.
+    """Return the length of the float64 work buffer for n speeds, m friction elements, s shafts and k losses by torque.
 
-    Start with zeros; give each driveline its own buffer and zero it when minv, w, sh or kc change.
+    The buffer must start with zeros. Each driveline needs its own buffer, which must be set to zero when minv, w, sh or kc change.
     """
     return places.py_func(n, m, s, k).size
 
 
 @njit(**INNER)
 def lin(a: float, b: float, x: float) -> float:
-    """At share x of the way from a to b: the end itself outside 0 to 1."""
+    """Return the value at share x of the way from a to b, or the nearer end outside 0 to 1."""
     # a == b also keeps infinite limits out of inf - inf
     if x <= 0.0:
         return a
@@ -160,19 +163,19 @@ def lin(a: float, b: float, x: float) -> float:
 
 @njit(**INNER)
 def high(cap: Floats, f: int, x: float) -> float:
-    """Largest torque [Nm] that element f holds at share x of a step: stick limit or kinetic torque, the greater."""
+    """Return the largest torque [Nm] that element f holds at share x of a step: the greater of stick limit and kinetic torque."""
     return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
 @njit(**INNER)
 def low(cap: Floats, f: int, x: float) -> float:
-    """Smallest torque [Nm], below 0, that element f holds at share x of a step."""
+    """Return the smallest torque [Nm], below 0, that element f holds at share x of a step."""
     return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
 @njit(**INLINED)
 def has_capacity(cap: Floats, f: int) -> bool:
-    """Whether element f can carry any torque at either end of a step."""
+    """Return whether element f can carry any torque at either end of a step."""
     return (
         cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0 or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0
     )
@@ -180,7 +183,7 @@ def has_capacity(cap: Floats, f: int) -> bool:
 
 @njit(**INNER)
 def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> None:
-    """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
+    """Compute the least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi, by cyclic Jacobi."""
     noinline()
     for i in range(nc):
         for j in range(nc):
@@ -234,7 +237,7 @@ def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> 
 
 @njit(**INNER)
 def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
-    """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
+    """Compute R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
 
     G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
     """
@@ -243,7 +246,7 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
     m = w.shape[0]
     at = places(n, m, int(0), int(0))
     op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
-    nc = int(0)  # no literal, which would have pseudo_inverse compiled once more
+    nc = int(0)  # not a literal, which would make numba compile pseudo_inverse once more
     pattern = 1.0
     bit = 1.0
     for f in range(m):
@@ -289,9 +292,9 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
 
 @njit(**INLINED)
 def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
-    """Whether :func:`implicit` has to make H anew: other stuck elements, another step, or drag that has gone too far.
+    """Return whether :func:`implicit` has to compute H again: other stuck elements, another step, or too large a change of drag.
 
-    What turns in oil warms it, so its drag goes on a little in every step, by far less than a step can tell.
+    Plates that turn in oil warm it, so their drag changes a little in every step, by far less than affects a step.
     """
     gone = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
     m = cap.shape[1]
@@ -302,7 +305,7 @@ def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
 
 @njit(**INNER)
 def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Floats) -> None:
-    """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
+    """Compute H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
     noinline()
     m, n = w.shape
     s = sh.shape[0]
@@ -325,7 +328,9 @@ def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Flo
     work[3] = 1.0 if coupled else 0.0
     if not coupled:
         for f in range(m):
-            work[HEAD + m + f] = 0.0  # a step of another length keeps this H, and what is unseen in this one may be seen there
+            work[HEAD + m + f] = (
+                0.0  # a step of another length keeps this H, and a drag without effect in this step may have one there
+            )
         return
     for i in range(n):
         for j in range(n):

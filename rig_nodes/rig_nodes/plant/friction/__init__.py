@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torque and drag of wet multi-plate clutches after chapter 6 of the thesis, usable alone from Python.
+"""Torque and drag of wet multi-plate clutches by chapter 6 of the thesis; it can be used alone from Python.
 
-``geometry``: ring and splines of a pack; ``closed``: torque of plates in contact; ``drag``: torque of oil
-between slipping plates; ``bench``: the packs and the clamp force of chapter 8; ``comparison``: what chapter 8
-says of the friction. parts.plates takes its torque and its drag from here.
+``geometry``: ring and splines of a pack; ``closed``: torque of plates in contact; ``drag``: torque of oil between slipping
+plates; ``bench``: the packs and the clamp force of chapter 8; ``comparison``: statements of chapter 8 on the friction. parts.plates
+takes its torque and its drag from here.
 """

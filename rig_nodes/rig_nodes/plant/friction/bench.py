@@ -1,10 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The multi-plate clutch bench of the thesis, chapter 8: its packs, its clamp force, what each model predicts
-there.
+"""The multi-plate clutch bench of the thesis, chapter 8: its packs, its clamp force, and the prediction of each model.
 
-Used by friction.comparison; usable alone.
+Used by friction.comparison; it can be used alone.
 """
 
 from __future__ import annotations
@@ -21,17 +20,15 @@ if TYPE_CHECKING:
     from .geometry import Numbers
 
 SPRING_TRAVEL = 4e-3  # m, how far the springs of (8.1) were pressed, 8.1.6
-# F_s [N] over s [mm], from s^6 down to the constant, (8.1). The print has + 38.063 s^5 and with it 79 kN at 4
-# mm, far above the testing machine's 10 kN; with the minus the line rises evenly to 0.91 kN.
+# F_s [N] over s [mm], from s^6 down to the constant, (8.1). The thesis prints + 38.063 s^5, which gives 79 kN at 4 mm, far above
+# the 10 kN of the testing machine; with a minus the line rises evenly to 0.91 kN.
 SPRING_FORCE = (2.9035, -38.063, 197.57, -515.09, 658.13, -38.596, 9.8468)
 CYLINDER_FORCE = (63.034, 1251.7, -123.7)  # F_p [N] over p_z [MPa], (8.2), measured up to about 5 kN
 
 
 @dataclass(frozen=True)
 class BenchPack:
-    """One size of plates on the bench. Lengths in m; ``surfaces``: the numbers of friction surfaces that were
-    tested.
-    """
+    """One size of plates on the bench. Lengths in m; ``surfaces`` are the numbers of friction surfaces that were tested."""
 
     name: str
     inner_diameter: float
@@ -44,7 +41,7 @@ class BenchPack:
     source: str
 
     def geometry(self, surfaces: int) -> PackGeometry:
-        """The pack with this number of friction surfaces; ValueError when it was not on the bench."""
+        """Return the pack with a number of friction surfaces; raise ValueError when it was not on the bench."""
         if surfaces not in self.surfaces:
             known = ", ".join(map(str, self.surfaces))
             raise ValueError(f"{self.name} was tested with {known} surfaces, not {surfaces}")
@@ -89,8 +86,22 @@ PACKS = {
 
 
 def spring_force(travel: Numbers) -> Numbers:
-    """F_s [N] of the six springs at ``travel`` s [m], (8.1) with its lost sign; ValueError outside 0 to 4
-    mm.
+    """Return F_s of the six springs, (8.1) with its lost sign.
+
+    Parameters
+    ----------
+    travel : float or array of float
+        Travel s [m].
+
+    Returns
+    -------
+    float or array of float
+        Force [N].
+
+    Raises
+    ------
+    ValueError
+        Outside 0 to 4 mm.
     """
     s = number(travel)
     if not np.all((np.asarray(s) >= 0.0) & (np.asarray(s) <= SPRING_TRAVEL)):
@@ -101,8 +112,22 @@ def spring_force(travel: Numbers) -> Numbers:
 
 
 def cylinder_force(pressure: Numbers) -> Numbers:
-    """F_p [N] of the cylinder at ``pressure`` p_z [Pa], (8.2); 0 below about 0.1 MPa, where its seals hold
-    it.
+    """Return F_p of the cylinder, (8.2); it is 0 below about 0.1 MPa, where its seals hold it.
+
+    Parameters
+    ----------
+    pressure : float or array of float
+        Pressure p_z [Pa].
+
+    Returns
+    -------
+    float or array of float
+        Force [N].
+
+    Raises
+    ------
+    ValueError
+        For a pressure that is negative or not finite.
     """
     pressure = number(pressure)
     not_negative(pressure=pressure)
@@ -110,17 +135,54 @@ def cylinder_force(pressure: Numbers) -> Numbers:
 
 
 def clamp_force(pressure: Numbers, travel: Numbers) -> Numbers:
-    """F_a [N], (8.3): cylinder less springs, 0 where the springs are stronger. Pressure [Pa] and travel [m]
-    broadcast.
+    """Return F_a, (8.3): cylinder less springs, 0 where the springs are stronger.
+
+    Parameters
+    ----------
+    pressure : float or array of float
+        Pressure p_z [Pa].
+    travel : float or array of float
+        Travel s [m]; broadcasts with the pressure.
+
+    Returns
+    -------
+    float or array of float
+        Force [N].
+
+    Raises
+    ------
+    ValueError
+        As for :func:`cylinder_force` and :func:`spring_force`.
     """
     return number(np.maximum(0.0, cylinder_force(pressure) - spring_force(travel)))
 
 
 def slip_torques(pack: PackGeometry, force: Numbers, friction: Numbers, friction_spline: Numbers) -> dict[str, Numbers]:
-    """Torque [Nm] at which the clamped pack would slip, by model; shapes and errors as in friction.closed.
+    """Return the torque at which the clamped pack would slip, by model.
 
-    ``force`` from :func:`clamp_force`. Osinski's factor is carried on beyond 10 surfaces, as chapter 8 does.
-    Measured torques are these times k_kor, plus M_rest: friction.closed.corrected.
+    Osinski's factor is continued beyond 10 surfaces, as chapter 8 does. Measured torques are these times k_kor, plus M_rest:
+    friction.closed.corrected.
+
+    Parameters
+    ----------
+    pack : PackGeometry
+        Geometry of the pack.
+    force : float or array of float
+        Clamp force from :func:`clamp_force` [N].
+    friction : float or array of float
+        Friction of the surfaces [-].
+    friction_spline : float or array of float
+        Friction of the splines [-].
+
+    Returns
+    -------
+    dict of str to float or array
+        Torque of each model [Nm].
+
+    Raises
+    ------
+    ValueError
+        As for the models of friction.closed.
     """
     return {
         "traditional": closed.traditional(pack, force, friction),

@@ -1,12 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What chapter 8 of the thesis says of its bench, as bounds on the friction that it does not print.
+"""Statements of chapter 8 of the thesis on its bench, as bounds on the friction that it does not print.
 
-Usable alone. The chapter gives k_kor (measured slope over the thesis's model) and k_os (over Osinski's), but
-neither friction coefficient nor slope. The ratio of two models does not hold the measured slope, and it
-depends on the product mu mu_sp alone: so the statements bound that product, and none of them can tell mu from
-mu_sp.
+It can be used alone. The chapter gives k_kor (measured slope over the thesis's model) and k_os (over Osinski's), but neither a
+friction coefficient nor a slope. The ratio of two models does not contain the measured slope, and it depends on the product
+mu mu_sp alone. So the statements bound that product, and none of them can separate mu from mu_sp.
 """
 
 from __future__ import annotations
@@ -26,12 +25,15 @@ if TYPE_CHECKING:
 
     from .geometry import Numbers
 
-NEAR = 0.05  # own: "very close" of two lines, as a part of their slope
+NEAR = 0.05  # own: meaning of "very close" for two lines, as a share of their slope
 
 
 @dataclass(frozen=True)
 class Statement:
-    """The thesis's model over ``against`` ("osinski" or "traditional") lies in low to high for one pack."""
+    """A statement that the ratio of two models lies within bounds for one pack.
+
+    The ratio of the thesis's model to ``against`` ("osinski" or "traditional") lies in low to high.
+    """
 
     pack: str
     surfaces: int
@@ -39,7 +41,7 @@ class Statement:
     low: float
     high: float
     said: str
-    read_into: bool = False  # own reading of what a sentence leaves open
+    read_into: bool = False  # True for an own reading of what a sentence leaves open
 
 
 def _statements() -> tuple[Statement, ...]:
@@ -67,7 +69,7 @@ def _statements() -> tuple[Statement, ...]:
             "(fig. 8.15 d, which is read as 8.14 d)",
         ),
     ]
-    # a better fit than Osinski's is claimed for 16 and 18 surfaces: with fewer, Osinski's is then at least as
+    # a better fit than Osinski's is claimed for 16 and 18 surfaces only: with fewer surfaces Osinski's is then at least as
     # good, |k_os - 1| <= |k_kor - 1|, with k_kor 0.88 (n = 10) and at least 0.9 (n = 12, 14)
     for n, lowest in ((14, 0.9), (12, 0.9), (10, 0.88)):
         found.append(
@@ -88,24 +90,58 @@ STATEMENTS = _statements()
 
 
 def model_ratio(pack: str, surfaces: int, against: str, product: Numbers) -> Numbers:
-    """The thesis's model over Osinski's or the traditional one [-] at ``product`` mu mu_sp [-], of its shape.
+    """Return the ratio of the thesis's model to Osinski's or the traditional one.
 
-    ValueError for an unknown pack, number of surfaces or model, and for a product that locks the splines.
+    Parameters
+    ----------
+    pack : str
+        Name of the pack.
+    surfaces : int
+        Number of friction surfaces.
+    against : str
+        "osinski" or "traditional".
+    product : float or array of float
+        Product mu mu_sp [-].
+
+    Returns
+    -------
+    float or array of float
+        Ratio [-], in the shape of ``product``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown pack, number of surfaces or model, and for a product that locks the splines.
     """
     if pack not in PACKS or against not in ("osinski", "traditional"):
         raise ValueError(
             f"no ratio for pack '{pack}' against '{against}'; packs are {', '.join(PACKS)}, models are osinski and traditional"
         )
     geometry = PACKS[pack].geometry(surfaces)
-    # all torque is proportional to mu at a given product, so mu = 1 stands for any
+    # all torque is proportional to mu at a given product, so mu = 1 represents any mu
     share = closed.thesis(geometry, 1.0, 1.0, product) / closed.traditional(geometry, 1.0, 1.0)
     return share / closed.osinski_factor(surfaces) if against == "osinski" else share
 
 
 def product_bounds(statement: Statement) -> tuple[float, float]:
-    """(lowest, highest) product mu mu_sp [-] at which a statement holds; ValueError when it holds at none.
+    """Return the lowest and the highest product mu mu_sp at which a statement holds.
 
-    The ratio falls as the product grows, from its value without spline friction to 0 < where a spline locks.
+    The ratio falls as the product grows, from its value without spline friction to a value above 0 where a spline locks.
+
+    Parameters
+    ----------
+    statement : Statement
+        The statement.
+
+    Returns
+    -------
+    tuple of float
+        Lowest and highest product [-].
+
+    Raises
+    ------
+    ValueError
+        When the statement holds at no product.
     """
     geometry = PACKS[statement.pack].geometry(statement.surfaces)
     locked = min(geometry.outer_spline_arm, geometry.inner_spline_arm) / geometry.mean_radius * (1.0 - 1e-9)
@@ -126,15 +162,29 @@ def product_bounds(statement: Statement) -> tuple[float, float]:
 
 
 def common_product(statements: Iterable[Statement]) -> tuple[float, float] | None:
-    """(lowest, highest) product mu mu_sp [-] at which all ``statements`` hold, None when they contradict each
-    other.
+    """Return the lowest and the highest product mu mu_sp at which all statements hold.
+
+    Parameters
+    ----------
+    statements : iterable of Statement
+        The statements.
+
+    Returns
+    -------
+    tuple of float or None
+        Lowest and highest product [-], None when the statements contradict each other.
+
+    Raises
+    ------
+    ValueError
+        When one of the statements holds at no product.
     """
     low, high = np.transpose([product_bounds(statement) for statement in statements])
     return (float(low.max()), float(high.min())) if low.max() <= high.min() else None
 
 
 def contradicted(friction: float, friction_spline: float, statements: Iterable[Statement] = STATEMENTS) -> list[Statement]:
-    """The statements that do not hold with this friction of plates and splines [-]."""
+    """Return the statements that do not hold with this friction of plates and splines [-]."""
     out = []
     for statement in statements:
         low, high = product_bounds(statement)

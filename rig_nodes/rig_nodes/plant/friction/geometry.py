@@ -34,7 +34,7 @@ class PackGeometry:
     pressure_angle_deg: float = param("ratio", 0.0, 60.0, "Pressure angle of the splines, in degrees")
 
     def check(self) -> None:
-        """ValueError with one sentence when no pack can look like this."""
+        """Raise a ValueError with one sentence when the geometry is not possible."""
         if not (self.surfaces >= 1 and self.surfaces == int(self.surfaces)):
             raise ValueError(f"surfaces is {self.surfaces:g}, expected a whole number of at least 1")
         if not 0.0 < self.inner_radius < self.outer_radius:
@@ -53,47 +53,47 @@ class PackGeometry:
 
     @property
     def area(self) -> float:
-        """A, one friction surface [m2], (6.25)."""
+        """Area A of one friction surface [m2], (6.25)."""
         return pi * (self.outer_radius**2 - self.inner_radius**2)
 
     @property
     def mean_radius(self) -> float:
-        """r_m, mean friction radius under even pressure [m], (6.5)."""
+        """Mean friction radius r_m under even pressure [m], (6.5)."""
         ri, ro = self.inner_radius, self.outer_radius
         return 2.0 / 3.0 * (ro**3 - ri**3) / (ro**2 - ri**2)
 
     @property
     def outer_spline_arm(self) -> float:
-        """A = d_po/2 cos(alpha) [m]: torque on the hub's spline over the normal force there, (6.35)."""
+        """Arm A = d_po/2 cos(alpha) [m]: torque on the hub's spline over the normal force there, (6.35)."""
         return self.outer_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
 
     @property
     def inner_spline_arm(self) -> float:
-        """B = d_pin/2 cos(alpha) [m]: torque on the shaft's spline over the normal force there, (6.40)."""
+        """Arm B = d_pin/2 cos(alpha) [m]: torque on the shaft's spline over the normal force there, (6.40)."""
         return self.inner_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
 
 
 def number(value: Numbers) -> Numbers:
-    """The value as a float where it is one number, as a float64 array otherwise."""
+    """Return the value as a float if it is one number, otherwise as a float64 array."""
     return float(value) if np.ndim(value) == 0 else np.asarray(value, float)
 
 
 def not_negative(**values: Numbers) -> None:
-    """ValueError naming the first value that is negative or not finite anywhere."""
+    """Raise a ValueError that names the first value that is negative or not finite anywhere."""
     for name, value in values.items():
         if not np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)):
             raise ValueError(f"{name} is {np.min(value):g}, expected finite numbers of at least 0")
 
 
 def part_of_one(**values: Numbers) -> None:
-    """ValueError naming the first value that is not within 0 to 1 everywhere."""
+    """Raise a ValueError that names the first value that is not within 0 to 1 everywhere."""
     for name, value in values.items():
         if not np.all((np.asarray(value) >= 0.0) & (np.asarray(value) <= 1.0)):
             raise ValueError(f"{name} goes from {np.min(value):g} to {np.max(value):g}, expected 0 to 1")
 
 
 def positive(**values: Numbers) -> None:
-    """ValueError naming the first value that is not above 0 everywhere."""
+    """Raise a ValueError that names the first value that is not above 0 everywhere."""
     for name, value in values.items():
         if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0)):
             raise ValueError(f"{name} is {np.min(value):g}, expected finite numbers above 0")
