@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A step of a rig's driveline that has laws, meshes with losses or inputs over time: plant/driveline_laws.py with its inputs found.
+"""A step of a rig's driveline that has laws, meshes with losses or inputs over time, by plant/driveline_laws.py.
 
-Called by the engine by its address (engine.general_step), with arrays of any sizes, in place of the quiet and the bare step. What
-plant/driveline_run.py does with numpy before a run is done here in each step: tables of inputs at the step's ends, cuts at their
-points.
+The engine calls it by its address (engine.general_step), with arrays of any sizes, in place of the quiet and the bare step. What
+plant/driveline_run.py does with numpy before a run is done here in each step: it evaluates the tables of inputs at the ends of the
+step and cuts the step at their points.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
     from rig_nodes.plant.driveline import System
 
-FACTOR, LIMIT, PUSH = range(3)  # what an input over time is: what multiplies a law, or moves; a capacity; a torque on a body
+FACTOR, LIMIT, PUSH = range(3)  # kinds of inputs over time: factor of a law or speed of a motion; capacity; torque on a body
 
-# arrays of a driven step behind those of the bare step, name -> dimensions, for the engine's record. Of the laws:
+# arrays of a driven step after those of the bare step, name -> dimensions, for the engine's record. First those of the laws:
 LAWS = {
     "kind": 1,
     "angle": 1,
@@ -62,10 +62,11 @@ LAWS = {
     "ends": 2,
     "period": 1,
 }
-# what they keep from step to step, the work of the parts' torques on bodies, and accelerations at the step's end:
+# the state of the laws, the work of the parts' torques on bodies, and accelerations at the step's end:
 KEPT = {"at": 1, "law_torque": 1, "spring": 1, "way": 1, "response": 1, "law_work": 1, "part_work": 1, "accel": 1}
-# and of the inputs: what each is, its place, its row of the speeds; points; of the elements their stick limits over the capacity;
-# of the laws' inputs the values without any; then what the last step ended with, and whether there was one
+# and those of the inputs: kind, place and row of the speeds of each; their points; the stick limits of the elements over their
+# capacity; the defaults of the laws' inputs; the mass matrix; torques and capacities at the end of the last step, and whether there
+# was one
 INPUTS = {
     "given_kind": 1,
     "given_place": 1,
@@ -95,7 +96,20 @@ WHOLE_NUMBERS = (
 
 
 def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
-    """The arrays of LAWS, KEPT and INPUTS for a system at its start. inputs: as those of a Run, each a table over time."""
+    """Return the arrays of LAWS, KEPT and INPUTS for a system at its start.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    inputs : mapping of str to Table
+        Inputs as those of a Run, each a table over time.
+
+    Returns
+    -------
+    dict of str to array
+        The arrays by name.
+    """
     n, m = len(system.speeds), len(system.elements)
     laws, own = laws_of(system.laws, n), law_state(system.laws)
     every = {
@@ -194,10 +208,10 @@ def driven_step(
     cap_before: Floats,
     begun: Floats,
 ) -> int:
-    """Move a driveline from t to t + h, q and cap those of the rig's parts; settled, bare: addresses; twist has places for the
-    integrals of the speeds.
+    """Move a driveline from t to t + h, where q and cap are those of the rig's parts.
 
-    A step is cut at the points of tables over time. Behind it cap has what losses brake with at its end.
+    settled and bare are addresses; twist has places for the integrals of the speeds. A step is cut at the points of tables over
+    time. After the step cap contains the torques with which losses brake at its end. Returns 0.
     """
     n, m, slots = v.shape[0], mode.shape[0], sh.shape[0]
     laws = Laws(
@@ -294,7 +308,7 @@ def accelerate(
     shaft: Floats,
     accel: Floats,
 ) -> None:
-    """Leaves in `accel` the accelerations (n,) at the end of a step, from all torques of then; q: of parts and inputs."""
+    """Set `accel` to the accelerations (n,) at the end of a step, from all torques at that time; q is that of parts and inputs."""
     n = v.shape[0]
     force, inverse, heavy = q.copy(), minv.copy(), False
     for f in range(w.shape[0]):
@@ -302,7 +316,7 @@ def accelerate(
         for j in range(n):
             force[j] -= w[f, j] * torque
     held = mass.copy()
-    straight = sh.shape[0]  # of the rows, those of shafts come first, then those of torques
+    straight = sh.shape[0]  # number of rows of shafts, which come before those of torques
     for k in range(laws.kind.shape[0]):
         push = 0.0
         if laws.kind[k] == TORQUE:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which friction elements stick and which slip, decided jointly at one instant.
+"""Joint decision, at one instant, of which friction elements stick and which slip.
 
 Used by plant/driveline_kernel.py at every event inside a step.
 """
@@ -43,15 +43,15 @@ from rig_nodes.plant.driveline_losses import FACTOR, LAST, NEXT, ON, WEIGHTS, br
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
 
-SEEN = 1e-10  # rad/s of slip, above which it is none of rounding
+SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
 
 
-# int() around a constant argument or start value: a literal would have the callee compiled once more
+# int() around a constant argument or start value: a literal would make numba compile the callee once more
 
 
 @njit(**INNER)
 def note(t: float, f: int, kind: int, v: Floats, events: Floats, count: Ints) -> None:
-    """Counts an event of element f, and puts it with the speeds [rad/s] of then into the ring, where that has room for any."""
+    """Count an event of element f, and write it with the speeds [rad/s] at that time to the ring, if the ring has room for any."""
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
         for j in range(events.shape[1] - 3):
@@ -64,7 +64,7 @@ def note(t: float, f: int, kind: int, v: Floats, events: Floats, count: Ints) ->
 
 @njit(**INNER)
 def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
-    """True if the elements that are stuck now also hold element f (its slip cannot accelerate)."""
+    """Return whether the elements that are stuck now also hold element f, so that its slip cannot accelerate."""
     n = w.shape[1]
     held = 0.0
     alone = 0.0
@@ -77,7 +77,7 @@ def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
 
 @njit(**INNER)
 def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None:
-    """Book as heat the energy that goes where stuck elements take out more slip than rounding: after a capped step.
+    """Count as heat the energy that is lost where stuck elements remove more slip than rounding, after a capped step.
 
     An impulse p = G^+ slip takes p slip / 2 from each of them.
     """
@@ -116,14 +116,13 @@ def resolve(
     count: Ints,
     work: Floats,
 ) -> int:
-    """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
+    """Decide jointly, at acceleration level, which of the zero-slip elements (flagged as candidates) stick and which slip.
 
-    Starts with all of them stuck and releases the worst violator, one by one, in the direction in which
-    it is overloaded; a released element that would move against its friction sticks again, from then on
-    within its kinetic torque (which makes the rest a box-constrained convex problem). After 3 m pivots
-    the lowest index goes first (Murty's rule, which cannot cycle); after 12 m the last set stands and
-    the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
-    slipping. Losses that grow with a torque are solved anew for every set that is tried.
+    It starts with all of them stuck and releases the worst violator, one by one, in the direction in which it is overloaded. A
+    released element that would move against its friction sticks again, from then on within its kinetic torque (which makes the rest
+    a box-constrained convex problem). After 3 m pivots the lowest index goes first (Murty's rule, which cannot cycle); after 12 m
+    the last set is kept and the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
+    slipping. Losses that grow with a torque are solved again for every set that is tried.
     """
     noinline()
     n = minv.shape[0]
@@ -153,7 +152,7 @@ def resolve(
         project(minv, w, ost, work)
         changed = False
         for f in range(m):
-            # a held element whose holders have let go slips the way it was loaded
+            # a held element whose holders have released it slips in the direction in which it was loaded
             if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
                 work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
                 changed = True
@@ -320,7 +319,7 @@ def resolve(
         mode[f] = new
         work[ocand + f] = 0.0
     for f in range(m):
-        # the root leaves a slip of rounding size; take it out so that locked means locked
+        # the root leaves a slip of rounding size; remove it so that a locked element has no slip
         if mode[f] == STUCK:
             slip = 0.0
             for j in range(n):

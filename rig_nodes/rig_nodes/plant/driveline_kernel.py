@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of the general driveline, compiled: stick/slip events at their exact time inside the step.
+"""One compiled step of the general driveline, with stick/slip events at their exact time inside the step.
 
-Used by plant/driveline.py (description and runner) and by every larger kernel that moves a drive
-train; topology comes in as arrays only, so one compiled function serves every arrangement.
+Used by plant/driveline.py (description and runner) and by every larger kernel that moves a drive train. The topology is given by
+arrays only, so that one compiled function serves every arrangement.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ from rig_nodes.plant.driveline_losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
 
-UNDECIDED = 3  # in a step: a decision that is not reached costs as much as a hundred that are
+UNDECIDED = 3  # per step: a decision that is not reached costs as much as a hundred that are reached
 
 
 @njit(**INNER)
 def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
-    """First time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
+    """Return the first time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
     # the parabola lies above its chord or above its tangent at the start
     if y0 > tol and y1 > 0.0 and (b >= 0.0 or y0 + b * d > 0.0):
         return np.inf
@@ -74,7 +74,7 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
         t = 2.0 * y0 / den
         return t if t <= d else (d if y1 <= 0.0 else np.inf)
     if y0 < -tol:
-        # an unfinished root: fine while the slip is on its way to the right side
+        # an unfinished root: acceptable while the slip moves to the right side
         return 0.0 if b < 0.0 else np.inf
     low = y1 - y0
     if a > 0.0 and b < 0.0 and -b < 2.0 * a * d:
@@ -86,10 +86,10 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
 
 @njit(**INNER)
 def end_losses(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, loss: Floats, v: Floats, mode: Ints, work: Floats) -> bool:
-    """The losses at the end of a sub-step of d into NEXT, from its forces without them; False where there are none.
+    """Set NEXT to the losses at the end of a sub-step of d, from its forces without them; return False where there is no solution.
 
-    A force F changes what is reached by d H F / 2, the torque of a stuck element by R (1 - d B H / 2) F, and the
-    acceleration at the end by H F: mean and end of the trapezoidal rule.
+    A force F changes the speed reached by d H F / 2, the torque of a stuck element by R (1 - d B H / 2) F, and the acceleration at
+    the end by H F: mean and end of the trapezoidal rule.
     """
     m, n = w.shape
     k = loss.shape[0]
@@ -176,40 +176,72 @@ def driveline_step(
     count: Ints,
     work: Floats,
 ) -> int:
-    """Move a driveline from t to t + h; returns the number of events in the step.
+    """Move a driveline from t to t + h and return the number of events in the step.
 
-    n speeds, m friction elements (m <= 50), s shafts; every array float64, C-contiguous, unless said
-    otherwise; SI units; modes, kinds and row names from driveline_algebra. Nothing is allocated.
+    There are n speeds, m friction elements (m <= 50), s shafts and k losses. Every array is float64 and C-contiguous unless said
+    otherwise, in SI units. Modes, kinds and names of rows are those of driveline_algebra. Nothing is allocated.
+
     Equations of motion and law of friction:
     M dv/dt = q - W^T (lam + visc W v) - S^T tau, tau = k twist + c S v, d twist/dt = S v, slip = W v;
     slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi.
 
-    Constants   minv (n, n) inverse of M; w (m, n); sh (s, n) = S; kc (2, s): stiffness, damping.
-    Inputs      q (2, n) and cap (7, m): rows KIN0, KIN1 kinetic torque >= 0, LO0, LO1 <= 0 and HI0, HI1
-                >= 0 stick limits (a limit below the kinetic torque counts as the kinetic torque; infinite
-                at both ends or at none), VISC drag coefficient over the step. Rows 0 and 1 of q and the
-                0/1 pairs hold the right limit at t and the left limit at t + h; linear in between, so
-                jumps belong on step boundaries. An element with kin, lo, hi zero at both ends is OPEN.
-                loss (k, loss_width(n, m)), columns in driveline_losses: losses that grow with a torque; the
-                capacities of the elements that they own come from there, above 0.
-    State       v (n,), twist (s,) or (s + n,), mode (m,) int64: all changed in place; behind the twists of
-                the shafts stand the integrals of the speeds, where there is room. A mode OPEN is set by itself at
-                the start of the step; a locked element must have zero slip when it is handed in.
-    Outputs     el (4, m): LAM friction torque at the end (positive opposes positive slip, without drag);
-                IMPULSE += int lam dt; E_FRIC += int lam slip dt; E_VISC += int visc slip^2 dt;
-                shaft (2, s): TAU at the end; E_SHAFT += int c (S v)^2 dt; e_in (n,) += int q v dt.
-    Events      events (rows, 3) or (rows, 3 + n): time, element, kind and the speeds v, a ring filled from row 0;
-                count (2,) int64: N_EVENTS noted so far, N_CAPPED steps in which the bound on events or pivots was
-                reached. Beyond 6 m + 12 events in one step, or where who sticks could not be decided more than UNDECIDED
-                times, the rest of it runs with the modes as they are.
-    work        float64, at least work_size(n, m, s, k), zeros at first.
+    Parameters
+    ----------
+    h : float
+        Length of the step [s].
+    t : float
+        Time at its start [s].
+    minv : (n, n) array
+        Inverse of M.
+    w : (m, n) array
+        W, slips by the speeds.
+    sh : (s, n) array
+        S, rates of the shafts' twists by the speeds.
+    kc : (2, s) array
+        Stiffness and damping of the shafts.
+    q : (2, n) array
+        Forces on the speeds. Rows 0 and 1 of q and the 0/1 pairs of cap hold the right limit at t and the left limit at t + h.
+        They are linear in between, so jumps belong on step boundaries.
+    cap : (7, m) array
+        Rows KIN0, KIN1: kinetic torque >= 0; LO0, LO1 <= 0 and HI0, HI1 >= 0: stick limits (a limit below the kinetic torque
+        counts as the kinetic torque; infinite at both ends or at none); VISC: drag coefficient over the step. An element with
+        kin, lo, hi zero at both ends is OPEN.
+    loss : (k, loss_width(n, m)) array
+        Losses that grow with a torque, with the columns of driveline_losses. The capacities, above 0, of the elements that they
+        own come from there.
+    v : (n,) array
+        Speeds, changed in place.
+    twist : (s,) or (s + n,) array
+        Twists of the shafts and, where there is room, the integrals of the speeds; changed in place.
+    mode : (m,) array of int64
+        Modes, changed in place. The mode OPEN is set automatically at the start of the step; a locked element must have zero
+        slip when it is passed in.
+    el : (4, m) array
+        Output. LAM: friction torque at the end (positive opposes positive slip, without drag); IMPULSE += int lam dt;
+        E_FRIC += int lam slip dt; E_VISC += int visc slip^2 dt.
+    shaft : (2, s) array
+        Output. TAU: torque at the end; E_SHAFT += int c (S v)^2 dt.
+    e_in : (n,) array
+        Output, += int q v dt.
+    events : (rows, 3) or (rows, 3 + n) array
+        Time, element, kind and the speeds v of each event, a ring that is filled from row 0.
+    count : (2,) array of int64
+        N_EVENTS: events so far; N_CAPPED: steps in which the bound on events or pivots was reached. Beyond 6 m + 12 events in
+        one step, or where the set of stuck elements could not be decided more than UNDECIDED times, the rest of the step runs
+        with the modes as they are.
+    work : array
+        At least work_size(n, m, s, k) numbers, zeros at first.
 
-    Method: with fixed modes the trapezoidal rule, which is exact where there is neither drag nor shaft
-    (acceleration linear, speed quadratic in time) and A-stable where there is. Zero slip and overload are
-    roots of the quadratic and of the linear function; with drag or shafts the shortened step is solved
-    again until its end meets the root. Energies are mean torque times mean slip: the trapezoidal rule
-    satisfies work = kinetic + spring energy + losses with these to rounding, for any step, and no loss
-    can come out negative; against the exact integral they are of second order in the step.
+    Returns
+    -------
+    int
+        Number of events.
+
+    Notes ----- With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft
+    (acceleration linear, speed quadratic in time) and A-stable where there is. Zero slip and overload are roots of the quadratic
+    and of the linear function; with drag or shafts the shortened step is solved again until its end meets the root. Energies are
+    mean torque times mean slip: the trapezoidal rule satisfies work = kinetic + spring energy + losses with these to rounding, for
+    any step, and no loss can become negative; against the exact integral they are of second order in the step.
     """
     noinline()
     n = minv.shape[0]
@@ -254,7 +286,7 @@ def driveline_step(
                     made += 1
             elif mo * slip < -tol:
                 if mo * slip < -1e-6 * (1.0 + vmax):
-                    # left behind by a capped step, or the caller has set another speed
+                    # left by a capped step, or the caller has set another speed
                     mode[f] = -mo
                     note(t, f, int(CROSS), v, events, count)
                     made += 1
@@ -278,7 +310,7 @@ def driveline_step(
                         slip += w[f, j] * v[j]
                     if abs(slip) <= tol:
                         work[ocand + f] = 1.0
-            # a joint decision that did not hold is one between equals: decide it a little later in the inputs
+            # a joint decision that did not hold is one between equal choices: decide it with the inputs of a little later
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
             made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
@@ -293,7 +325,7 @@ def driveline_step(
         left = h - tl
         if left <= 0.0:
             break
-        # forces at the start of the sub-step, at whose ends the capacities under losses are told
+        # forces at the start of the sub-step; put_losses sets the capacities under losses at both ends
         put_losses(loss, cap, int(0), LAST)
         put_losses(loss, cap, int(1), LAST)
         pattern = 1.0
@@ -431,7 +463,7 @@ def driveline_step(
                         speeding += w[f, j] * work[oa + j]
                     if f == hit:
                         gap = y1
-                        # beyond the end where that lies short of the root
+                        # the time lies beyond the end of the step where this end comes before the root
                         fall = 2.0 * (y1 - y0) / d - mo * speeding
                         if y1 <= 0.0:
                             again = first_down(y0, mo * speeding, y1, d, tol)
@@ -479,7 +511,7 @@ def driveline_step(
                     break
                 d = first
             else:
-                # linear problems have met the root; with drag, shafts or losses the shortened step ends elsewhere
+                # linear problems have met the root; with drag, shafts or losses the shortened step does not end exactly there
                 tries += 1
                 if (work[3] == 0.0 and loss.shape[0] == 0) or tries > 60:
                     break
@@ -500,7 +532,7 @@ def driveline_step(
                 else:
                     above = d
                 if above - below <= 1e-15 * h:
-                    # a graze that only the longer step had seen
+                    # a touch of zero that occurred only in the longer step
                     missed = gap > 1e-9 * (1.0 + vmax)
                     break
                 d = again if below < again < above else 0.5 * (below + above)
@@ -517,7 +549,7 @@ def driveline_step(
                 if mode[f] == STUCK:
                     stuck = True
                 elif mode[f] != OPEN:
-                    el[E_FRIC, f] += d * lam * slip  # of a locked element that others hold: of rounding
+                    el[E_FRIC, f] += d * lam * slip  # for a locked element that others hold this is of rounding size
                 el[E_VISC, f] += d * cap[VISC, f] * slip * slip
             for j in range(n):
                 force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))
@@ -534,7 +566,7 @@ def driveline_step(
                 shaft[E_SHAFT, a] += d * kc[1, a] * rate * rate
                 shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (work[orate + a] + gain)
             if stuck:
-                # without this, rounding would let a locked clutch creep over millions of steps
+                # without this, a locked clutch would creep by rounding over millions of steps
                 for f in range(m):
                     if mode[f] == STUCK:
                         slip = 0.0
