@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig from its folder: what it is made of and every value, checked before anything starts.
+"""The configuration of a rig from its folder: its structure and every value, checked before anything starts.
 
-Used by every verb that needs a rig; the numbers go to testbench.rig, their record into the bag.
+Every command that needs a rig uses it. testbench.rig takes the numbers; their record goes into the bag.
 """
 
 from __future__ import annotations
@@ -41,10 +41,30 @@ _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\
 
 @dataclass(frozen=True)
 class RigConfig:
-    """A whole rig. sections: by name the values of its bodies, shafts and devices, of ``instruments`` and ``effects``; each
-    is an attribute too. alfa46: the settings of its shift controller, None for a rig without gears. wiring: index of the
-    controller's output that drives each valve; cut_out: devices outside the plant, reached through topics
-    (engine.outside); folder: where the rig's sequences are looked for, those of its bases behind it.
+    """The configuration of a whole rig.
+
+    Parameters
+    ----------
+    name : str
+        Name of the rig.
+    structure : Structure
+        What the rig is made of.
+    kernel : KernelConfig
+        The plant's step.
+    sections : mapping of str to object
+        By name, the values of bodies, shafts and devices, of ``instruments`` and ``effects``; each is also an attribute.
+    wiring : tuple of int
+        Index of the controller's output that drives each valve.
+    alfa46 : Alfa46Config or None
+        The settings of the shift controller; None for a rig without gears.
+    cut : CutConfig
+        The tick of the cuts.
+    cut_out : tuple of str
+        Devices outside the plant, which are reached through topics (engine.outside).
+    prescribed : Prescribed or None
+        Clutch pressures that are prescribed; None when valves make them.
+    description : str
+        One line of text about the rig.
     """
 
     name: str
@@ -65,16 +85,27 @@ class RigConfig:
         raise AttributeError(f"the rig has no part '{name}'")
 
     def replaced(self, **changes: Any) -> RigConfig:
-        """The rig with other values of some sections, or other fields."""
+        """Return the rig with other values of some sections or other fields, each given by its name."""
         own = {one.name for one in fields(self)}
         sections = {**self.sections, **{name: value for name, value in changes.items() if name not in own}}
         new = replace(self, sections=sections, **{name: value for name, value in changes.items() if name in own})
-        if changes.keys() <= _OF_NO_DRIVE:  # what is found of the drive, for thousands of rigs that differ in their controller
+        if changes.keys() <= _OF_NO_DRIVE:  # what was computed of the drive stays: many rigs differ in the controller only
             new.__dict__.update({name: self.__dict__[name] for name in _OF_THE_DRIVE if name in self.__dict__})
         return new
 
     def values(self, name: str) -> Any:
-        """The values under a name of the settings: of a section, the step, the cut or the controller; None: there are none."""
+        """Return the values under an owner's name in the settings.
+
+        Parameters
+        ----------
+        name : str
+            Name of a section, or "kernel", "cut" or "alfa46".
+
+        Returns
+        -------
+        object or None
+            The values; None when there are none of this name.
+        """
         if name in ("kernel", "cut"):
             return getattr(self, name)
         if name == "alfa46":
@@ -83,22 +114,22 @@ class RigConfig:
 
     @cached_property
     def cuttable(self) -> tuple[str, ...]:
-        """The devices that can stand outside."""
+        """The names of the devices that can stand outside the plant."""
         return tuple(device.name for device in self.structure.devices if cuttable(device))
 
     def felt_at(self, body: str) -> float:
-        """Inertia that wheels tie to a body, its own counted, on its own axis [kg m2]."""
+        """Return the inertia that wheels tie to a body, including its own, on the body's axis [kg m2]."""
         inertia, axis = tied_to(self.structure, inertias_of(self.structure, self.sections), body)
         return inertia * axis**2
 
     @cached_property
     def transmission(self) -> Transmission:
-        """Its gears, clutches and shafts; ValueError for a rig without any."""
+        """The gears, clutches and shafts of the rig; ValueError for a rig without gears."""
         return made_of(self.as_dict())
 
     @cached_property
     def catalogue(self) -> Catalogue:
-        """Its topics and signals."""
+        """The topics and signals of the rig."""
         return catalogue_of(self.structure)
 
     @cached_property
@@ -107,7 +138,7 @@ class RigConfig:
         return settings_of(self.structure, self.sections)
 
     def value(self, name: str) -> Any:
-        """What a setting of the configuration has now [SI]; of a point its time and its current."""
+        """Return the present value of a setting [SI]; for a point of a profile its time [s] and its current [A]."""
         owner, _, key = name.partition(".")
         if found := _POINT_KEY.fullmatch(name):
             return self.alfa46.profiles[_place(*found.groups())]
@@ -116,7 +147,18 @@ class RigConfig:
         return getattr(self.values(owner), key)
 
     def with_values(self, changes: Mapping[str, object]) -> RigConfig:
-        """The rig with other values [SI] of settings, by their names; whoever has them from people checks each."""
+        """Return the rig with other values of settings, which are not checked here.
+
+        Parameters
+        ----------
+        changes : mapping of str to object
+            New values [SI] by the names of the settings. A caller that has them from people checks each one first.
+
+        Returns
+        -------
+        RigConfig
+            The changed rig.
+        """
         own: dict[str, dict] = {}
         profiles = self.alfa46.profiles.copy() if self.alfa46 else None
         for name, value in changes.items():
@@ -131,7 +173,7 @@ class RigConfig:
         return self.replaced(**replaced)
 
     def as_dict(self) -> dict:
-        """Plain SI values and the structure, for the run's record; ``cut`` only where a device is cut out."""
+        """Return plain SI values and the structure, for the record of a run; ``cut`` is there only when a device is cut out."""
         out = {name: asdict(value) for name, value in (("kernel", self.kernel), *self.sections.items())}
         if self.cut_out:
             out["cut"] = {**asdict(self.cut), "devices": list(self.cut_out)}
@@ -142,12 +184,12 @@ class RigConfig:
         return {"name": self.name, "structure": self.structure.plain(), **out}
 
 
-# Fields that say nothing about the drive, and what is found of the drive without them.
+# Fields that do not concern the drive, and the cached properties that do not depend on these fields.
 _OF_NO_DRIVE, _OF_THE_DRIVE = {"alfa46", "kernel"}, ("transmission", "catalogue", "settings", "cuttable")
 
 
 def _place(output: str, point: str, column: str | None) -> tuple:
-    """Where a point of a profile, or its time or current alone, stands among the profiles."""
+    """The indices of a profile's point, or of its time or current alone, among the profiles."""
     place = OUTPUT_KEYS.index(output), POINTS.index(point)
     return place if column is None else (*place, COLUMNS.index(column))
 
@@ -161,7 +203,7 @@ def _check_tick(cut: CutConfig, where: str) -> None:
 
 
 def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, source: object, where: str) -> tuple[str, ...]:
-    """cut_out with a device's source set to plant or topic."""
+    """Return cut_out with the source of one device set to "plant" or "topic"."""
     if source not in SOURCES:
         raise RigError(f"{where}: source is {brief(source)}, expected {' or '.join(SOURCES)}")
     if source == "topic" and (why := why_not(structure, device)):
@@ -174,7 +216,7 @@ _TOP = ("description", "base", "controller", "controller_values", "step", "instr
 
 
 def _read(node: Map, path: str | Path, name: str) -> RigConfig:
-    """A rig from its merged file."""
+    """Read a rig from its merged file."""
     check_keys(path, node, _TOP, ("description", "step", "bodies", "parts", "transducers", "instruments"), "the rig")
     if not isinstance(node["description"], str) or not node["description"].isprintable():
         raise RigError(
@@ -226,7 +268,7 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
 
 
 def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
-    """RigError with file and line for a plot of signals that there are not, or that do not go together."""
+    """Raise RigError with file and line for a plot of unknown signals, or of signals that cannot share a plot."""
     known = config.catalogue.signals
     for page, plots in config.structure.view.items():
         for title, names in plots:
@@ -244,7 +286,24 @@ def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
 
 
 def check_driveline(structure: Structure, sections: Mapping, node: Map, path: str | Path) -> None:
-    """RigError with file and line for a driveline that cannot turn, or a gear that holds nothing or everything."""
+    """Refuse a driveline that cannot turn, or a gear that holds nothing or everything.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+    sections : mapping of str to object
+        Values of the bodies, shafts and devices by name.
+    node : Map
+        The rig's merged file, for the lines in the errors.
+    path : str or Path
+        The rig's file.
+
+    Raises
+    ------
+    RigError
+        With file and line, when the driveline or a gear is refused.
+    """
     inertias = inertias_of(structure, sections)
     try:
         build_driveline(structure, inertias, sections)
@@ -268,7 +327,7 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
 
 
 def _where_named(said: str, node: Map, path: str | Path) -> str:
-    """``file:line`` of the first body, wheel or device that a sentence names, else of the file."""
+    """``file:line`` of the first body, wheel or device that an error names; the file alone when it names none."""
     for name in re.findall(r"'(\w+)(?: loss)?'", said):
         for k, mesh in enumerate(node.get("meshes") or ()):
             if mesh.get("name") == name:
@@ -286,7 +345,7 @@ def _where_named(said: str, node: Map, path: str | Path) -> str:
 def _device(
     nodes: Map, path: str | Path, structure: Structure, device: Device, cut_out: tuple[str, ...]
 ) -> tuple[object, tuple[str, ...]]:
-    """(values of a device, the devices outside with it when it is one)."""
+    """Return the values of a device, and ``cut_out`` with this device included when its source is a topic."""
     node, kind = nodes[device.name], parts.part(device.part)
     others = (*DEVICE_KEYS, *kind.joined)
     cls = kind.configs[0] if kind.configs else NoValues
@@ -299,11 +358,11 @@ def _device(
 
 @dataclass(frozen=True)
 class NoValues:
-    """Of a part that has none."""
+    """The values of a part that has none."""
 
 
 def _controller(node: Map, path: str | Path, structure: Structure) -> Alfa46Config | None:
-    """The settings that a rig's ``controller`` names, installed ones or a file beside the rig's, and its own changes."""
+    """Read the settings that ``controller`` names, installed ones or a file beside the rig's, and apply the rig's own changes."""
     if not structure.shifts:
         if "controller" in node:
             raise RigError(f"{where_of(path, node, 'controller')}: controller: the rig has no gears and valves for one")
@@ -323,7 +382,7 @@ def _controller(node: Map, path: str | Path, structure: Structure) -> Alfa46Conf
 
 
 def _where_written(node: Map, path: str | Path, keys: tuple[str, ...]) -> str:
-    """``file:line`` of the first of these keys that a rig's map names itself."""
+    """``file:line`` of the first of these keys that is written in the rig's own map."""
     for part, _, name in (key.partition(".") for key in keys):
         for own in (
             node.get("controller_values") if part == "alfa46" else node.get(part),
@@ -335,9 +394,24 @@ def _where_written(node: Map, path: str | Path, keys: tuple[str, ...]) -> str:
 
 
 def load_rig(name: str | Path = DEFAULT_RIG, overrides: dict[str, str] | None = None) -> RigConfig:
-    """The rig of this name, folder or file.
+    """Read a rig by its name, folder or file, with its bases.
 
-    ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped", "alfa46.output_1.P1": "200 ms 160 mA"}.
+    Parameters
+    ----------
+    name : str or Path
+        Name of an installed rig, a rig's folder, or its file.
+    overrides : dict of str to str, optional
+        Settings with other values, e.g. {"alfa46.t12": "200 ms", "wiring": "swapped", "alfa46.output_1.P1": "200 ms 160 mA"}.
+
+    Returns
+    -------
+    RigConfig
+        The checked configuration.
+
+    Raises
+    ------
+    RigError
+        With file and line, or the name of the setting, when something is not right.
     """
     node, path = None, None
     for path, own in reversed(with_bases(name)):
@@ -350,13 +424,33 @@ def load_rig(name: str | Path = DEFAULT_RIG, overrides: dict[str, str] | None = 
 
 
 def rig_name(path: str | Path) -> str:
-    """What a rig of this file is called: its folder's name, or the file's own."""
+    """Return the name of the rig in a file: the name of its folder, or the file's own name."""
     path = Path(path)
     return path.absolute().parent.name if path.name == RIG_FILE else path.stem
 
 
 def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: str) -> RigConfig:
-    """As :func:`load_rig`, for what works with a shift controller's rig only; RigError for another."""
+    """Read a rig as :func:`load_rig` does, and refuse one that has no shift controller.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of an installed rig, a rig's folder, or its file.
+    overrides : dict of str to str or None
+        Settings with other values.
+    what : str
+        What needs the gearbox, as the subject of the error.
+
+    Returns
+    -------
+    RigConfig
+        The checked configuration.
+
+    Raises
+    ------
+    RigError
+        When the rig has no gears and no shift controller.
+    """
     config = load_rig(name, overrides)
     if not config.structure.shifts:
         raise RigError(f"{what} is for a rig with gears and a shift controller; '{config.name}' has none")
@@ -364,9 +458,26 @@ def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: s
 
 
 def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool = True) -> RigConfig:
-    """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit.
+    """Return the rig with some values changed.
 
-    together: they are all, and must fit each other too.
+    Parameters
+    ----------
+    config : RigConfig
+        The rig to change.
+    overrides : dict of str to str
+        Settings with their new values, as :func:`load_rig` takes them.
+    together : bool
+        True when these are all the changes, so that the values must also fit each other.
+
+    Returns
+    -------
+    RigConfig
+        The changed rig.
+
+    Raises
+    ------
+    RigError
+        When a value does not fit.
     """
     known, structure, changes = config.settings, config.structure, {}
     for key, text in overrides.items():
@@ -396,7 +507,7 @@ def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool 
 
 
 def _override(known: Settings, key: str, text: str, where: str) -> dict[str, object]:
-    """A setting by its name and its value [SI]."""
+    """Read one setting by its name, and its value [SI] from a text."""
     try:
         setting = known.find(key)
         setting.check_kept()

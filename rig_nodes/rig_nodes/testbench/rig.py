@@ -1,11 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The lockstep rig: one object that owns plant, instruments and, if embedded, the shift controller.
+"""The lockstep rig: one object that owns the plant, the instruments and, if it is embedded, the shift controller.
 
-Its devices are those of its description; by what they are for it knows them as motor, load, oil, valves and clutches.
-
-Used by ``simulate``, the rig container and the tests; ``advance_samples`` is the only place where time passes.
+The devices of a rig are those of its description. By their roles the rig knows them as motor, load, oil, valves and
+clutches. ``simulate``, the rig container and the tests use it; time passes only in ``advance_samples``.
 """
 
 from __future__ import annotations
@@ -46,12 +45,25 @@ NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
 
 def _channel(setting: Setting) -> str:
-    """The transducer whose noise a setting is."""
+    """The transducer whose noise a setting gives."""
     return setting.key.partition(".")[2]
 
 
 def check_level(config: RigConfig, level: str | None) -> None:
-    """RigError for a level of an external controller that moves nothing on this rig."""
+    """Refuse a level of an external controller at which its commands have no effect on this rig.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    level : str or None
+        Level of the controller's commands, "duty" or "current"; None when it is not known yet.
+
+    Raises
+    ------
+    RigError
+        When the level is "duty" and the effect ``current_loop`` is off.
+    """
     if level == "duty" and not config.effects.current_loop:
         raise RigError(
             "effects.current_loop=off makes the coil current its setpoint, and a controller at level duty has "
@@ -60,12 +72,30 @@ def check_level(config: RigConfig, level: str | None) -> None:
 
 
 class Rig(RigBase):
-    """A rig from its configuration.
+    """A rig that is made from its configuration.
 
-    ``controller``: "embedded" runs the Alfa46 inside, "external" waits for commands of the given ``level``: "duty"
-    of the coils, or "current" setpoints for the rig's own power stage; None: that of the first command. ``devices``:
-    those that the configuration cuts out run inside too ("embedded") or give their answers from outside ("external").
-    ``delay``: samples from the one that a command answers to the boundary at which it acts; embedded it is always 1.
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    seed : int
+        Seed of the transducers' errors and noise.
+    controller : str
+        "embedded" runs the Alfa46 inside the rig; "external" waits for commands of the given ``level``.
+    level : str or None
+        Level of an external controller's commands: "duty" of the coils, or "current" setpoints for the rig's own power
+        stage; None takes the level of the first command.
+    devices : str
+        "embedded" runs the devices that the configuration cuts out inside the rig as well; with "external" their answers
+        come from outside.
+    delay : int
+        Number of samples from the sample that a command answers to the boundary at which the command acts. It is always 1
+        for an embedded controller.
+
+    Raises
+    ------
+    RigError
+        When an argument is none of those above, or when ``level`` has no effect on this rig.
     """
 
     def __init__(
@@ -97,11 +127,11 @@ class Rig(RigBase):
         self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY
         self.cuts = Cuts(self, devices == "embedded")
         self.delay = delay
-        self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
+        self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values
         self._last_command = -1  # sample that the newest valid command from outside answers
-        self._held_open = False  # since a reset: no command acts until the controller has been in neutral
-        self.idle_command = ""  # why the newest command, which was taken, does not act; empty when it does
-        self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
+        self._held_open = False  # True after a reset: no command acts until the controller has been in neutral
+        self.idle_command = ""  # why the newest command was taken but does not act; empty when it acts
+        self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
 
     def _build(self) -> None:
         config, structure = self.config, self.config.structure
@@ -111,7 +141,7 @@ class Rig(RigBase):
         self.build(plan, Gauges(config, self.seed, tuple(plan.channels)))
         self._place = {name: f for f, name in enumerate(plan.system.elements)}
         self._heavy = int(np.abs(plan.system.mass - self._system.mass).diagonal().argmax())
-        # kg m2, 0 unless the input's speed is to stay
+        # kg m2; 0 unless the input's speed is to stay constant
         self._put_on = float(plan.system.mass[self._heavy, self._heavy] - self._system.mass[self._heavy, self._heavy])
         self._loads, self._sources = structure.of_role(parts.LOAD), structure.of_role(parts.SOURCE)
         self.clutch_names = tuple(one.name for one in structure.clutches)
@@ -125,33 +155,34 @@ class Rig(RigBase):
         )
         self.losses = {one.name: self.device(one.name) for one in structure.of_role(parts.LOSS)}
         self._currents = [
-            (self.channels.index(plan.currents[name]), output)  # column and output of each valve's
+            (self.channels.index(plan.currents[name]), output)  # column and output of each valve's current
             for name, output in zip(self.valve_names, config.wiring)
         ]
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
         self._fed = {valve.name: f"{valve.wires['feeds']}.pressure" for valve in structure.valves}
         self._heats = {name: f"heat_{structure.device(name).key}" for name in self.clutch_names}
-        self._drawing: dict[str, list[np.void]] = {}  # states of the valves that an oil supply feeds
+        self._drawing: dict[str, list[np.void]] = {}  # by oil supply: states of the valves that it feeds
         self._held_by = {frozenset(gear.clutches): number for number, gear in enumerate(structure.gears, 1)}
         line = self.world.line
         self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
         self._slips, self._twist, self._shaft = line["w"], line["twist"], line["shaft"]
         devices = {one.name for one in structure.devices}
-        self._elements = [name for name in plan.system.elements if name not in devices]  # of the driveline, and no devices
+        # elements of the driveline that are not devices
+        self._elements = [name for name in plan.system.elements if name not in devices]
         self._stored_first = 0.0
         self._stored_first = self._stored()
-        self.energies: dict[str, float] = {}  # of the last tick, whoever refreshes them
+        self.energies: dict[str, float] = {}  # of the last tick; States.refresh writes them
         if self.shifts:
             self._law_config = config.alfa46.law_config(config.transmission)
-            self._law_profiles = np.array(config.alfa46.profiles, order="C")  # its own: set_controller writes into it
+            self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
 
     # ---- time
 
     def advance_samples(self, samples: int = 1) -> None:
-        """Move plant, instruments and embedded controller by controller samples; releases the GIL inside."""
+        """Move plant, instruments and embedded controller by a number of controller samples; the GIL is released inside."""
         if self._ordered is not None and samples > 0:
             law.order_gear(
                 self._ordered, self.sample, self._law_config[0], self._law_profiles, self._law_outputs, self._law_state[0]
@@ -168,7 +199,7 @@ class Rig(RigBase):
             self.trip(silence)
 
     def _advance_acting(self, samples: int) -> bool:
-        """Move on, and let every command act at its boundary; False when the plant trips the rig before the end."""
+        """Move by samples and let every command act at its boundary; False when the plant trips the rig before the end."""
         end = self.sample + samples
         while self.sample < end:
             self._act_due()
@@ -184,7 +215,22 @@ class Rig(RigBase):
     # ---- commands, applied at the next sample boundary
 
     def set(self, step: str, value: float, enable: bool) -> None:
-        """A setpoint [SI] of a device, by its key in sequences (motor, load, oil ...), and whether the device is on."""
+        """Give a device a setpoint and switch the device on or off.
+
+        Parameters
+        ----------
+        step : str
+            Key of the device in sequences, e.g. motor, load or oil.
+        value : float
+            The setpoint [SI].
+        enable : bool
+            True when the device is on.
+
+        Raises
+        ------
+        RigError
+            When the key is unknown, the rig lacks what the setpoint needs, or the value is out of its range.
+        """
         if step not in self.settings.steps:
             raise RigError(unknown("setpoint", step, self.settings.steps))
         setting = self.settings.steps[step]
@@ -197,8 +243,19 @@ class Rig(RigBase):
         me[setpoint.command.target], me[setpoint.command.enabled] = value, enable
 
     def set_value(self, name: str, value: float) -> None:
-        """Change a setting of the rig while it runs, by its name, e.g. "motor.speed" [SI], "motor.enabled" (True or False);
-        ``config`` follows. RigError when refused.
+        """Change a setting of the rig while it runs; ``config`` follows.
+
+        Parameters
+        ----------
+        name : str
+            Name of the setting, e.g. "motor.speed" or "motor.enabled".
+        value : bool or float
+            The new value [SI]; True or False for a switch.
+
+        Raises
+        ------
+        RigError
+            When the change is refused.
         """
         setting = self.settings.find(name)
         setting.check_lives()
@@ -222,7 +279,7 @@ class Rig(RigBase):
             self.gauges.set_noise(_channel(setting), value)
 
     def value(self, name: str) -> bool | float:
-        """What a setting that the rig takes while it runs has now [SI]."""
+        """Return the present value [SI] of a setting that can be changed while the rig runs."""
         setting = self.settings.find(name)
         if setting.setpoint:
             command, me = setting.setpoint.command, self.device(setting.setpoint.device)
@@ -232,14 +289,37 @@ class Rig(RigBase):
         return self.gauges.on if setting.dimension == SWITCH else self.gauges.noise(_channel(setting))
 
     def refuses_drive(self, setpoint: Setpoint) -> bool:
-        """True while the rig is tripped, of the setpoint of what drives it: that can be switched off only."""
+        """Say whether a setpoint belongs to the device that drives a tripped rig, which can only be switched off."""
         drives = self.config.structure.device(setpoint.device).role == parts.SOURCE and not setpoint.command.node
         return drives and self.status == RigStatus.TRIPPED
 
     def set_command(
         self, level: int, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool, flags: int
     ) -> None:
-        """The fields of a rig_msgs/ValveCommand, at the level that it names; RigError when refused."""
+        """Take the fields of a rig_msgs/ValveCommand, at the level that the command names.
+
+        Parameters
+        ----------
+        level : int
+            0 for duty, 1 for current.
+        sample : int
+            The controller sample that the command answers.
+        duty : (3,) collection of float
+            Duty of each output of the controller, 0 to 1; it acts at level 0.
+        setpoint : (3,) collection of float
+            Current setpoint of each output [A]; it acts at level 1.
+        gear : int
+            Number of the gear that the controller reports.
+        shifting : bool
+            True while the controller shifts.
+        flags : int
+            Bit k keeps output k on at a setpoint of zero; used at level 1.
+
+        Raises
+        ------
+        RigError
+            When the command is refused.
+        """
         if level not in range(len(LEVELS)):
             raise RigError(f"valve command for sample {sample} refused: level {level} is neither 0 (duty) nor 1 (current)")
         if LEVELS[level] == "current":
@@ -248,7 +328,26 @@ class Rig(RigBase):
             self.set_duty(sample, duty, setpoint, gear, shifting)
 
     def set_duty(self, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool) -> None:
-        """External controller's answer to ``sample``: duty (3,) 0..1, setpoints (3,) [A]. RigError when refused."""
+        """Take an external controller's answer to a sample at level "duty".
+
+        Parameters
+        ----------
+        sample : int
+            The controller sample that is answered.
+        duty : (3,) collection of float
+            Duty of each output of the controller, 0 to 1.
+        setpoint : (3,) collection of float
+            Current setpoint of each output [A], for the record.
+        gear : int
+            Number of the gear that the controller reports.
+        shifting : bool
+            True while the controller shifts.
+
+        Raises
+        ------
+        RigError
+            When the command is refused.
+        """
         values = self._answer("duty", sample, duty, setpoint)
         if not all(0.0 <= d <= 1.0 for d in values[: law.OUTPUTS]):
             raise RigError(f"valve command for sample {sample} refused: duty must be 0 to 1, found {values[:3]}")
@@ -264,10 +363,28 @@ class Rig(RigBase):
             valve["pending"] = duty[output]
 
     def set_current(self, sample: int, setpoint: Collection[float], gear: int, shifting: bool, flags: int = 0) -> None:
-        """External controller's answer to ``sample`` at level "current": setpoints (3,) [A]; RigError when refused.
+        """Take an external controller's answer to a sample at level "current".
 
-        The power stage drives output k while its setpoint is above zero or bit k of ``flags`` is set, with the coil
-        currents of the last sample; its duty acts from the next boundary on, like that of :meth:`set_duty`.
+        The power stage drives output k while its setpoint is above zero or bit k of ``flags`` is set, with the coil currents of
+        the last sample. Its duty acts from the next boundary on, like that of :meth:`set_duty`.
+
+        Parameters
+        ----------
+        sample : int
+            The controller sample that is answered.
+        setpoint : (3,) collection of float
+            Current setpoint of each output of the controller [A].
+        gear : int
+            Number of the gear that the controller reports.
+        shifting : bool
+            True while the controller shifts.
+        flags : int
+            Bit k keeps output k on at a setpoint of zero.
+
+        Raises
+        ------
+        RigError
+            When the command is refused.
         """
         values = self._answer("current", sample, setpoint)
         limit = self.config.alfa46.values.current_limit
@@ -286,7 +403,7 @@ class Rig(RigBase):
             self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF
 
     def _answer(self, level: str, sample: int, *vectors: Collection[float]) -> list[float]:
-        """The numbers of an external controller's command, one after the other, when it can be taken."""
+        """Return all numbers of an external controller's command in one list; RigError when the command cannot be taken."""
         if not self.shifts:
             raise RigError(f"'{self.config.name}' has no valves for a shift controller")
         if self.embedded:
@@ -310,15 +427,17 @@ class Rig(RigBase):
         return values
 
     def _accept(self, level: str, sample: int) -> None:
-        """Note a command that is taken; the first one says at which level, when nobody has before."""
+        """Record that a command was taken; the first one decides the level when none was given before."""
         self._last_command = int(sample)
         if self.level is None:
             self.level = level
             self._by = BY_SETPOINT if level == "current" else BY_DUTY
 
     def _may_act(self, level: str, command: Sequence[float]) -> bool:
-        """False after a reset until the controller was in neutral and asked for no more than what leaves the valves
-        shut: a clutch that was clamped before the trip does not come back by itself.
+        """Say whether a command may act: after a reset, none may before the controller was in neutral with its valves shut.
+
+        The valves are shut when the command asks for no more than what leaves them shut. So a clutch that was clamped before the
+        trip is not clamped again without a new order.
         """
         self.idle_command = ""
         tripped = self.safe
@@ -342,7 +461,7 @@ class Rig(RigBase):
         return not self._held_open
 
     def order_gear(self, gear: int) -> None:
-        """Order a gear of the embedded controller, taken at its next sample; RigError when refused."""
+        """Order a gear from the embedded controller, which takes the order at its next sample; RigError when it is refused."""
         if not self.shifts:
             raise RigError(f"'{self.config.name}' has no gears to order")
         if not self.embedded:
@@ -361,7 +480,7 @@ class Rig(RigBase):
 
     @property
     def status(self) -> RigStatus:
-        """What the rig is doing."""
+        """The rig's present state, as in rig_msgs/RigState."""
         if self._safe[0] > 0.0:
             return RigStatus.TRIPPED
         if self.shifts and (self.newest_command < 0 or self._held_open):
@@ -370,19 +489,24 @@ class Rig(RigBase):
 
     @property
     def newest_command(self) -> int:
-        """The sample that the newest command answers, -1 before the first, and where there is no controller."""
+        """The sample that the newest command answers; -1 before the first command and on a rig without a controller."""
         return self.sample - 1 if self.embedded else self._last_command
 
     @property
     def command_age(self) -> float:
-        """Simulated time [s] since the sample that the newest command answers; 0 before the first."""
+        """Simulated time [s] since the sample that the newest command answers; 0 before the first command."""
         return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
 
     def reset(self) -> None:
-        """Leave the safe state; RigError when the rig is in none.
+        """Leave the safe state.
 
-        The motor stays off, and no clutch is clamped before it is ordered anew: the embedded controller begins in
-        neutral, one outside must have been there before its commands act again; until then the rig is starting.
+        The motor stays off, and no clutch is clamped before it is ordered again. The embedded controller begins in neutral; a
+        controller outside must have been in neutral before its commands act again. Until then the status is "starting".
+
+        Raises
+        ------
+        RigError
+            When the rig is not in its safe state.
         """
         self.check_tripped()
         self._safe[0] = 0.0
@@ -403,7 +527,7 @@ class Rig(RigBase):
 
     @property
     def gear(self) -> int:
-        """Gear the controller was ordered last."""
+        """Number of the gear that was ordered last from the controller."""
         return int(self._law_state["gear"][0]) if self.embedded else self._gear
 
     @property
@@ -415,17 +539,17 @@ class Rig(RigBase):
 
     @property
     def shift_end(self) -> int:
-        """Sample at which the last profile of the embedded controller's newest shift ends; 0 before the first."""
+        """Sample at which the last profile of the embedded controller's newest shift ends; 0 before the first shift."""
         return int(self._law_state["shift_end"][0])
 
     @property
     def duty(self) -> np.ndarray:
-        """Duty that the controller commands (3,), as it acts from the next boundary on; 0 at level "current"."""
+        """Duty that the controller commands (3,), which acts from the next boundary on; 0 at level "current"."""
         return self._law_outputs["duty"] if self.embedded else self._duty
 
     @property
     def flags(self) -> int:
-        """Bits of the newest command at level "current": outputs that stay on at a setpoint of zero."""
+        """Bits of the newest command at level "current": the outputs that stay on at a setpoint of zero."""
         return self._flags
 
     @property
@@ -434,7 +558,7 @@ class Rig(RigBase):
         return self._law_outputs["setpoint"] if self.embedded else self._setpoint
 
     def coil_duty(self, name: str) -> float:
-        """Duty on the coil of a valve from this sample on."""
+        """Return the duty, 0 to 1, on the coil of a valve from this sample on."""
         k = self.valve_names.index(name)
         if self.status == RigStatus.TRIPPED:
             return 0.0
@@ -444,70 +568,89 @@ class Rig(RigBase):
         return float(self.valves[k]["pending"])
 
     def seen(self) -> tuple[list[float], list[float]]:
-        """What the controller's sample carries, SI: coil currents at its outputs, its transducers in the record's order."""
+        """Return what the controller's newest sample carries.
+
+        Returns
+        -------
+        currents : (3,) list of float
+            Measured coil current at each output of the controller [A].
+        measured : (transducers,) list of float
+            Values of the controller's transducers in the order of its record [SI].
+        """
         row, currents = self.row().tolist(), [0.0] * law.OUTPUTS
         for column, output in self._currents:
             currents[output] = row[column]
         return currents, [row[column] for column in self._wired]
 
     def coil_currents(self) -> np.ndarray:
-        """Measured currents at the controller's outputs (3,) [A]."""
+        """Return the measured currents at the controller's outputs (3,) [A]."""
         return np.array(self.seen()[0])
 
     def clutch_mode(self, clutch: int | str) -> int:
-        """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState; of a clutch by its name or its place."""
+        """Return the mode of a clutch, as in rig_msgs/ClutchState.
+
+        Parameters
+        ----------
+        clutch : int or str
+            Name of the clutch, or its place among the rig's clutches.
+
+        Returns
+        -------
+        int
+            0 open, 1 slipping, 2 locked.
+        """
         name = self._clutch(clutch)
         if self.device(name)["static"] <= 0.0:
             return 0
         return 2 if self.holds(name) else 1
 
     def holds(self, name: str) -> bool:
-        """True while a clutch or free-wheel does not slip."""
+        """Say whether a clutch or free-wheel, given by its name, does not slip."""
         return bool(abs(self.mode[self._place[name]]) >= 2)
 
     def _clutch(self, clutch: int | str) -> str:
         return clutch if isinstance(clutch, str) else self.clutch_names[clutch]
 
     def friction_torque(self, name: str) -> float:
-        """Friction torque of a device [Nm]: of a clutch positive when it drives its driven side, of a brake when it brakes."""
+        """Return the friction torque of a device [Nm]; positive when a clutch drives its driven side, or when a brake brakes."""
         return float(self._el[driveline_algebra.LAM, self._place[name]])
 
     def capacity(self, name: str) -> float:
-        """Friction torque that a device could hold while it slips [Nm]."""
+        """Return the friction torque that a device could carry while it slips [Nm]."""
         return float(self._cap[driveline_algebra.KIN1, self._place[name]])
 
     def clutch_torque(self, clutch: int | str) -> float:
-        """:meth:`friction_torque` of a clutch by its name or its place."""
+        """Return the :meth:`friction_torque` of a clutch, given by its name or its place [Nm]."""
         return self.friction_torque(self._clutch(clutch))
 
     def slip(self, clutch: int | str) -> float:
-        """Driving minus driven side of a clutch [rad/s]."""
+        """Return the speed of the driving side of a clutch minus that of its driven side [rad/s]."""
         return float(self._slips[self._place[self._clutch(clutch)]] @ self.v)
 
     def speed_at(self, name: str) -> float:
-        """Speed of the body that a device sits on [rad/s]."""
+        """Return the speed of the body on which a device sits [rad/s]."""
         return self.true(f"{self.wire(name, 'body')}.speed")
 
     def wire(self, name: str, key: str) -> str:
-        """What a device is joined to by a key of its description."""
+        """Return the name of what a device is joined to by a key of its description."""
         device = self.config.structure.device(name)
         return self.config.structure.oil_of(device) if key == "oil" else str(device.wires[key])
 
     def fed_pressure(self, valve: str) -> float:
-        """Pressure between a valve and its clutch [Pa, gauge]."""
+        """Return the pressure between a valve and its clutch [Pa, gauge]."""
         return self.true(self._fed[valve])
 
     def supply_pressure(self, valve: str) -> float:
-        """Pressure of a valve's oil supply [Pa, gauge]."""
+        """Return the pressure of the oil supply of a valve [Pa, gauge]."""
         structure = self.config.structure
         return float(self.device(structure.oil_of(structure.device(valve), "supply"))["pressure"])
 
     def line_pressure(self, clutch: int | str) -> float:
-        """Pressure between a clutch and its valve [Pa, gauge]."""
+        """Return the pressure between a clutch and its valve [Pa, gauge]."""
         return self.true(f"{self._clutch(clutch)}.pressure")
 
     def oil_drawn(self, name: str) -> float:
-        """What valves take from an oil supply now [m3/s]."""
+        """Return the flow that the valves now take from an oil supply [m3/s]."""
         if name not in self._drawing:
             structure = self.config.structure
             self._drawing[name] = [
@@ -516,24 +659,30 @@ class Rig(RigBase):
         return max(0.0, sum([float(valve["flow"]) for valve in self._drawing[name]]))
 
     def load_torque(self) -> float:
-        """Torque of the load against the output shaft [Nm]."""
+        """Return the torque of the load against the output shaft [Nm]."""
         return self.friction_torque(self._loads[0].name)
 
     def locked_gear(self) -> int:
-        """Number of the gear whose clutches are locked; 0 none, one above the highest where what is locked is no gear."""
+        """Return the number of the gear whose clutches are locked.
+
+        Returns
+        -------
+        int
+            0 when no clutch is locked; one more than the highest gear when the locked clutches make no gear.
+        """
         locked = frozenset(name for name in self.clutch_names if self.clutch_mode(name) == 2)
         return self._held_by.get(locked, len(self._held_by) + 1) if locked else 0
 
     def heat_of(self, name: str) -> str:
-        """Name of a clutch's heat among the energies."""
+        """Return the name of a clutch's heat among the energies."""
         return self._heats[name]
 
     def energy(self) -> dict[str, float]:
-        """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
+        """Return the energies since time 0 by name [J]; each is computed from its own torque and slip, and none as a difference."""
         fric, visc = self._el[driveline_algebra.E_FRIC].tolist(), self._el[driveline_algebra.E_VISC].tolist()
         place, outside, driven, line = self._place, float(self._e_in.sum()), self.world.plan.driven, self.world.line
         motor = float(line["part_work"][0]) if driven else outside
-        if self._put_on:  # what it holds is not the motor's work
+        if self._put_on:  # the energy of the added inertia is not work of the motor
             motor -= 0.5 * self._put_on * float(self.v[self._heavy]) ** 2
         out = {"motor": motor}
         if self._loads:
@@ -544,7 +693,7 @@ class Rig(RigBase):
             out[name] = fric[place[name]]
         if own := [place[one.name] for one in self._sources if one.name in place]:
             out["friction"] = sum([fric[f] for f in own])
-        if driven:  # what torques, motions and inputs of the description take
+        if driven:  # work taken by torques, motions and inputs of the description
             out["torques"] = float(line["part_work"][0]) - outside - float(line["law_work"][0])
         if self._elements:
             out["elements"] = math.fsum(fric[place[name]] + visc[place[name]] for name in self._elements)
@@ -553,7 +702,7 @@ class Rig(RigBase):
             out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT, :count].sum())
         stored = self._stored() - self._stored_first
         out["stored"] = stored
-        # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
+        # sum() rounds differently from Python 3.12 on, and the bag must be the same with every version
         used = 0.0
         for name, value in out.items():
             if name != "motor":
@@ -562,7 +711,7 @@ class Rig(RigBase):
         return out
 
     def _stored(self) -> float:
-        """Energy in motion, shafts and springs now [J]."""
+        """Energy that is stored now in motion, shafts and springs [J]."""
         if self.world.plan.driven:
             line, count = self.world.line, len(self._system.shafts)
             rows = (self.v, self._twist[:count], line["law_torque"], line["spring"])
@@ -572,10 +721,10 @@ class Rig(RigBase):
             stored += 0.5 * float(self._system.kc[0] @ self._twist**2)
         return stored
 
-    # ---- its state, put aside and taken up again
+    # ---- the state, saved and restored
 
     def _state(self) -> tuple:
-        """Everything that a step reads and changes, but the ring of rows."""
+        """Everything that a step reads and changes, without the ring of rows."""
         return (
             self.world.record,
             self._law_outputs,
@@ -587,13 +736,25 @@ class Rig(RigBase):
         )
 
     def snapshot(self) -> tuple:
-        """The state of now, for :meth:`restore`; of a rig without devices outside and with no order waiting."""
+        """Return the present state, for :meth:`restore`.
+
+        Raises
+        ------
+        RigError
+            When the rig has devices outside, or when an order of a gear is waiting.
+        """
         if self.config.cut_out or self._ordered is not None:
             raise RigError("only a rig without devices outside, and without an order that waits, can be put aside")
         return self.sample, self.row().copy(), tuple(part.copy() for part in self._state())
 
     def restore(self, snapshot: tuple) -> None:
-        """Go to a state that a rig of this configuration and seed was in. Older rows are not there any more."""
+        """Return to a state in which a rig of the same configuration and seed was; older rows are lost.
+
+        Parameters
+        ----------
+        snapshot : tuple
+            A result of :meth:`snapshot`.
+        """
         self.sample, row, parts = snapshot[0], snapshot[1], snapshot[2]
         for part, value in zip(self._state(), parts):
             part[...] = value
@@ -601,13 +762,13 @@ class Rig(RigBase):
         self._ordered, self._drained = None, 0
 
     def set_controller(self, settings: Alfa46Config) -> None:
-        """Other settings of the embedded controller from the next sample on; a profile that runs takes its new points."""
+        """Give the embedded controller other settings from the next sample on; a profile that is running takes its new points."""
         self._law_config[:] = settings.law_config(self.config.transmission)
         self._law_profiles[:] = settings.profiles
         self.config = replace(self.config, alfa46=settings)
 
     def state_hash(self) -> str:
-        """Digest of the whole state: equal for equal histories, however they were cut into calls."""
+        """Return a digest of the whole state; it is equal for equal histories, however these were divided into calls."""
         digest = hashlib.sha256()
         for part in (self.world.moved, self._law_outputs, self._law_state, self.gauges.state, self.gauges.counts):
             digest.update(np.ascontiguousarray(part).tobytes())

@@ -3,7 +3,7 @@
 
 """Test sequences: YAML steps with waits, end conditions, timeouts, repeats and a readiness gate.
 
-Used by ``rig simulate`` in one process and by the sequencer node over ROS; the runner only sees a bench object.
+``rig simulate`` runs them in one process, and the sequencer node over ROS; the runner uses only a bench object.
 """
 
 from __future__ import annotations
@@ -33,63 +33,73 @@ LONGEST_TIME = 86_400.0  # s of one wait
 LONGEST = 10_000  # steps after unrolling repeats
 MOST_FILLED = 200_000  # values after unrolling repeats
 _NAMED = re.compile(r"\$(?:\{([^}]*)(\}?)|(\w+))")
-# what the catalogue calls a quantity, and what config.units calls its dimension
+# name of a quantity in the catalogue -> name of its dimension in config.units
 DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
 
 
 class SequenceFailed(RigError):
-    """A step that did not come to its end: which step, what it waited for, what was seen."""
+    """A step that did not end; the message names the step, what it waited for and what was measured."""
 
     exit_code = 1
 
 
 class Bench(Protocol):
-    """What a sequence needs of a rig; times are simulated seconds. ``set``: a setpoint by its key, e.g. motor or oil."""
+    """What a sequence needs of a rig; all times are simulated seconds."""
 
     def ready(self) -> bool:
-        """True when the rig can take orders."""
+        """Say whether the rig can take orders."""
 
     def set(self, step: str, value: float, enable: bool) -> None:
-        """Hands over a setpoint [SI] by its step's key, and whether its device is on."""
+        """Give a device a setpoint and switch the device on or off.
+
+        Parameters
+        ----------
+        step : str
+            Key of the device's step, e.g. motor or oil.
+        value : float
+            The setpoint [SI].
+        enable : bool
+            True when the device is on.
+        """
 
     def order_gear(self, gear: int) -> None:
-        """Orders a gear by its number."""
+        """Order a gear by its number."""
 
     def shift_done(self) -> bool:
-        """True when the shift that was ordered last has ended."""
+        """Say whether the shift that was ordered last has ended."""
 
     def controller_says(self) -> tuple[int, bool] | None:
-        """The controller's gear and whether it is shifting, None before it has said so."""
+        """Return the controller's gear, and True when it is shifting; None before the controller has reported it."""
 
     def change(self, name: str, value: float) -> None:
-        """Gives a setting of the rig, its shift controller or the user's controller another value [SI], a switch 1 or 0."""
+        """Give a setting of the rig, its shift controller or the user's controller another value [SI]; a switch takes 1 or 0."""
 
     def changed(self) -> bool:
-        """True when the setting that was given last has its value."""
+        """Say whether the setting that was changed last has its new value."""
 
     def reading(self, signal: str) -> float:
-        """The newest value of a signal [SI]."""
+        """Return the newest value of a signal [SI]."""
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
-        """Tells of an event of the sequence."""
+        """Publish an event of the sequence."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """True while the reading of a signal stays between low and high."""
+    """A condition that is met while the reading of a signal lies from low to high [SI]."""
 
     signal: str
     low: float
     high: float
 
     def met(self, bench: Bench) -> bool:
-        """True while the bench's reading is within the range."""
+        """Say whether the bench's reading is within the range."""
         return self.low <= bench.reading(self.signal) <= self.high
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step: kind, its SI values, the sentence for people and where it stands."""
+    """One step: its kind, its SI values, the text for people, and its place in the file."""
 
     kind: str
     text: str
@@ -105,8 +115,22 @@ class Step:
 
 @dataclass(frozen=True)
 class Sequence:
-    """A checked sequence. parameters: name -> value that its steps were read with, as it is written; rig: the one that
-    it was read for.
+    """A checked sequence.
+
+    Parameters
+    ----------
+    name : str
+        Name of the sequence.
+    description : str
+        One line of text about it.
+    ready_timeout : float
+        Time that the rig has to become ready [s].
+    steps : list of Step
+        The steps, with repeats written out.
+    parameters : dict of str to (str or int)
+        Parameters with the values that the steps were read with, as they are written.
+    rig : str
+        The rig for which the sequence was read.
     """
 
     name: str
@@ -117,7 +141,18 @@ class Sequence:
     rig: str = DEFAULT_RIG
 
     def check_rig(self, config: RigConfig) -> None:
-        """RigError when the sequence asks for what the rig of this configuration has not, or loads it too much."""
+        """Refuse a rig that lacks something that the sequence asks for, or that the sequence loads too much.
+
+        Parameters
+        ----------
+        config : RigConfig
+            The rig's configuration.
+
+        Raises
+        ------
+        RigError
+            With the place of the step, when the rig does not fit.
+        """
         gears = config.transmission.names if config.structure.gears else {}
         for step in self.steps:
             of_rig = (
@@ -150,10 +185,26 @@ BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run wi
 
 
 def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: str | Path | None = None) -> Sequence:
-    """The sequence of this name, of a rig or of an installed one, or a file; RigError with file and line when it is not right.
+    """Read a sequence by its name, from a rig or from the installed ones, or from a file.
 
-    ``values``: of its parameters, in place of their defaults, e.g. {"speed": "1500 rpm"}; rig: that it is to run on, by
-    default the one that it is written for.
+    Parameters
+    ----------
+    name : str or Path
+        Name of the sequence, or its file.
+    values : dict of str to str, optional
+        Values of its parameters in place of their defaults, e.g. {"speed": "1500 rpm"}.
+    rig : str or Path, optional
+        The rig on which it is to run; by default the one for which it is written.
+
+    Returns
+    -------
+    Sequence
+        The checked sequence.
+
+    Raises
+    ------
+    RigError
+        With file and line, when something is not right.
     """
     path = find_of_rigs("sequences", name, rig)
     node = load_yaml(path)
@@ -192,12 +243,12 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
 
 @lru_cache(maxsize=8)
 def _read_rig(rig: str, _files: tuple) -> RigConfig:
-    """The rig of a sequence, read once as long as its files stay as they are: a sweep reads its sequence for each member."""
+    """The rig of a sequence; it is read once while its files stay the same, because a sweep reads its sequence for each member."""
     return load_rig(rig)
 
 
 def _parameters(node: Map, path: str | Path, values: dict[str, str]) -> dict[str, str | int]:
-    """Every parameter's value: the given one, checked against the kind of the default, or the default."""
+    """Return the value of every parameter: the default, or the given one, which is checked against the kind of the default."""
     defaults = node.get("parameters") or {}
     if not isinstance(defaults, dict):
         raise RigError(f"{where_of(path, node, 'parameters')}: parameters must be a map of names and defaults")
@@ -216,7 +267,7 @@ def _parameters(node: Map, path: str | Path, values: dict[str, str]) -> dict[str
 
 
 def _check_used(node: Map, path: str | Path, parameters: Iterable[str]) -> None:
-    """RigError for a parameter that no step takes."""
+    """Raise RigError for a parameter that no step uses."""
     steps = str(node["steps"])
     for name in parameters:
         if f"${{{name}}}" not in steps:
@@ -227,7 +278,7 @@ def _check_used(node: Map, path: str | Path, parameters: Iterable[str]) -> None:
 
 
 def _like(default: str | int, text: str, where: str) -> str | int:
-    """A given value of the same kind as the default: a whole number, a quantity of its dimension, or a name."""
+    """Return a given value of the same kind as the default: a whole number, a quantity of its dimension, or a name."""
     if isinstance(default, int):
         if not re.fullmatch(r"-?\d+", str(text)):
             raise RigError(f"{where}: expected a whole number, e.g. {default}")
@@ -239,7 +290,29 @@ def _like(default: str | int, text: str, where: str) -> str | int:
 
 
 def filled(text: str, values: dict, where: str, what: str) -> str:
-    """A text with the values of the names in place of their ${names}; RigError when one is not known or is no name."""
+    """Return a text in which the values of names replace their ${names}.
+
+    Parameters
+    ----------
+    text : str
+        The text with ${names}.
+    values : dict
+        Values by name.
+    where : str
+        Place of the text, for the errors.
+    what : str
+        What the names are called in the errors, e.g. "parameter".
+
+    Returns
+    -------
+    str
+        The text with all names replaced.
+
+    Raises
+    ------
+    RigError
+        When a name is unknown, is not a name, or lacks one of its braces.
+    """
 
     def value(match: re.Match[str]) -> str:
         inner, closed, bare = match.groups()
@@ -262,23 +335,23 @@ def filled(text: str, values: dict, where: str, what: str) -> str:
 
 
 class _Filled:
-    """Steps with the values of parameters in place of their ${names}, and those of ``each`` once for each value.
+    """Steps in which values replace the ${names} of parameters, and in which ``each`` is written out once for each value.
 
-    Of all that is read nothing is changed; what is made is counted, so that loops in loops end in a sentence.
+    What is read is not changed. What is made is counted, so that nested loops that make too much end with an error.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path, self.made = path, 0
 
     def of(self, node: Any, parameters: dict, where: str) -> Any:
-        """The node, filled; maps and lists keep their lines."""
+        """Return the node with all names replaced; maps and lists keep their lines."""
         self.made += 1
         if self.made > MOST_FILLED:
             raise RigError(f"{where}: repeats make more than {MOST_FILLED} values of the steps")
         if isinstance(node, str):
             names = _NAMED.fullmatch(node)
             if names and names[2] and names[1] in parameters:
-                return parameters[names[1]]  # a whole number stays one
+                return parameters[names[1]]  # a whole number stays a whole number
             return filled(node, parameters, where, "parameter")
         if isinstance(node, Map):
             out = Map(node.line)
@@ -295,7 +368,7 @@ class _Filled:
         return out
 
     def each(self, node: Map, parameters: dict, where: str) -> Map:
-        """A repeat over the values of a name: its steps once for each, filled."""
+        """Write out a repeat over the values of a name: its steps once for each value."""
         path = self.path
         check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
         each = node["each"]
@@ -350,7 +423,7 @@ def _steps(nodes: Any, path: str | Path, what: str, config: RigConfig, where: st
 
 
 def _one_of(body: Any, path: str | Path, where: str, what: str, choices: Collection[str], extra: Collection[str] = ()) -> str:
-    """The single key of ``choices`` that a step's body names."""
+    """The single key of ``choices`` that the body of a step names."""
     check_keys(path, body, (*choices, *extra), (), what, where)
     named = [key for key in choices if key in body]
     if len(named) != 1:
@@ -364,7 +437,7 @@ def _off(body: Map, where: str, what: str) -> None:
 
 
 def _setting(setting: Setting) -> Callable[[Any, str | Path, str, RigConfig], list[Step]]:
-    """Reader of a device's step: what it takes keeps to the range of its setting."""
+    """Return the reader of a device's step; a value must lie in the range of its setting."""
     kind, choices = setting.setpoint.step, setting.setpoint.command.takes
 
     def read(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
@@ -391,7 +464,7 @@ def _shift(body: Any, path: str | Path, where: str, config: RigConfig) -> list[S
 
 
 def _controller(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
-    """Settings of the user's controller: a step for each."""
+    """Read settings of the user's controller; each becomes a step."""
     if not isinstance(body, dict) or not body:
         raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
     steps = []
@@ -407,7 +480,7 @@ def _controller(body: Any, path: str | Path, where: str, config: RigConfig) -> l
 
 
 def _set(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
-    """Settings of the rig and its shift controller, such as can change while it runs: a step for each."""
+    """Read settings of the rig and its shift controller that can change while the rig runs; each becomes a step."""
     if not isinstance(body, dict) or not body:
         raise RigError(f"{where}: set takes names of settings and their values, e.g. {{oil_supply.temperature: 50 degC}}")
     steps = []
@@ -488,7 +561,7 @@ _OTHER_STEPS = ("shift", "set", "wait", "repeat")  # all others are setpoints of
 
 
 def _readers(config: RigConfig) -> dict:
-    """Key of a step -> what reads it: the setpoints of the rig's devices, orders where it has gears, waits and repeats."""
+    """Readers by the key of a step: setpoints of the rig's devices, orders when it has gears, settings, waits and repeats."""
     orders = {"shift": _shift, "controller": _controller} if config.structure.shifts else {}
     return {
         **{step: _setting(one) for step, one in config.settings.steps.items()},
@@ -500,10 +573,20 @@ def _readers(config: RigConfig) -> dict:
 
 
 class SequenceRunner:
-    """Walks a sequence over a bench; ``poll`` is called with rising simulated time, every graph tick."""
+    """Runs a sequence on a bench; ``poll`` is called at every graph tick, with rising simulated time.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        The sequence to run.
+    bench : Bench
+        Takes the orders and gives the readings.
+    config : RigConfig
+        The rig's configuration.
+    """
 
     def __init__(self, sequence: Sequence, bench: Bench, config: RigConfig) -> None:
-        """config: of the rig."""
+        """Start at the readiness gate; the class describes the parameters."""
         self.sequence, self.bench, self.config = sequence, bench, config
         self.step = -1  # -1: readiness gate
         self.text = "wait for the rig to be ready"
@@ -512,11 +595,27 @@ class SequenceRunner:
 
     @property
     def steps(self) -> int:
-        """Number of steps, repeats written out."""
+        """Number of steps, with repeats written out."""
         return len(self.sequence.steps)
 
     def poll(self, t: float) -> bool:
-        """Do what is due at time t [s]; True when the last step is done. Raises SequenceFailed."""
+        """Do what is due at a time.
+
+        Parameters
+        ----------
+        t : float
+            Simulated time [s].
+
+        Returns
+        -------
+        bool
+            True when the last step is done.
+
+        Raises
+        ------
+        SequenceFailed
+            When a step did not end in time, or when its order was refused.
+        """
         if self._since is None:
             self._since = t
         if self.step < 0:
@@ -534,10 +633,13 @@ class SequenceRunner:
         return True
 
     def next_look(self) -> dict:
-        """When :meth:`poll` has something to do again, so that nobody need ask at every tick.
+        """Return when :meth:`poll` has something to do again, so that it need not be called at every tick.
 
-        ``until``: time [s], at the latest; before that as soon as ``signal`` lies between ``low`` and ``high`` (or no
-        longer does: ``met`` False), or as soon as a shift to ``gear`` is done, where these are given.
+        Returns
+        -------
+        dict
+            ``until``: the latest time [s]. Poll earlier as soon as ``signal`` lies between ``low`` and ``high`` (or no longer
+            does, when ``met`` is False), or as soon as a shift to ``gear`` is done, where these keys are given.
         """
         if not 0 <= self.step < self.steps:
             return {"until": 0.0}
@@ -545,7 +647,7 @@ class SequenceRunner:
         if step.kind == "shift":
             return {"until": self._since + step.timeout, "gear": int(step.value)}
         if step.kind == "set":
-            return {"until": self._since}  # its answer is no signal: asked for at every tick
+            return {"until": self._since}  # its answer is not a signal, so poll asks for it at every tick
         if step.condition is None:
             return {"until": self._since + step.value}
         condition, met = step.condition, self._met_since is not None
@@ -574,7 +676,7 @@ class SequenceRunner:
             raise SequenceFailed(f"{step.where}: {error}") from None
 
     def _give(self, step: Step) -> None:
-        """The order of a step, if it is one; RigError when the rig or its controller refuses it."""
+        """Give the order of a step, if it has one; RigError when the rig or its controller refuses it."""
         if step.kind == "shift":
             self.bench.order_gear(int(step.value))
         elif step.kind == "set":

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sequence on the rig without ROS traffic: same rig, same outputs, same bag, as fast as it goes.
+"""Run a sequence on the rig without ROS traffic: same rig, same outputs, same bag, as fast as the machine can.
 
-Used by ``rig simulate`` and the tests.
+``rig simulate`` and the tests use it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,22 @@ AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the saf
 
 
 def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
-    """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
+    """Return the record of a run that goes into its bag.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    sequence : Sequence
+        The sequence that is run.
+    seed : int
+        Seed of the run.
+
+    Returns
+    -------
+    dict
+        Configuration, sequence, seed and version; no time of a clock and no name of a host.
+    """
     chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
     return {
         "configuration": config.as_dict(),
@@ -49,7 +64,17 @@ def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
 
 
 class LocalBench:
-    """The bench of a sequence in the same process; orders become events as the nodes would publish them."""
+    """The bench of a sequence in the same process; orders become the same events as the nodes would publish.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig on which the sequence runs.
+    outputs : Outputs or Listener
+        Takes the setpoints and events, and gives the readings.
+    controller : Plug, optional
+        The plugged controller, in place of the embedded Alfa46.
+    """
 
     def __init__(self, rig: Rig, outputs: Outputs | Listener, controller: Plug | None = None) -> None:
         self.rig, self.outputs = rig, outputs
@@ -59,23 +84,23 @@ class LocalBench:
         self._ordered: int | None = None
 
     def ready(self) -> bool:
-        """True: a rig in the same process takes orders at once."""
+        """Return True, because a rig in the same process takes orders at once."""
         return True
 
     def set(self, step: str, value: float, enable: bool) -> None:
-        """Gives the rig a setpoint [SI] and sends it out."""
+        """Give the rig a setpoint [SI] and send it out."""
         self.rig.set(step, value, enable)
         self.outputs.setpoint(self.rig.settings.steps[step].setpoint.topic, value, enable)
 
     def order_gear(self, gear: int) -> None:
-        """Orders a gear by its number from the controller, with an event."""
+        """Order a gear by its number from the controller, and send an event."""
         self._order(gear)
         self._ordered = gear
         name = self.rig.config.transmission.names[gear]
         self.outputs.event("/controller/events", "shift_ordered", f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
-        """True when the gear that was ordered last is in; tells of that once."""
+        """Say whether the gear that was ordered last is engaged; the event of it is sent once."""
         done = not self.rig.shifting and self._ordered in (None, self.rig.gear)
         if done and self._ordered is not None:
             self._ordered = None
@@ -83,11 +108,24 @@ class LocalBench:
         return done
 
     def controller_says(self) -> tuple[int, bool]:
-        """The controller's gear and whether it is shifting."""
+        """Return the controller's gear, and True when it is shifting."""
         return self.rig.gear, self.rig.shifting
 
     def change(self, name: str, value: float) -> None:
-        """Gives a setting another value [SI], with an event; RigError when it is refused."""
+        """Give a setting another value and send an event.
+
+        Parameters
+        ----------
+        name : str
+            Name of the setting, of the rig or of the controller.
+        value : float
+            The new value [SI]; 1 or 0 for a switch.
+
+        Raises
+        ------
+        RigError
+            When the change is refused.
+        """
         own = name.removeprefix(f"{CONTROLLER}.{OWN}")
         if own != name:
             if self._controller is None:
@@ -108,28 +146,63 @@ class LocalBench:
         self.outputs.event(topic, CHANGED, setting.sentence(value), value)
 
     def changed(self) -> bool:
-        """True: a setting has its value when it is given."""
+        """Return True, because a setting here takes its value at once."""
         return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
-        """Sends out an event of the sequence."""
+        """Send out an event of the sequence."""
         self.outputs.event("/sequencer/events", name, text, value)
 
 
 def check_controller(config: RigConfig) -> None:
-    """RigError for a rig on which no shift controller can act."""
+    """Raise RigError for a rig on which no shift controller can act."""
     if not config.structure.shifts:
         raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller, --level and --delay")
 
 
 def check_delay(delay: int, speed: float | None) -> None:
-    """RigError for a controller without delay [samples] on the graph in real time (speed: None)."""
+    """Refuse a controller without delay on the graph in real time.
+
+    Parameters
+    ----------
+    delay : int
+        Delay of the controller's answers [samples].
+    speed : float or None
+        Speed of the run as a multiple of real time; None for real time itself.
+
+    Raises
+    ------
+    RigError
+        When the delay is 0 in real time.
+    """
     if delay == 0 and speed is None:
         raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay of 1")
 
 
 def rig_for(config: RigConfig, seed: int, controller: Plug | None = None, delay: int = 1) -> Rig:
-    """The rig of a configuration with its embedded Alfa46, or for a plug whose answers act after ``delay`` samples."""
+    """Make the rig of a configuration for its embedded Alfa46 or for a plugged controller.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    seed : int
+        Seed of the run.
+    controller : Plug, optional
+        A plugged controller in place of the embedded Alfa46.
+    delay : int
+        Number of samples after which the plug's answers act.
+
+    Returns
+    -------
+    Rig
+        The rig at time 0.
+
+    Raises
+    ------
+    RigError
+        When there is a plug but no shift controller can act on the rig.
+    """
     if controller is None:
         return Rig(config, seed)
     check_controller(config)
@@ -139,18 +212,54 @@ def rig_for(config: RigConfig, seed: int, controller: Plug | None = None, delay:
 def runner_on(
     rig: Rig, outputs: Outputs | Listener, config: RigConfig, sequence: Sequence, controller: Plug | None = None
 ) -> SequenceRunner:
-    """The sequence on a rig in the same process; RigError when the rig has not what it asks for."""
+    """Return the runner of a sequence on a rig in the same process.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig on which the sequence runs.
+    outputs : Outputs or Listener
+        Takes the setpoints and events, and gives the readings.
+    config : RigConfig
+        The rig's configuration.
+    sequence : Sequence
+        The sequence to run.
+    controller : Plug, optional
+        A plugged controller in place of the embedded Alfa46.
+
+    Returns
+    -------
+    SequenceRunner
+        The runner, before its first step.
+
+    Raises
+    ------
+    RigError
+        When the rig lacks something that the sequence asks for.
+    """
     sequence.check_rig(config)
     return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config)
 
 
 def ask_controller(rig: Rig, controller: Plug) -> Answer | None:
-    """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
+    """Return the plug's answer to the newest sample, from the measured values; None when the plug discards the sample."""
     return controller.step(rig.sample, *rig.seen(), [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer: Answer) -> None:
-    """Hand the answer to ``sample`` to the rig, at the level of the plug."""
+    """Give the rig a plug's answer to a sample, at the level of the plug.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig that takes the answer.
+    controller : Plug
+        The plugged controller.
+    sample : int
+        The sample that is answered.
+    answer : Answer
+        The plug's answer.
+    """
     if controller.level == "current":
         rig.set_current(sample, answer.command, controller.gear, controller.shifting, controller.flags)
     else:
@@ -158,9 +267,22 @@ def give_answer(rig: Rig, controller: Plug, sample: int, answer: Answer) -> None
 
 
 def advance_with(rig: Rig, controller: Plug) -> bool:
-    """One sample with a plugged controller; its answer acts ``rig.delay`` samples later, at 0 before the rig moves.
+    """Advance one sample with a plugged controller.
 
-    A controller that fails, or that never answers, trips the rig with its sentence as the reason. True with an answer.
+    The answer acts ``rig.delay`` samples later; with a delay of 0 it acts before the rig moves. A controller that fails, or
+    that never answers, trips the rig, with its message as the reason.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig to move.
+    controller : Plug
+        The plugged controller.
+
+    Returns
+    -------
+    bool
+        True when the controller answered the sample.
     """
     sample, answer = rig.sample, None
     try:
@@ -187,11 +309,36 @@ def simulate(
     controller: Plug | None = None,
     delay: int = 1,
 ) -> dict:
-    """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
+    """Run a sequence and write it into a bag.
 
-    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46, whose answers act after
-    ``delay`` samples; it is closed at the end. The bag is whole even when the sequence or the controller fails or the
-    run is interrupted, by Ctrl-C or SIGTERM; ``end`` says why it ended.
+    The bag is complete even when the sequence or the controller fails, or when Ctrl-C or SIGTERM interrupts the run.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    sequence : Sequence
+        The sequence to run.
+    folder : Path
+        Folder of the bag.
+    seed : int
+        Seed of the run.
+    progress : callable, optional
+        It is called with the simulated time [s] and the text of the present step.
+    controller : Plug, optional
+        A plug (controllers.load_controller) in place of the embedded Alfa46; it is closed at the end.
+    delay : int
+        Number of samples after which the plug's answers act.
+
+    Returns
+    -------
+    dict
+        The ``run`` part of the report; its ``end`` gives the reason why the run ended.
+
+    Raises
+    ------
+    RigError
+        When the sequence or the controller does not fit the rig.
     """
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
