@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many runs on all cores: what is measured of each comes back, the rows stay where they were made.
+"""Many runs on all cores: only what is measured of each run comes back; its rows stay in the process that made them.
 
-Used by the validation, the calibration, the sweeps and the tuner.
+The validation, the calibration, the sweeps and the tuner use it.
 """
 
 from __future__ import annotations
@@ -25,10 +25,28 @@ def run_campaign(
     workers: Workers | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[list]:
-    """measure(series, run) of every repeat of every series: one list for each series, one result for each repeat.
+    """Run every repeat of every series and measure it.
 
-    measure: a function of a module, so that other processes find it; it runs where the rows are. rig, settings: as
-    run_repeat's. workers: those of the caller, kept for the next campaign; without them two, for this one.
+    Parameters
+    ----------
+    series : list of Series
+        The series to run.
+    measure : callable
+        It is called with (series, run) in the process that has the rows; it must be a function of a module, so that other
+        processes find it.
+    rig : str, optional
+        The rig, as :func:`run_repeat` takes it.
+    settings : dict of str to str, optional
+        Settings of the rig, as :func:`run_repeat` takes them.
+    workers : Workers, optional
+        Processes of the caller, which are kept for its next campaign; by default two are started for this campaign.
+    progress : callable, optional
+        It is called with the numbers of done and of all runs.
+
+    Returns
+    -------
+    list of list
+        One list for each series, with one result for each repeat.
     """
     if workers is None:
         with Workers() as own:

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The conformance set for shift controllers: what a rig will do to one, done before, with a sentence on each.
+"""The conformance set for shift controllers: everything that a rig does to one, done beforehand, with a sentence on each item.
 
-Used by ``rig controller check`` and the tests. Every item gets a controller of its own, so a program at the other end of
-a wire must take a new run after the end of the last.
+``rig controller check`` and the tests use it. Every item gets a new controller, so a program at the other end of a wire must
+take a new run after the end of the last.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from .rig import Rig
 from .simulate import advance_with
 
 PERIOD = SAMPLE
-UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order: gear; on the bench of desk()
+UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order -> gear, on the bench of desk()
 DESK_SAMPLES = 8000
 LOCKED = 2  # mode of a clutch, as in rig_msgs/ClutchState
 SHIFT = 10.0  # s that a shift may take on the rig
 STORM = (1, 2, 0, 2, 1, 1, 0, 2, 2, 0, 1)
 SPEEDS = 157.0, 60.0  # rad/s of input and output shaft on the desk
 PRESSURE = 3.0e6  # Pa of a clutch on the desk for each ampere of its valve
-# what cannot be asked of a controller with a clock of its own (CAN, Modbus), and why
+# items that do not apply to a controller with a clock of its own (CAN, Modbus), and why
 NOT_BY_ITS_OWN_CLOCK = {
     "timing": "the rig keeps to real time and never waits for it, so a step takes no time of its own",
     "determinism": "when it looks at the wires is up to its clock, and with that the bits of its answers",
@@ -43,12 +43,12 @@ NOT_BY_ITS_OWN_CLOCK = {
 
 
 def locked(rig: Rig, box: Transmission) -> tuple[Clutch, ...]:
-    """The clutches that are locked now."""
+    """Return the clutches that are locked now."""
     return tuple(clutch for k, clutch in enumerate(box.clutches) if rig.clutch_mode(k) == LOCKED)
 
 
 class Item(NamedTuple):
-    """One line of the table. ok: None for what does not apply to this controller."""
+    """One line of the table; ``ok`` is None for what does not apply to this controller."""
 
     name: str
     ok: bool | None
@@ -56,7 +56,7 @@ class Item(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a controller returned for a sample, None for the command when it discarded it."""
+    """What a controller returned for a sample; the command is None when it discarded the sample."""
 
     command: tuple | None
     setpoint: tuple | None
@@ -66,14 +66,14 @@ class Seen(NamedTuple):
 
 
 class Wires(NamedTuple):
-    """What the desk's wires carry: coil currents (outputs,) [A], transducers of the record [SI]."""
+    """What the desk's wires carry: coil currents (outputs,) [A] and the transducers of the record [SI]."""
 
     current: tuple[float, ...]
     measured: tuple[float, ...]
 
 
 class Desk:
-    """Stands in for the rig at the wires: shafts that turn steadily, pressures that follow the currents of their valves."""
+    """A stand-in for the rig: shafts that turn at constant speeds, and pressures that follow the currents of their valves."""
 
     def __init__(self, record: ControllerRecord) -> None:
         steady = {record.input_speed: SPEEDS[0], record.output_speed: SPEEDS[1]}
@@ -82,12 +82,12 @@ class Desk:
         self.current = [0.0] * len(record.outputs)
 
     def wires(self) -> Wires:
-        """As they are now."""
+        """Return what the wires carry now."""
         measured = (PRESSURE * self.current[self._outputs[name]] if name in self._outputs else rest for name, rest in self._rest)
         return Wires(tuple(self.current), tuple(measured))
 
     def follow(self, setpoint: Iterable[float]) -> None:
-        """A sample later, with what the controller asks for [A]."""
+        """Advance by a sample towards the currents that the controller asks for (outputs,) [A]."""
         for k, wanted in enumerate(setpoint):
             self.current[k] += 0.05 * (wanted - self.current[k])
 
@@ -99,9 +99,25 @@ def desk(
     change: Callable[[int, Wires], Wires] | None = None,
     took: list[float] | None = None,
 ) -> list[Seen]:
-    """Ask for each of ``samples`` (numbers), without a plant: coils follow what is asked for, pressures follow coils.
+    """Ask a controller for its answers without a plant: coils follow the setpoints, and pressures follow the coils.
 
-    ``orders``: gear by number of the sample; one that the seam refuses is left out. ``took`` gets seconds per step.
+    Parameters
+    ----------
+    plug : Plug
+        The controller.
+    samples : iterable of int
+        Numbers of the samples.
+    orders : dict of int to int
+        Gear by number of the sample; an order that the seam refuses is left out.
+    change : callable, optional
+        It is called with (sample, wires) and returns the wires that the controller gets.
+    took : list of float, optional
+        The time of each step is added to it [s].
+
+    Returns
+    -------
+    list of Seen
+        What the controller returned for each sample.
     """
     stand_in, out = Desk(plug.rig_record), []
     for sample in samples:
@@ -109,7 +125,7 @@ def desk(
             try:
                 plug.order(orders[sample])
             except RigError:
-                pass  # as on the rig: the shift before is still running
+                pass  # as on the rig, where the shift before is still running
         wires = stand_in.wires()
         if change is not None:
             wires = change(sample, wires)
@@ -124,7 +140,23 @@ def desk(
 
 
 class Check:
-    """The set for one specification; ``items()`` runs it."""
+    """The conformance set for one specification of a controller; :meth:`items` runs it.
+
+    Parameters
+    ----------
+    spec : str or None
+        Specification of the controller, as load_controller takes it.
+    config : RigConfig
+        The rig's configuration.
+    level : str, optional
+        Level of the controller's commands.
+    step_timeout : float or None
+        Longest time of a step [s].
+    come_timeout : float or None
+        Wall-clock time in which a controller of a separate program must connect, for each item [s]; None for no limit.
+    say : callable
+        It is called with messages for people.
+    """
 
     def __init__(
         self,
@@ -135,15 +167,15 @@ class Check:
         come_timeout: float | None = 20.0,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """come_timeout: s of wall clock for a controller of its own program to come, for each item; None: for ever."""
+        """Take the specification; the class describes the parameters."""
         self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
         self._record = record_of(config)
         self._come_timeout = come_timeout
         self._first: list[Seen] = []
-        self._ended: list[str] = []  # of each controller that was ended, what went wrong with that
+        self._ended: list[str] = []  # for each controller that was ended, what went wrong at its end
 
     def items(self) -> Iterator[Item]:
-        """One after the other; nothing more after a controller that does not load."""
+        """Yield one item after the other; none follows for a controller that cannot be loaded."""
         try:
             plug = self._load()
             text, own_clock = level_line(plug).removeprefix("controller "), plug.own_clock
@@ -229,7 +261,7 @@ class Check:
         if not self._first:
             return False, "it did not answer"
         took = sorted(self._took)
-        # the longest are the machine's more than the controller's
+        # the longest times are caused by the machine more than by the controller
         p50, p90, p99 = (took[len(took) * percent // 100] * 1e6 for percent in (50, 90, 99))
         text = f"{p50:.1f} us per step, 90 % below {p90:.1f}, 99 % below {p99:.1f}, longest {took[-1] * 1e6:.0f} us"
         fits = p90 < PERIOD * 1e6

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values of a rig that are right one by one and cannot be true together; used by testbench.configuration.
+"""Checks of values of a rig that are right one by one but cannot be true together; testbench.configuration uses them.
 
-Asked when a file has been read whole, and once more when all settings of a command line have been taken.
+They run when a file has been read whole, and again when all settings of a command line have been taken.
 """
 
 from __future__ import annotations
@@ -20,13 +20,26 @@ from ..transmission import tied_to
 if TYPE_CHECKING:
     from .configuration import RigConfig
 
-Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("w0.inertia",)
+Where = Callable[[tuple[str, ...]], str]  # returns the beginning of an error about these keys, e.g. ("w0.inertia",)
 
 
 def cross_check(config: RigConfig, where: Where) -> None:
-    """RigError for plates that slide harder than they stick, a part heavier than its whole, a profile above the limit.
+    """Refuse values that cannot be true together.
 
-    ``config``: of testbench.configuration.
+    These are plates that slide harder than they stick, a part that is heavier than the whole that contains it, and a profile
+    above the limit of the current.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration, of testbench.configuration.
+    where : callable
+        It returns the beginning of the error for some keys, e.g. for ("w0.inertia",).
+
+    Raises
+    ------
+    RigError
+        When values contradict each other.
     """
     for device in config.structure.of_role(parts.VALUES):
         plates = getattr(config, device.name)
@@ -61,7 +74,7 @@ def cross_check(config: RigConfig, where: Where) -> None:
 
 
 def _owner(config: RigConfig, body: str) -> str:
-    """The body on which the inertia of all that wheels tie to another one is stated."""
+    """The body on which the inertia of all that wheels tie to a body is stated."""
     if body not in config.structure.massless:
         return body
     return next(

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's ends of the cuts of a rig: ports out, answers in, a tick of delay, and what silence means.
+"""The plant's side of the cuts of a rig: ports out, answers in, a delay of one tick, and what a missing answer causes.
 
-Owned by testbench.rig. Without cut devices it does nothing.
+testbench.rig owns it. It does nothing without cut devices.
 """
 
 from __future__ import annotations
@@ -21,15 +21,23 @@ if TYPE_CHECKING:
 
 
 def topic_of(device: str, end: str) -> str:
-    """Topic of one end, "port" or "answer", of a device's cut."""
+    """Return the topic of one end, "port" or "answer", of a device's cut."""
     return f"/{device}/cut/{end}"
 
 
 class Cuts:
-    """Ticks count in controller samples from time 0. The answer to sample s acts from the next tick on."""
+    """The cuts of a rig; ticks are counted in controller samples from time 0, and an answer acts from the next tick on.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig that owns the cuts.
+    embedded : bool
+        True when the rig's own other sides answer; with False the answers come through :meth:`answer`.
+    """
 
     def __init__(self, rig: Rig, embedded: bool) -> None:
-        """embedded: the rig's own other sides answer; else answers come by :meth:`answer`."""
+        """Connect the cut devices; the class describes the parameters."""
         config = rig.config
         self.devices, self.embedded = config.cut_out, embedded
         self.samples = round(config.cut.tick / SAMPLE)
@@ -44,7 +52,7 @@ class Cuts:
     # ---- time
 
     def split(self, samples: int) -> Iterator[int]:
-        """The parts in which the rig moves by so many samples; a tick begins before its part comes."""
+        """Yield the parts [samples] in which the rig moves by a number of samples; a tick begins before its part is yielded."""
         if not self.devices:
             yield samples
             return
@@ -55,7 +63,7 @@ class Cuts:
             yield min(end - now, self.samples - now % self.samples)
 
     def _begin(self) -> None:
-        """A tick begins: the newest answers act, and the other sides that are inside answer the new ports."""
+        """Begin a tick: the newest answers act, and the other sides inside the rig answer the new ports."""
         rig = self._rig
         for device in self.devices:
             answer = self._stand_in(device) if self._is_silent(device) else self._newest[device][1]
@@ -71,11 +79,11 @@ class Cuts:
             self._newest[device] = rig.sample, side.step(self.port(device))
 
     def is_due(self) -> bool:
-        """True when ports are to go out at the rig's sample."""
+        """Say whether ports are sent at the rig's present sample."""
         return bool(self.devices) and self._rig.sample % self.samples == 0
 
     def port(self, device: str) -> Port:
-        """The port of a device now."""
+        """Return the present port of a device."""
         rig = self._rig
         tick, safe = self.samples * SAMPLE, rig.safe
         me, part = rig.device(device), self._parts[device]
@@ -100,11 +108,34 @@ class Cuts:
     # ---- answers
 
     def answered(self, device: str) -> tuple[int, Answer]:
-        """(sample, answer) of the newest answer of a device; sample -1 before the first."""
+        """Return the newest answer of a device.
+
+        Returns
+        -------
+        sample : int
+            The sample that is answered; -1 before the first answer.
+        answer : Answer
+            The answer.
+        """
         return self._newest[device]
 
     def answer(self, device: str, sample: int, answer: Answer) -> None:
-        """Take a device's answer to a sample; RigError when it is refused."""
+        """Take a device's answer to a sample.
+
+        Parameters
+        ----------
+        device : str
+            Name of the device.
+        sample : int
+            The controller sample that is answered.
+        answer : Answer
+            The answer.
+
+        Raises
+        ------
+        RigError
+            When a value is not finite, ``flow_slope`` is positive, or the sample was answered before or is still to come.
+        """
         what = f"answer of {device} to sample {sample} refused"
         if not all(map(math.isfinite, answer)):
             raise RigError(f"{what}: its values must be finite numbers, found {answer}")
@@ -119,19 +150,19 @@ class Cuts:
         self._newest[device] = sample, answer
 
     def work(self, device: str) -> float:
-        """Energy over a cut since time 0 as the plant counts it [J], signed as ``Answer.work``."""
+        """Return the energy over a cut since time 0 as the plant counts it [J], with the sign of ``Answer.work``."""
         energy = self._rig.energy()
         part = self._parts[device]
         return float(self._rig.device(device)["work"]) if part == VALVE else energy["motor" if part == MOTOR else "load"]
 
-    # ---- silence
+    # ---- missing answers
 
     def excuse(self) -> None:
-        """Count silence from now on."""
+        """Count the time without an answer from now on."""
         self._since = self._rig.sample
 
     def silence(self) -> str | None:
-        """The sentence on a device whose newest answer is too old, None when there is none."""
+        """Return the message on a device whose newest answer is too old; None when there is no such device."""
         for device in self.devices:
             if self._is_silent(device):
                 return f"{device}: no answer on {topic_of(device, 'answer')} for {COMMAND_TIMEOUT * 1e3:.0f} ms"
@@ -141,7 +172,7 @@ class Cuts:
         return self._rig.sample - max(self._newest[device][0], self._since) > round(COMMAND_TIMEOUT / SAMPLE)
 
     def _stand_in(self, device: str) -> Answer:
-        """What acts for a silent device: no torque, and the way to the tank open."""
+        """What acts in place of a missing answer: no torque, and the way to the tank open."""
         if self._parts[device] != VALVE:
             return NOTHING
         return drained(self._rig.fed_pressure(device), self._rig.config, device)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the thesis names as the sources of its own errors, each to be switched off, so that its effect can be shown.
+"""The effects that the thesis names as sources of its own errors; each can be switched off, so that its influence can be shown.
 
-Used by testbench.plan: a switched-off effect is a rig whose devices have the values that their parts name for it.
+testbench.plan uses them: with an effect switched off, devices have the values that their parts name for that case.
 """
 
 from __future__ import annotations
@@ -18,7 +18,18 @@ if TYPE_CHECKING:
 
 
 def leave_out(config: RigConfig) -> dict[str, object]:
-    """The sections of a rig (testbench.configuration.RigConfig) without what is switched off; what the engine switches stays."""
+    """Return the sections of a rig without the effects that are switched off.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration, of testbench.configuration.
+
+    Returns
+    -------
+    dict of str to object
+        The sections by name. Effects that the engine switches itself are left as they are.
+    """
     out = dict(config.sections)
     for device in config.structure.devices:
         for effect, values in parts.part(device.part).effects.items():

@@ -1,8 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a run is written, and settings and parameters given on the command line; used by the verbs that run something
-and by the nodes' processes.
+"""The folder into which a run is written, and the settings and parameters that are given on the command line.
+
+The commands that run something and the processes of the nodes use it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def free_folder(name: str) -> Path:
-    """The next runs/<name>-<n> that nobody has taken; it is not made."""
+    """Return the next runs/<name>-<n> that does not exist; it is not made."""
     number = 1
     while (folder := Path("runs") / f"{name}-{number}").exists():
         number += 1
@@ -26,7 +27,25 @@ def free_folder(name: str) -> Path:
 
 
 def run_folder(out: str | None, name: str) -> Path:
-    """The folder for a run: ``out``, which must be new or empty, or the next free runs/<name>-<n>."""
+    """Make the folder for a run.
+
+    Parameters
+    ----------
+    out : str or None
+        The folder, which must be new or empty; None for the next free runs/<name>-<n>.
+    name : str
+        Name of the run.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    RigError
+        When the folder is not empty or cannot be made.
+    """
     folder = free_folder(name) if out is None else Path(out)
     try:
         if out is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -39,7 +58,7 @@ def run_folder(out: str | None, name: str) -> Path:
 
 @contextmanager
 def unless_empty(folder: Path) -> Iterator[None]:
-    """Keeps a run's folder when what should fill it fails, unless nothing was written to it."""
+    """Keep a run's folder when the block that fills it fails, but remove it when nothing was written to it."""
     try:
         yield
     except BaseException:
@@ -49,17 +68,37 @@ def unless_empty(folder: Path) -> Iterator[None]:
 
 
 def parse_settings(settings: list[str]) -> dict[str, str]:
-    """KEY=VALUE pairs of --set as a dict; RigError when one is not a pair or comes twice."""
+    """Return the KEY=VALUE pairs of --set as a dict; RigError when one is not a pair or comes twice."""
     return pairs("--set", settings, 'KEY=VALUE, e.g. alfa46.t12="200 ms"')
 
 
 def parse_parameters(parameters: list[str]) -> dict[str, str]:
-    """NAME=VALUE pairs of --with as a dict; RigError as :func:`parse_settings`."""
+    """Return the NAME=VALUE pairs of --with as a dict; RigError when one is not a pair or comes twice."""
     return pairs("--with", parameters, 'NAME=VALUE, e.g. speed="1500 rpm"')
 
 
 def pairs(option: str, texts: list[str], example: str) -> dict[str, str]:
-    """KEY=VALUE texts of an option as a dict; RigError, with how it is written, as :func:`parse_settings`."""
+    """Return the KEY=VALUE texts of an option as a dict.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option, for the errors.
+    texts : list of str
+        The texts.
+    example : str
+        How a text is written, for the errors.
+
+    Returns
+    -------
+    dict of str to str
+        Values by key.
+
+    Raises
+    ------
+    RigError
+        When a text is not a pair, or a key comes twice.
+    """
     out: dict[str, str] = {}
     for text in texts:
         key, sign, value = text.partition("=")

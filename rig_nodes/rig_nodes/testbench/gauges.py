@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The transducers' table: errors, disturbances, range and resolution of each channel, and the noise as it is set live.
+"""The table of the transducers: errors, disturbances, range and resolution of each channel, and the noise, which can change.
 
-Owned by testbench.rig_base; the engine reads ``arrays``, which are changed in place.
+testbench.rig_base owns it; the engine reads ``arrays``, which are changed in place.
 """
 
 from __future__ import annotations
@@ -23,20 +23,33 @@ if TYPE_CHECKING:
 SIGNED = ("torque",)
 FILTERED = ("torque", "pressure", "travel", "force")
 DISTURBANCES = [parts.NOISE, parts.HUM, parts.PICKUP]
-DRAWS = 1 << 32  # number of the first channel whose noise is drawn for what stays the same in a run
+DRAWS = 1 << 32  # number of the first channel whose random values stay the same in a run
 NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  # rows that are not 0
 
 
 class Gauges:
-    """``arrays``: what the engine reads, table (rows of instruments.transducers, channels), keys of the noise
-    (channels,), hum by row, state (channels,) and counts (rows of a gate, channels).
+    """The transducers of a rig, in the arrays that the engine reads.
 
-    ``on`` False: every channel shows its true value. ``seed`` draws the class errors, the phase of the mains and the
-    places of the encoders' discs, beside the noise; ``step`` [s] is the time of a row.
+    Parameters
+    ----------
+    rig : RigConfig
+        The rig's configuration; ``kernel.step`` is the time of a row [s].
+    seed : int
+        Seed of the noise, the class errors, the phase of the mains and the places of the encoders' discs.
+    channels : (n,) tuple of str
+        Channels of the rig's plan.
+
+    Attributes
+    ----------
+    arrays : tuple of array
+        Table (rows of instruments.transducers, channels), keys of the noise (channels,), hum by row, state (channels,) and
+        counts (rows of a gate, channels).
+    on : bool
+        False when every channel shows its true value.
     """
 
     def __init__(self, rig: RigConfig, seed: int, channels: tuple[str, ...]) -> None:
-        """rig: a RigConfig; channels: those of its plan."""
+        """Fill the arrays; the class describes the parameters."""
         config, step, on = rig.instruments, rig.kernel.step, rig.effects.transducers
         self.config, self.present, self.on, self.channels = config, on, on, channels
         size = len(channels)
@@ -102,21 +115,21 @@ class Gauges:
                 table[parts.QUANTUM, c] = full / 2.0**config.resolution_bits
 
     def switch(self, on: bool) -> None:
-        """Noise, hum and pickup of all channels on, as they are set, or off; RigError without transducers."""
+        """Switch noise, hum and pickup of all channels on, with the values that are set, or off; RigError without transducers."""
         if on and not self.present:
             raise RigError("noise refused: this rig shows true values (effects.transducers is off)")
         self.on = on
         self.table[DISTURBANCES] = self._set if on else 0.0
 
     def set_noise(self, channel: str, value: float) -> None:
-        """Standard deviation of one channel [SI]."""
+        """Set the standard deviation of the noise of one channel [SI]."""
         self._set[0, self.channels.index(channel)] = value
         self.switch(self.on)
 
     def noise(self, channel: str) -> float:
-        """Standard deviation that is set, switched on or not [SI]."""
+        """Return the standard deviation that is set for a channel, whether it is switched on or not [SI]."""
         return float(self._set[0, self.channels.index(channel)])
 
     def effective(self, channel: str) -> float:
-        """Standard deviation that acts [SI]."""
+        """Return the standard deviation that acts on a channel [SI]."""
         return float(self.table[parts.NOISE, self.channels.index(channel)])

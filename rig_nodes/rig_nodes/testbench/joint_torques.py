@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torques in all that joins the bodies of a rig, at a moment: of its gears, sets and relations too, which no step of the plant
-needs.
+"""The torques in all that joins the bodies of a rig at one moment, including gears, sets and relations.
 
-Used by testbench.topics for a rig whose description asks for the signals `torques`.
+No step of the plant needs these torques. testbench.topics uses them for a rig whose description asks for the signals
+`torques`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .rig import Rig
 
 
 class JointTorques:
-    """names: of the signals; :meth:`values`: what they are now."""
+    """The torques in what joins the bodies of a rig: ``names`` of the signals, and their present :meth:`values`."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig, plan = rig, rig.world.plan
@@ -34,12 +34,12 @@ class JointTorques:
         }
 
     def values(self) -> list[float]:
-        """Torques [Nm] in the order of the names: of what ties bodies together, that which it puts on one of them."""
+        """Return the torques in the order of the names [Nm]; a tie of several bodies has one torque for each body."""
         now = self._now()
         return [float(now.torque(one.of, one.body)[0]) if one.body else self._rig.true(f"{one.of}.torque") for one in self._signals]
 
     def _now(self) -> Result:
-        """A result of one row, the state of now; what no torque is found by is left out."""
+        """A result of one row with the present state, without what no torque depends on."""
         rig, line, plan = self._rig, self._rig.world.line, self._rig.world.plan
         system, none = plan.system, np.zeros((1, 0))
         v = line["v"][None]
@@ -54,7 +54,9 @@ class JointTorques:
             if law.kind in (TORQUE, MOTION):
                 pushes += laws[0, k] * law.bodies
         count = len(system.shafts)
-        friction = line["el"][LAM] + (line["cap"][VISC] - system.drag) * slips  # a device's drag is none of the description
+        friction = (
+            line["el"][LAM] + (line["cap"][VISC] - system.drag) * slips
+        )  # the drag of a device is not part of the description
         return Result(
             system,
             np.array([rig.time]),

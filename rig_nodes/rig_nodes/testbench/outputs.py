@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rig publishes, and when: from the rig's state to encoded messages, without ROS.
+"""What the rig publishes and when: from the rig's state to encoded messages, without ROS.
 
-Used by ``simulate``, which writes them, and by the rig container, whose nodes publish them: same bytes.
+``simulate`` writes the messages and the nodes of the rig container publish them: the bytes are the same.
 """
 
 from __future__ import annotations
@@ -25,10 +25,19 @@ BLOCK = "/instruments/hmg4000"
 
 
 class Outputs:
-    """Messages due at each sample boundary; keeps the sequence numbers.
+    """The messages that are due at each sample boundary, with their sequence numbers.
 
-    ``commands``: /controller/command too, where no node of the controller's publishes it (default: an embedded one's).
-    ``controller``: plug whose own signals go out too.
+    Parameters
+    ----------
+    rig : Rig
+        The rig whose state is sent.
+    run_info : dict
+        The record of the run.
+    commands : bool, optional
+        True to send /controller/command too, where no node of the controller publishes it; by default that is done for an
+        embedded controller.
+    controller : Plug, optional
+        The plug whose own signals are sent too.
     """
 
     def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None) -> None:
@@ -36,7 +45,7 @@ class Outputs:
         self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
         self._answered = -1  # sample of the newest command that went out
-        self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same of cut devices that answer inside
+        self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same for the answer of each cut device inside
         self.counts: dict[str, int] = {}
         self._types = {name: topic.ros_type for name, topic in rig.config.catalogue.all_topics.items()}
         self._encoders: dict[str, Callable] = {}
@@ -48,21 +57,31 @@ class Outputs:
         self._own_blocks = own_signals.Blocks(len(self._own))
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
-        """Queue an Event of now; it goes out with the next :meth:`due`."""
+        """Queue an event of the present time; it is sent with the next :meth:`due`."""
         self._queued.append((topic, self.rig.time_ns, name, text, float(value)))
 
     def signals_row(self, sample: int, values: Sequence[float]) -> None:
-        """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
+        """Queue the controller's own signals at its answer to a sample; they are sent in blocks."""
         for first, rows in self._own_blocks.add(sample, values):
             fields = first, SAMPLE, *rows.shape, rows.ravel()
             self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, *fields))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
-        """Queue a Setpoint of now, where no sequencer node publishes it."""
+        """Queue a setpoint of the present time, where no sequencer node publishes it."""
         self._queued.append((topic, self.rig.time_ns, float(value), bool(enable)))
 
     def due(self) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, stamp [ns], bytes) of everything due now; call once at time 0 and once after each sample."""
+        """Yield all messages that are due now; it is called once at time 0 and once after each sample.
+
+        Yields
+        ------
+        topic : str
+            Topic of the message.
+        stamp : int
+            Its time stamp [ns].
+        data : bytes
+            The encoded message.
+        """
         rig, now, sample = self.rig, self.rig.time_ns, self.rig.sample
         if not self._started:
             self._started = True
@@ -104,7 +123,7 @@ class Outputs:
                 yield topic, now, mirror.encode(now, *values(row))
 
     def _cuts(self, now: int) -> Iterator[tuple[str, int, bytes]]:
-        """The ports of devices outside the plant, and the answers of those without a node of their own."""
+        """The ports of the devices outside the plant, and the answers of those that have no node of their own."""
         cuts = self.rig.cuts
         for device in cuts.devices:
             answered, answer = cuts.answered(device)

@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig for the engine, from its configuration: driveline, devices with their wires, torque meters; used by testbench.rig."""
+"""The engine's plan of a rig from its configuration: driveline, devices with their wires, torque meters.
+
+testbench.rig uses it.
+"""
 
 from __future__ import annotations
 
@@ -21,20 +24,20 @@ from ..plant.driveline import System
 from .configuration import RigConfig
 from .effects import leave_out
 
-UNMOVED = 1e6  # kg m2 on the input where its speed is to stay, whatever happens; in no torque and no energy that is told
+UNMOVED = 1e6  # kg m2 on an input whose speed is to stay constant; no published torque or energy contains it
 HELD = "output_speed"  # name of what bounds the output's speed, where pressures are prescribed
 
 
 @dataclass(frozen=True)
 class Planned:
-    """The plan of a rig; true: its driveline as it really is, where the plan's has a heavy input."""
+    """The plan of a rig; ``true`` is its driveline as it really is, where that of the plan has a heavy input."""
 
     plan: Plan
     true: System
 
 
 def plan_of(config: RigConfig) -> Planned:
-    """The plan of a rig."""
+    """Return the plan of a rig, and its true driveline."""
     return _Planner(config).planned()
 
 
@@ -59,34 +62,34 @@ class _Planner:
         )
 
     def _part(self, device: Device) -> str:
-        """The part of a device; a clutch whose pressure is prescribed is a curve."""
+        """The name of a device's part; a clutch whose pressure is prescribed is a curve_clutch."""
         if device.role == parts.CLUTCH and self.config.prescribed is not None:
             return "curve_clutch"
         return device.part
 
     def _bodies(self) -> tuple[str, ...]:
-        """Bodies whose speed somebody needs."""
+        """The bodies whose speed is needed by a transducer, a device, the input or the output."""
         used = {one.shows.removesuffix(".speed") for one in self.structure.transducers}
         used |= {device.wires.get("body") for device in self.structure.devices}
         used |= {end.body for end in (self.structure.input, self.structure.output) if end}
         return tuple(body for body in self.structure.bodies if body in used)
 
     def turns(self, body: str, system: System | None = None) -> np.ndarray:
-        """Speed of a body by the driveline's speeds."""
+        """Return the speed of a body by the driveline's speeds (speeds,)."""
         system = system or self.system
         return system.bodies_from_speeds[system.bodies.index(body)]
 
     def reduced(self, body: str) -> float:
-        """All inertia that is felt at a body while every clutch is open [kg m2]."""
+        """Return all inertia that is felt at a body while every clutch is open [kg m2]."""
         turns = self.turns(body, self.tied)
         return float(1.0 / (turns @ self.tied.minv @ turns))
 
     def column(self, body: str) -> int:
-        """The driveline's speed that is this body's own."""
+        """Return the index of the driveline's speed that is this body's own."""
         return int(np.abs(self.turns(body)).argmax())
 
     def _meter(self, device: Device) -> Meter:
-        """A torque meter: what its source gives or its load takes, less what the inertia between takes."""
+        """A torque meter: what its source gives or its load takes, minus what the inertia between them takes."""
         values, body = self.values[device.name], device.wires["body"]
         if "load" in device.wires:
             beyond = values.inertia if values.side == "beyond" else self.reduced(body) - values.inertia
@@ -101,7 +104,7 @@ class _Planner:
         return Meter(device.name, push={body: 1.0}, rate={body: -beyond})
 
     def _loss_rows(self) -> np.ndarray:
-        """The losses by torque for the driveline's step (n, loss_width), Annex D; BASE and FACTOR are the step's to say."""
+        """The losses by torque for the driveline's step (n, loss_width), Annex D; the step itself sets BASE and FACTOR."""
         system, place = self.system, self.system.elements.index
         m = len(system.elements)
         out = np.zeros((len(self.losses), losses.loss_width(*system.w.T.shape)))
@@ -131,20 +134,20 @@ class _Planner:
         return out
 
     def axis(self, device: Device) -> float:
-        """Speed of the axis on which a loss is stated by that of the body that it brakes."""
+        """Return the speed of the axis on which a loss is stated, divided by that of the body that it brakes."""
         if "axis" not in device.wires:
             return 1.0
         own, other = self.turns(device.wires["body"]), self.turns(device.wires["axis"])
         return float(abs(other[np.abs(own).argmax()] / own[np.abs(own).argmax()]))
 
     def elsewhere(self, device: Device) -> str | None:
-        """The loss on whose shaft this one's part by torque brakes, when that is another one."""
+        """Return the loss on whose shaft this one's part by torque brakes, when that is another loss; else None."""
         return device.wires.get("driving") if self.values[device.name].torque_side == "driving" else None
 
     # ---- devices
 
     def planned(self) -> Planned:
-        """The whole plan, and the driveline as it really is."""
+        """Return the whole plan, and the driveline as it really is."""
         instances, structure = [], self.structure
         for role in (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.LOAD, parts.LOSS):
             instances += map(self._instance, structure.of_role(role))
@@ -207,7 +210,7 @@ class _Planner:
         return Instance(name, part, configs, derived, self._wires(device, part), start, tables)
 
     def _wires(self, device: Device, part: str) -> dict[str, str | int]:
-        """What each wire of the part's record leads to; every wire has one meaning for all parts."""
+        """What each wire of the part's record leads to; every wire has the same meaning for all parts."""
         structure, wires = self.structure, device.wires
         valve = structure.valve_of(device.name)
         oil = structure.oil_of(device, "supply" if device.role == parts.VALVE else "oil") if structure.of_role(parts.OIL) else ""
@@ -228,7 +231,7 @@ class _Planner:
         return {wire: known[wire]() for wire in parts.part(part).wires}
 
     def _bounds(self) -> Instance:
-        """As an integrator with limits: between the speeds at which one clutch or the other stands."""
+        """The bounds of the output's speed, as of an integrator with limits: there one clutch or the other has no slip."""
         structure, system = self.structure, self.system
         held, by = self.column(structure.output.body), self.column(structure.input.body)
         rows = [system.w[system.elements.index(clutch.name)] for clutch in structure.clutches]

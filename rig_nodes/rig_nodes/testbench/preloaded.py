@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the server of testbench.workers imports: each process forked from it has both plants compiled and in memory.
+"""What the server of testbench.workers imports, so that each process forked from it has both plants compiled in memory.
 
-It compiles where nothing is cached yet, so that of several processes none does it beside another; ``rig test`` runs it
-for that.
+It compiles what is not in the cache yet, so that no two processes compile the same at once; ``rig test`` runs it for that
+purpose.
 """
 
 from .configuration import load_rig

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Clutch pressures that are prescribed, not made by valves and cylinders: chapter 9's own simulation.
+"""Clutch pressures that are prescribed instead of made by valves and cylinders, as in chapter 9's own simulation.
 
-Read by testbench.configuration from a rig's YAML, used by testbench.plan.
+testbench.configuration reads them from a rig's YAML, testbench.plan uses them.
 """
 
 from __future__ import annotations
@@ -29,9 +29,17 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Force of the clutches, and ``pieces`` (clutches, engaging and releasing, rows, 5): rows of end [s] and the
-    coefficients of a cubic in time since the switch signal [Pa, s], lowest power first; the last ones never end.
-    bounded: the output never leaves the speeds of the two gears, whatever the clutches can hold.
+    """Prescribed pressures and forces of the clutches.
+
+    Parameters
+    ----------
+    forces : tuple of Force
+        Force of each clutch.
+    pieces : (clutches, 2, rows, 5) array of float
+        For engaging and for releasing, rows of the end [s] and the coefficients of a cubic in the time since the switch signal
+        [Pa, s], lowest power first; the last row never ends.
+    bounded : bool
+        True when the output never leaves the speeds of the two gears, whatever the clutches can hold.
     """
 
     forces: tuple[Force, ...]
@@ -39,7 +47,7 @@ class Prescribed:
     bounded: bool
 
     def as_dict(self) -> dict:
-        """Plain values; a piece without end has none."""
+        """Return plain values; a piece without an end has None as its end."""
         rows = [[[[None if np.isinf(x) else float(x) for x in row] for row in way] for way in clutch] for clutch in self.pieces]
         return {
             "forces": [vars(force) for force in self.forces],
@@ -49,9 +57,29 @@ class Prescribed:
 
 
 def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescribed:
-    """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s, MPa/s2, MPa/s3],
-    the last one with the end "end", clutches: their names; and whether the output speed is bounded or free. RigError with file
-    and line otherwise.
+    """Read the key ``prescribed`` of a rig.
+
+    It has for each clutch its force, and for each way rows [end s, MPa, MPa/s, MPa/s2, MPa/s3], of which the last has the end
+    "end"; and ``output_speed``, which is bounded or free.
+
+    Parameters
+    ----------
+    node : Map
+        The map under the key.
+    path : str or Path
+        The rig's file.
+    clutches : list of str
+        Names of the clutches.
+
+    Returns
+    -------
+    Prescribed
+        The prescribed pressures.
+
+    Raises
+    ------
+    RigError
+        With file and line, when something is not right.
     """
     keys = (*clutches, "output_speed")
     check_keys(path, node, keys, keys, "prescribed")

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measuring procedures of the laboratory: YAML of a sequence, the series it is run for, and how often each.
+"""Measuring procedures of the laboratory: YAML files of a sequence, the series for which it is run, and the number of repeats.
 
-Used by ``rig procedure`` and by the validation; testbench.campaign runs many series on all cores.
+``rig procedure`` and the validation use them; testbench.campaign runs many series on all cores.
 """
 
 from __future__ import annotations
@@ -38,9 +38,26 @@ BLOCK_KEYS = ("table", "grid", "label", "conditions", "parameters", "settings")
 class Series:
     """One setting under which a procedure is run.
 
-    label: short name, alone in its procedure. conditions: names of config.conditions, SI. parameters: of
-    the sequence. overrides: of the rig. period: between two rows [s]. first_seed: of the first repeat; the others'
-    follow, and no two runs of a procedure share one.
+    Parameters
+    ----------
+    procedure : str
+        Name of the procedure.
+    label : str
+        Short name, unique in its procedure.
+    conditions : dict
+        Values by the names of config.conditions [SI].
+    sequence : str
+        Name of the sequence, or its file.
+    parameters : dict of str to str
+        Parameters of the sequence.
+    overrides : dict of str to str
+        Settings of the rig.
+    repeats : int
+        Number of runs.
+    period : float
+        Time from row to row [s].
+    first_seed : int
+        Seed of the first repeat; those of the others follow, and no two runs of a procedure have the same seed.
     """
 
     procedure: str
@@ -56,7 +73,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Procedure:
-    """A checked procedure. source: where the laboratory's is described."""
+    """A checked procedure; ``source`` says where the laboratory's procedure is described."""
 
     name: str
     description: str
@@ -66,7 +83,23 @@ class Procedure:
     all_series: tuple[Series, ...]
 
     def series(self, chosen: list[str] | None = None) -> list[Series]:
-        """All series, or those chosen by label or by number of series, in the procedure's order; RigError otherwise."""
+        """Return the series of the procedure, in its order.
+
+        Parameters
+        ----------
+        chosen : list of str, optional
+            Labels or numbers of series; all series when it is not given.
+
+        Returns
+        -------
+        list of Series
+            The chosen series.
+
+        Raises
+        ------
+        RigError
+            When there is no series of a name.
+        """
         if chosen is None:
             return list(self.all_series)
         out = set()
@@ -84,7 +117,7 @@ class Procedure:
 
 
 def load_procedure(name: str | Path) -> Procedure:
-    """The installed procedure of this name, or a file; RigError with file and line when it is not right."""
+    """Return an installed procedure by its name, or one from a file; RigError with file and line when something is not right."""
     path = find_of_rigs("procedures", name)
     node = load_yaml(path)
     needed = ("description", "source", "sequence", "repeats", "series")
@@ -130,7 +163,7 @@ def load_procedure(name: str | Path) -> Procedure:
 
 
 def _sequence(node: Map, path: str | Path) -> str:
-    """The name of the sequence, or its file, which stands beside the procedure's."""
+    """The name of the sequence, or its file, which is found from the folder of the procedure's file."""
     name = beside(path, node["sequence"])
     try:
         name = str(find_of_rigs("sequences", name, rig_with(path)))
@@ -140,7 +173,7 @@ def _sequence(node: Map, path: str | Path) -> str:
 
 
 def _rows(block: Map, path: str | Path, where: str) -> list[dict[str, str]]:
-    """What stands for the ${names} of a block, once for each of its series."""
+    """The values of the ${names} of a block, once for each of its series."""
     if "table" in block and "grid" in block:
         raise RigError(f"{where}: a block of series has a table or a grid, not both")
     if "table" in block:
@@ -158,7 +191,25 @@ def _rows(block: Map, path: str | Path, where: str) -> list[dict[str, str]]:
 
 
 def read_table(path: Path, where: str) -> list[dict[str, str]]:
-    """Rows of a CSV file with a heading; lines that open with # are comments. RigError when rows do not fit it."""
+    """Read the rows of a CSV file with a heading; lines that begin with # are comments.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    where : str
+        Place at which the file is named, for the errors.
+
+    Returns
+    -------
+    list of dict of str to str
+        Each row, by the names of the heading.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be read, or a row does not have as many values as the heading.
+    """
     try:
         lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
@@ -170,7 +221,7 @@ def read_table(path: Path, where: str) -> list[dict[str, str]]:
 
 
 def _texts(node: Map, key: str, row: dict[str, str], path: str | Path) -> dict[str, str]:
-    """A map of names and texts, filled."""
+    """A map of names and texts, with the ${names} replaced."""
     entries = node.get(key) or {}
     if not isinstance(entries, dict):
         raise RigError(f"{where_of(path, node, key)}: {key} must be a map of names and values, found {brief(entries)}")
@@ -206,8 +257,28 @@ def _base(rig: str) -> RigConfig:
 
 
 def prepare(series: Series, rig: str | None = None, settings: dict[str, str] | None = None) -> tuple[RigConfig, Sequence]:
-    """Rig and sequence of a series. rig: the one that the sequence is written for, if not given. settings: of the rig,
-    beside the series' own; RigError where both name a value, and where the sequence is for another kind of rig.
+    """Return the rig and the sequence of a series.
+
+    Parameters
+    ----------
+    series : Series
+        The series.
+    rig : str, optional
+        The rig; by default the one for which the sequence is written.
+    settings : dict of str to str, optional
+        Settings of the rig in addition to those of the series.
+
+    Returns
+    -------
+    RigConfig
+        The rig's configuration.
+    Sequence
+        The sequence with the parameters of the series.
+
+    Raises
+    ------
+    RigError
+        When the settings and the series set the same value, or the sequence is for another kind of rig.
     """
     both = sorted(set(settings or {}) & set(series.overrides))
     if both:
@@ -219,11 +290,11 @@ def prepare(series: Series, rig: str | None = None, settings: dict[str, str] | N
 
 
 def run_repeat(series: Series, repeat: int, rig: str | None = None, settings: dict[str, str] | None = None) -> Run:
-    """One run of a series; repeat counts from 0."""
+    """Run one repeat of a series, counted from 0, with the rig and settings of :func:`prepare`."""
     config, sequence = prepare(series, rig, settings)
     return record(config, sequence, series.first_seed + repeat, period=series.period)
 
 
 def run_series(series: Series, rig: str | None = None, settings: dict[str, str] | None = None) -> list[Run]:
-    """All runs of a series, one for each repeat, with seeds of their own."""
+    """Run all repeats of a series, each with a seed of its own, with the rig and settings of :func:`prepare`."""
     return [run_repeat(series, repeat, rig, settings) for repeat in range(series.repeats)]

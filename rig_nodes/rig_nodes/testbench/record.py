@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sequence on the rig, its logger's rows straight into memory: no ROS, no bag, no encoding.
+"""Run a sequence on the rig and keep the logger's rows in memory: no ROS, no bag, no encoding.
 
-Used by testbench.procedure for campaigns; gives the same rows, bit for bit, as the bag of ``simulate``.
+testbench.procedure uses it for campaigns; the rows are the same, bit for bit, as in the bag of ``simulate``.
 """
 
 from __future__ import annotations
@@ -34,11 +34,19 @@ ORDER = "shift_ordered"  # event of the controller with the gear as value
 
 @dataclass(frozen=True)
 class Run:
-    """What a recorded run gives.
+    """The result of a recorded run.
 
-    recording: all channels of the rig, SI, with the orders of gear where there are some. end: ``state`` (ended, failed) and
-    ``reason``. events: (time [s], name, text, value) of sequencer and controller. plant_states: signal -> what the plant knew, on
-    the same rows; it is known once a controller sample, which the rows of that millisecond share.
+    Parameters
+    ----------
+    recording : Recording or Logged
+        All channels of the rig [SI]; of a rig with gears with the orders of gear.
+    end : dict
+        ``state`` (ended, failed, tripped) and ``reason``.
+    events : list of (float, str, str, float)
+        Time [s], name, text and value of each event of sequencer and controller.
+    plant_states : dict of str to (rows,) array
+        By signal, its true values on the rows of the recording [SI]. They are taken once a controller sample, so all rows of
+        that millisecond have the same value.
     """
 
     recording: Recording | Logged
@@ -48,7 +56,7 @@ class Run:
 
 
 class PlantStates:
-    """Signals of the state topics, noted once a controller sample."""
+    """Signals of the state topics, taken once a controller sample."""
 
     def __init__(self, rig: Rig, signals: tuple[str, ...]) -> None:
         self.signals, self._states, self._heard = signals, States(rig), Heard(rig.config.catalogue)
@@ -62,30 +70,44 @@ class PlantStates:
         self._values: list[list[float]] = []
 
     def note(self) -> None:
-        """The values of now."""
+        """Keep the present values."""
         self._states.refresh()
         for topic in self._topics:
             self._heard.fields[topic] = self._states.topics[topic]()
         self._values.append([self._heard.reading(name) for name in self.signals])
 
     def on_rows(self, rows: int, per_sample: int) -> dict[str, np.ndarray]:
-        """Signal -> values (rows,)."""
+        """Return the values (rows,) of each signal, with each sample repeated ``per_sample`` times."""
         values = np.repeat(np.array(self._values).reshape(-1, len(self.signals)), per_sample, axis=0)[:rows]
         return dict(zip(self.signals, np.ascontiguousarray(values.T)))
 
 
 class Listener:
-    """What a listener on the topics has heard when a sequence asks, and what the sequence's bench tells.
+    """A listener on the topics for a sequence that asks for readings, which also keeps what the sequence's bench sends.
 
-    In place of Outputs: publishes nothing, but knows when it would have been published.
+    It takes the place of Outputs: it publishes nothing, but gives readings as if all had been published.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig on which the sequence runs.
+    signals : list of str
+        Signals that will be read; others of transducers may be read too.
+    plant_states : PlantStates, optional
+        Takes true values at each sample.
+    controller : Plug, optional
+        A plug in place of the embedded controller.
+
+    Raises
+    ------
+    RigError
+        When a recorded sequence cannot wait for the topic of a signal.
     """
 
     def __init__(
         self, rig: Rig, signals: list[str], plant_states: PlantStates | None = None, controller: Plug | None = None
     ) -> None:
-        """signals: those that will be asked for; others of transducers may be asked too. controller: in place of the
-        embedded one.
-        """
+        """Find the topics of the signals; the class describes the parameters."""
         self.rig, self.plant_states, self.controller, self.events, self.orders = rig, plant_states, controller, [], []
         self._states, self._heard = States(rig), Heard(rig.config.catalogue)
         topics = {self._heard.topic(name) for name in signals}
@@ -96,12 +118,12 @@ class Listener:
             raise RigError(f"{', '.join(sorted(unknown))}: no topic that a recorded sequence can wait for")
 
     def period(self, signal: str) -> int:
-        """Controller samples between two messages with this signal."""
+        """Return the number of controller samples between two messages with this signal."""
         topic = self._heard.topic(signal)
         return SCALAR_SAMPLES if topic in self._states.measured else 1 if topic == COMMAND else TICK_SAMPLES
 
     def reading(self, name: str) -> float:
-        """As Outputs.reading; asked at a tick, when nothing of that tick has gone out yet."""
+        """Return the reading of Outputs.reading; called at a tick, before any message of that tick is sent."""
         topic = self._heard.topic(name)
         if topic in self._states.measured and self.rig.sample:
             newest = (self.rig.sample - 1) // SCALAR_SAMPLES * SCALAR_SAMPLES
@@ -109,7 +131,7 @@ class Listener:
         return self._heard.reading(name)
 
     def advance(self, samples: int) -> None:
-        """Move the rig by a whole number of ticks, hearing what goes out on the way."""
+        """Move the rig by a whole number of ticks [samples] and receive what is sent on the way."""
         if self._ticked:
             self._go(samples - TICK_SAMPLES)
             samples = TICK_SAMPLES
@@ -137,7 +159,7 @@ class Listener:
                 advance_with(self.rig, self.controller)
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
-        """Note an event of now."""
+        """Keep an event of the present time."""
         now = self.rig.time_ns / 1e9
         self.events.append((now, name, text, float(value)))
         if name == ORDER:
@@ -145,12 +167,12 @@ class Listener:
             self.orders.append((now, before, int(value)))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
-        """A setpoint that the rig has taken; nobody listens to it here."""
+        """Ignore a setpoint that the rig has taken, because it has no other listener here."""
 
 
 @cache
 def keep_freed_memory() -> None:
-    """Have the C library keep what is freed: the system hands it out again page by page, 40 ns for each row of a run."""
+    """Make the C library keep freed memory: the system returns it page by page, which costs 40 ns for each row of a run."""
     trim_threshold, mmap_threshold = -1, -3  # numbers of malloc.h
     mallopt = ctypes.CDLL(None).mallopt
     mallopt(mmap_threshold, KEPT_MEMORY >> 3)  # 32 MB, the most that it takes
@@ -158,21 +180,34 @@ def keep_freed_memory() -> None:
 
 
 class Rows:
-    """Collects the rows of a rig, one every ``period`` [s], before its ring overwrites them."""
+    """Collects the rows of a rig before its ring overwrites them.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig that makes the rows.
+    period : float
+        Time from row to row [s].
+
+    Raises
+    ------
+    RigError
+        When the period does not divide a controller sample, or is not a whole number of the plant's steps.
+    """
 
     def __init__(self, rig: Rig, period: float) -> None:
         self.rig, self.period = rig, period
         self.per_sample = round(SAMPLE / period)
         if abs(self.per_sample * period - SAMPLE) > 1e-12 or self.per_sample < 1:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or 8 us")
-        count = rig.rows_in_ring(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
+        count = rig.rows_in_ring(period, 0, 0).shape[1]  # raises for a period that is not a whole number of steps
         keep_freed_memory()
-        # one array a channel: a single large one would come in huge pages, which Linux may take 0.1 s to find
+        # one array for each channel: Linux may need 0.1 s to find the huge pages for a single large one
         self._columns = [np.empty(FIRST_ROWS) for _ in range(count)]
         self._taken = 0
 
     def take(self, sample: int) -> None:
-        """The rows before that of a sample."""
+        """Take the rows before that of a sample."""
         first, last = self._taken, sample * self.per_sample
         if last > self._columns[0].size:
             for number, column in enumerate(self._columns):
@@ -184,7 +219,7 @@ class Rows:
         self._taken = last
 
     def channels(self) -> dict[str, np.ndarray]:
-        """Channel -> values."""
+        """Return the values (rows,) of each channel [SI]."""
         return {name: column[: self._taken] for name, column in zip(self.rig.channels, self._columns)}
 
 
@@ -198,12 +233,39 @@ def record(
     controller: Plug | None = None,
     delay: int = 1,
 ) -> Run:
-    """Run the sequence on a rig with its embedded Alfa46, or a plug as :func:`simulate` takes it, and keep its rows.
+    """Run a sequence on a rig and keep its rows.
 
-    rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
-    ``kernel.step`` of 8 us for every row of the kernel, as the NI-USB 6210. Rows are taken as they are, not averaged.
-    plant_states: names of signals of the state topics, e.g. ("s1_torque", "s1_slip"); asking for some takes twice as long.
-    A sequence that fails keeps what was recorded until then. RigError when rows and steps do not fit.
+    A sequence that fails keeps what was recorded until then. Rows are taken as they are and not averaged.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    sequence : Sequence
+        The sequence to run.
+    seed : int
+        Seed of the run.
+    rows_per_second : int, optional
+        Rows in a second; 10000 by default, as of the logger HMG 4000.
+    period : float, optional
+        Time from row to row [s] in place of ``rows_per_second``, e.g. 8e-6 with a ``kernel.step`` of 8 us for every row of the
+        kernel, as of the NI-USB 6210.
+    plant_states : tuple of str
+        Signals of the state topics to take too, e.g. ("s1_torque", "s1_slip"); a run with any of them takes twice as long.
+    controller : Plug, optional
+        A plug in place of the embedded Alfa46, as :func:`simulate` takes it; it is closed at the end.
+    delay : int
+        Number of samples after which the plug's answers act.
+
+    Returns
+    -------
+    Run
+        The recorded run.
+
+    Raises
+    ------
+    RigError
+        When the rows and the plant's steps do not fit.
     """
     if period is None:
         period = ROW if rows_per_second is None else 1.0 / rows_per_second
@@ -239,7 +301,7 @@ def _record(
         if rig.status == RigStatus.TRIPPED:
             end = {"state": "tripped", "reason": rig.reason}
             rows.take(rig.sample)
-            listener.controller = None  # nobody asks it any more
+            listener.controller = None  # it is not asked any more
             listener.advance(AFTER_TRIP)
         rows.take(rig.sample)
     except SequenceFailed as failure:
@@ -256,18 +318,18 @@ def _record(
 
 
 def signals_of(sequence: Sequence) -> list[str]:
-    """The signals that a sequence waits for."""
+    """Return the signals that a sequence waits for."""
     return [step.condition.signal for step in sequence.steps if step.condition is not None]
 
 
 def next_poll(runner: SequenceRunner, rig: Rig, listener: Listener) -> int:
-    """Sample of the next tick at which the sequence may have something to do."""
+    """Return the sample of the next tick at which the sequence may have something to do."""
     tick = rig.sample // TICK_SAMPLES
-    if listener.controller is not None:  # what it will do nobody knows
+    if listener.controller is not None:  # what a plug will do cannot be known beforehand
         return (tick + 1) * TICK_SAMPLES
     look = runner.next_look()
     due = int(look["until"] * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
-    if "gear" in look:  # an order that is not taken yet still shows the end of the shift before
+    if "gear" in look:  # before the order is taken, shift_end is still that of the shift before
         due = min(due, -(-(rig.shift_end + 1) // TICK_SAMPLES))
     if "signal" in look:
         every = max(1, listener.period(look["signal"]) // TICK_SAMPLES)

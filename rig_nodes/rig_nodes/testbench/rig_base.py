@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every rig that is moved sample by sample has: the engine's world, simulated time, the ring of rows, its status.
+"""The base of every rig that is moved sample by sample: the engine's world, simulated time, the ring of rows and the status.
 
-Base of testbench.rig, and the only place that calls the engine.
+testbench.rig derives from it; only this module calls the engine.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
 
 
 class Tripped(RigError):
-    """A rig went into its safe state where nothing can be measured then; the reason names what went wrong and when."""
+    """A rig that went into its safe state, so that nothing can be measured; the message says what went wrong and when."""
 
     exit_code = 1
 
 
 class RigStatus(IntEnum):
-    """As in rig_msgs/RigState."""
+    """The states of a rig, as in rig_msgs/RigState."""
 
     STARTING = 0
     READY = 1
@@ -44,19 +44,39 @@ class RigStatus(IntEnum):
 
 
 class RigBase(ABC):
-    """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0;
-    ``reason``: of a trip; ``world``: what the engine moves; ``drive``: name of the device that drives the rig.
+    """A rig that is moved sample by sample; it calls :meth:`count_steps` and :meth:`build` before time passes.
 
-    A rig calls :meth:`count_steps` and :meth:`build` before time passes.
+    Attributes
+    ----------
+    channels : tuple of str
+        Names of the columns of a row, those of the logger first.
+    sample : int
+        Number of controller samples since time 0.
+    reason : str
+        Reason of a trip.
+    world : World
+        What the engine moves.
+    drive : str
+        Name of the device that drives the rig.
     """
 
     channels: tuple[str, ...]
     drive = "motor"
 
     def count_steps(self, step: float, catalogue: Catalogue) -> None:
-        """Note how many steps [s] of the plant make a sample and a row; RigError when they do not fit.
+        """Compute how many of the plant's steps make a controller sample and a logger row.
 
-        catalogue: of this rig; its logger's columns are the first of ``channels``.
+        Parameters
+        ----------
+        step : float
+            Time by which the plant moves at once [s].
+        catalogue : Catalogue
+            The rig's catalogue; the columns of its logger are the first of ``channels``.
+
+        Raises
+        ------
+        RigError
+            When a sample is not a whole number of steps.
         """
         self.step_ns, self.step, self.sample = SAMPLE_NS, step, 0
         steps = SAMPLE / step
@@ -72,7 +92,20 @@ class RigBase(ABC):
         self.logger_names = [s.name for s in catalogue.logger_channels()]
 
     def build(self, plan: Plan, gauges: Gauges) -> None:
-        """Make the world and the first row; ``gauges`` show the plan's channels."""
+        """Make the world and the first row.
+
+        Parameters
+        ----------
+        plan : Plan
+            The rig's plan.
+        gauges : Gauges
+            The transducers of the plan's channels.
+
+        Raises
+        ------
+        RigError
+            When the first channels are not the columns of the logger.
+        """
         self.world, self.gauges, self.channels = World(plan), gauges, tuple(plan.channels)
         if self.logger_names != list(self.channels[: len(self.logger_names)]):
             raise RigError(f"the logger's columns {self.logger_names} are not those of the rig, {self.channels}")
@@ -97,7 +130,7 @@ class RigBase(ABC):
         self._addresses = general_step.addresses(plan.driven)
 
     def move(self, samples: int) -> bool:
-        """Move on by samples; False when the plant trips the rig. One that is tripped moves on as far as it can."""
+        """Move by a number of samples; False when the plant trips the rig. A tripped rig moves on as far as it can."""
         end, world = self.sample + samples, self.world
         while self.sample < end:
             self.sample, how = self._advance(end - self.sample)
@@ -130,11 +163,11 @@ class RigBase(ABC):
         )
 
     def device(self, name: str) -> np.void:
-        """The states of a device by name, SI, to be read and set."""
+        """Return the states of a device by its name [SI], which can be read and set."""
         return self.world.state(name)
 
     def true(self, what: str) -> float:
-        """A number of the plant as it is, by its name in the rig's plan: "M_wej", "wk.speed", "clutch_s1.pressure"."""
+        """Return a true number of the plant by its name in the rig's plan: "M_wej", "wk.speed", "clutch_s1.pressure"."""
         return float(self.world.numbers[self.world.number(what)])
 
     @property
@@ -145,19 +178,26 @@ class RigBase(ABC):
     @property
     @abstractmethod
     def status(self) -> RigStatus:
-        """What the rig is doing."""
+        """The rig's present state, as in rig_msgs/RigState."""
 
     def trip(self, reason: str) -> None:
-        """Safe state: no drive torque, no clutch clamped; the first reason stays until reset."""
+        """Go into the safe state: no drive torque and no clutch clamped; the first reason stays until the reset."""
         if self.status != RigStatus.TRIPPED:
             self.reason = reason
         self._safe[0] = 1.0
         self._enabled["enabled"] = 0.0
 
     def trip_for(self, how: int, names: list[str], values: np.ndarray) -> None:
-        """Trip for a sample that the plant could not be moved over: ``how`` of engine.outcome, not WHOLE.
+        """Trip for a sample over which the plant could not be moved.
 
-        values: those that came out, of which the first that is no finite number is named by its place in ``names``.
+        Parameters
+        ----------
+        how : int
+            The outcome of the step, of engine.outcome and not WHOLE.
+        names : list of str
+            Names of the values.
+        values : (n,) array of float
+            The values that resulted; the message names the first that is not finite.
         """
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
         if how == NOT_SETTLED:
@@ -174,24 +214,24 @@ class RigBase(ABC):
         )
 
     def e_stop(self) -> None:
-        """The red button: safe state that only ``reset`` ends."""
+        """Press the red button: go into the safe state, which only ``reset`` ends."""
         self.stopped_by_person = True
         self._safe[0] = 0.0  # a person's stop replaces whatever tripped before
         self.trip("emergency stop")
 
     def check_runs(self) -> None:
-        """Tripped when the rig is in its safe state."""
+        """Raise Tripped when the rig is in its safe state."""
         if self.status == RigStatus.TRIPPED:
             raise Tripped(f"the rig tripped: {self.reason}")
 
     def check_tripped(self) -> None:
-        """RigError when there is no safe state that could be left."""
+        """Raise RigError when the rig is not in its safe state."""
         if self.status != RigStatus.TRIPPED:
             raise RigError("the rig is not in its safe state; nothing done")
 
     @abstractmethod
     def advance_samples(self, samples: int = 1) -> None:
-        """Move by so many controller samples."""
+        """Move by a number of controller samples."""
 
     @property
     def time_ns(self) -> int:
@@ -204,42 +244,98 @@ class RigBase(ABC):
         return self.sample * SAMPLE
 
     def advance(self, seconds: float) -> None:
-        """Advance by a whole number of controller samples (1 ms); RigError otherwise."""
+        """Advance by a time [s] that is a whole number of controller samples (1 ms); RigError for any other time."""
         samples = seconds / SAMPLE
         if abs(samples - round(samples)) > 1e-6 or samples < 0:
             raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
         self.advance_samples(round(samples))
 
     def row(self) -> np.ndarray:
-        """The newest logger row, columns as ``channels``, SI."""
+        """Return the newest logger row (channels,), with the columns of ``channels`` [SI]."""
         return self.row_of(self.sample)
 
     def row_of(self, sample: int) -> np.ndarray:
-        """The row of a controller sample of the last two seconds."""
+        """Return the row (channels,) of a controller sample of the last two seconds [SI]."""
         return self._log[(sample * self._steps_per_sample) % len(self._log)]
 
     def measurement(self, name: str) -> float:
-        """Newest value of a transducer, as the wire carries it; RigError for a name without one."""
+        """Return the newest value of a transducer, as the wire carries it [SI]; RigError for a name without a transducer."""
         try:
             return float(self.row()[self.channels.index(name)])
         except ValueError:
             raise RigError(f"'{name}' is not a transducer; known are {', '.join(self.channels)}") from None
 
     def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
-        """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
+        """Take the next rows of the 10 kHz logger, each of them once.
+
+        Parameters
+        ----------
+        rows : int
+            Number of rows.
+
+        Returns
+        -------
+        first : int
+            Index of the first row since time 0.
+        values : (rows, columns) array of float
+            The logger's columns [SI].
+
+        Raises
+        ------
+        RigError
+            When the ring does not hold these rows.
+        """
         first = self._drained
         values = self.rows_at(ROW, first, rows)[:, : len(self.logger_names)]
         self._drained += rows
         return first, values
 
     def rows_at(self, period: float, first: int, rows: int) -> np.ndarray:
-        """Rows (rows, channels) ``first`` to ``first + rows - 1``, one every ``period`` [s] from time 0, of all
-        channels; RigError when they are not there any more or the period is no whole number of steps.
+        """Return a copy of rows of the ring, with all channels.
+
+        Parameters
+        ----------
+        period : float
+            Time from row to row [s], counted from time 0.
+        first : int
+            Index of the first row.
+        rows : int
+            Number of rows.
+
+        Returns
+        -------
+        (rows, channels) array of float
+            Rows ``first`` to ``first + rows - 1`` [SI].
+
+        Raises
+        ------
+        RigError
+            When the ring does not hold these rows, or the period is not a whole number of steps.
         """
         return self.rows_in_ring(period, first, rows).copy()
 
     def rows_in_ring(self, period: float, first: int, rows: int) -> np.ndarray:
-        """As :meth:`rows_at`, for who copies them at once: they lie in the ring itself, which is overwritten."""
+        """Return the rows of :meth:`rows_at` from the ring itself, which is overwritten: the caller copies them at once.
+
+        Parameters
+        ----------
+        period : float
+            Time from row to row [s], counted from time 0.
+        first : int
+            Index of the first row.
+        rows : int
+            Number of rows.
+
+        Returns
+        -------
+        (rows, channels) array of float
+            Rows ``first`` to ``first + rows - 1`` [SI].
+
+        Raises
+        ------
+        RigError
+            When the ring does not hold these rows, or the period is not a whole number of steps.
+        """
         steps = period / self.step
         stride = round(steps)
         if abs(steps - stride) > 1e-9 or stride < 1:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rig's topics say and how often, as fields of their messages, and what a listener has heard last.
+"""The fields of the messages of the rig's topics, how often these are sent, and what a listener received last.
 
-Used by testbench.outputs, which encodes the fields, and by testbench.record, which only reads them.
+testbench.outputs encodes the fields; testbench.record only reads them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
 
 class Heard:
-    """The newest fields of each topic that went out, and the readings that a listener takes from them."""
+    """The newest fields of each topic that was sent, and the readings that a listener takes from them."""
 
     def __init__(self, catalogue: Catalogue) -> None:
         self.fields: dict[str, tuple] = {}  # by topic
@@ -40,11 +40,11 @@ class Heard:
         self._places: dict[str, tuple] = {}  # of signals: topic, number of the field, index in it
 
     def topic(self, name: str) -> str:
-        """The topic of a signal."""
+        """Return the topic of a signal."""
         return self._catalogue.signal(name).topic
 
     def reading(self, name: str) -> float:
-        """The newest value of a signal that went out, SI, as a listener has it; NaN before the first."""
+        """Return the newest value of a signal that was sent [SI], as a listener has it; NaN before the first."""
         topic, place, index = self._place(name)
         fields = self.fields.get(topic)
         if fields is None:
@@ -62,15 +62,15 @@ class Heard:
 
 
 def measured_columns(rig: Rig) -> dict[str, int]:
-    """Topic of each transducer's messages -> its column in a row of the rig, in the order of the topics."""
+    """Return the topic of each transducer's messages with its column in a row of the rig, in the order of the topics."""
     return {topic: rig.channels.index(name) for topic, name in rig.config.catalogue.measured().items()}
 
 
 class States:
-    """Fields of the state topics, from the rig as it is; :meth:`refresh` before each tick's."""
+    """The fields of the state topics, from the rig's present state; :meth:`refresh` is called before those of each tick."""
 
     def __init__(self, rig: Rig) -> None:
-        self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
+        self.rig, self.overruns = rig, 0  # overruns: the caller that keeps real time sets it
         self.measured = measured_columns(rig)
         self._columns = {name: column for column, name in enumerate(rig.channels)}
         self._ends = [end for end in (rig.config.structure.input, rig.config.structure.output) if end]
@@ -83,13 +83,13 @@ class States:
         self.topics = said | {"/rig/state": self._rig_state}
         self._torques = None
         if TORQUES in rig.config.structure.signals:
-            from .joint_torques import JointTorques  # here: it brings in what runs drivelines in Python, which few rigs need
+            from .joint_torques import JointTorques  # here: it imports what runs drivelines in Python, which few rigs need
 
             self._torques = JointTorques(rig)
             self.topics["/rig/torques"] = self._joint_torques
 
     def _says(self, name: str) -> Callable[[], tuple]:
-        """What gives the fields of a device's state."""
+        """The function that returns the fields of a device's state."""
         if name == "gearbox":
             return self._gearbox()
         if name == "rig":
@@ -98,28 +98,39 @@ class States:
         return lambda: says(self.rig, name)
 
     def refresh(self) -> None:
-        """Take the energies of this tick."""
+        """Compute the energies of this tick."""
         self.rig.energies = self.rig.energy()
 
     def turn(self, rows: Floats) -> None:
-        """Go on with the shafts' angles by a tick's rows of the logger (rows, channels), one every 0.1 ms.
+        """Add a tick to the angles of the shafts, as a counter of the encoders would without wrapping.
 
-        As a counter of the encoders would, without wrapping; fsum, so that no order of summing shows in the bag.
+        ``fsum`` keeps the order of summing out of the bag.
+
+        Parameters
+        ----------
+        rows : (rows, channels) array of float
+            The logger's rows of the tick, one every 0.1 ms [SI].
         """
         for k, end in enumerate(self._ends):
             self._angles[k] += ROW * math.fsum(rows[:, self._columns[end.speed]].tolist())
 
     def each_sample(self) -> list[tuple]:
-        """(topic, its fields) of what goes out with every sample: what the controller sees, where there is one."""
+        """Return each topic that is sent with every sample, with its fields: what a controller measures, if the rig has one."""
         rig = self.rig
         if not rig.shifts:
             return []
         return [("/instruments/controller", (rig.sample, *rig.seen()))]
 
     def mirrors(self) -> list[tuple]:
-        """(topic, form, its values from a logger row) of the standard messages for other tools, where there are gears.
+        """Return the standard messages for other tools, of a rig with gears.
 
-        FluidPressure means absolute pressure, so ambient is added; its variance is that of the transducer's noise now.
+        FluidPressure means absolute pressure, so the ambient pressure is added; its variance is that of the transducer's present
+        noise.
+
+        Returns
+        -------
+        list of (str, Form, callable)
+            Topic, form of the message, and the function that makes its values from a logger row (channels,).
         """
         structure = self.rig.config.structure
         if not self.rig.shifts:
@@ -153,7 +164,7 @@ class States:
         ]
 
     def command(self) -> tuple:
-        """Fields of the newest valve command, whose topic comes with every sample."""
+        """Return the fields of the newest valve command, which is sent with every sample."""
         rig = self.rig
         return (
             rig.newest_command,
@@ -166,7 +177,7 @@ class States:
         )
 
     def once(self) -> list[tuple]:
-        """(topic, its fields) of what goes out once, when time begins: what the controller's numbers are."""
+        """Return each topic that is sent once, when time begins, with its fields: what the controller's numbers mean."""
         told = (
             [("/rig/channels", (self._torques.names, ["N.m"] * len(self._torques.names), TICK_SAMPLES * SAMPLE))]
             if self._torques
@@ -192,7 +203,7 @@ class States:
         ]
 
     def _gearbox(self) -> Callable[[], tuple]:
-        """What gives the fields of the gearbox's state."""
+        """The function that returns the fields of the gearbox's state."""
         rig, (into, out) = self.rig, self._ends
         shows = {one.name: one.shows for one in rig.config.structure.transducers}
         ends = [

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes that work off lists of items: forked from a server that has the compiled plant in memory already.
+"""Processes that work through lists of items; they are forked from a server that has the compiled plant in memory.
 
-Used by testbench.campaign and whoever runs campaigns; imports nothing heavy, so that a verb can start the server first.
+testbench.campaign and all that runs campaigns use it. It imports nothing heavy, so that a command can start the server first.
 """
 
 from __future__ import annotations
@@ -25,13 +25,22 @@ NO_PROCESSES = "the processes of the campaign cannot be started; one job (--jobs
 
 
 def start_server(*modules: str) -> None:
-    """Let the processes' server begin to load, beside what this process does next; more calls do nothing.
+    """Start the processes' server, which loads while this process goes on; further calls do nothing.
 
-    modules: what the work will need, beyond the plants. The server ends with this process, however it ends. RigError
-    when it cannot be started.
+    The server ends with this process, whatever ends it.
+
+    Parameters
+    ----------
+    *modules : str
+        Modules that the work will need in addition to the plants.
+
+    Raises
+    ------
+    RigError
+        When the server cannot be started.
     """
     get_context("forkserver").set_forkserver_preload([PRELOADED, *modules])
-    with _interrupts_ignored():  # by the server and its processes too, which inherit it
+    with _interrupts_ignored():  # the server and its processes inherit this
         try:
             forkserver.ensure_running()
         except OSError as error:
@@ -39,19 +48,24 @@ def start_server(*modules: str) -> None:
 
 
 class Workers:
-    """Processes that work off lists of items; a context manager. jobs 1: everything in this process.
+    """Processes that work through lists of items, as a context manager.
 
-    They are forked from a server of their own, not from this process, whose threads and open files they would inherit,
-    and not spawned anew, which costs each of them 1.5 s. Ctrl-C reaches this process only: what has begun is finished,
-    what has not is left. They end with this process, however it ends. Not concurrent.futures: its threads may hang when
-    an interrupt comes, and leave its processes behind.
+    They are forked from a server of their own. If they were forked from this process, they would inherit its threads and open
+    files; to start them anew costs 1.5 s each. Ctrl-C reaches this process only: items that have begun are finished, the others
+    are left. The processes end with this one, whatever ends it. concurrent.futures is not used, because its threads may hang
+    at an interrupt and leave their processes behind.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes; with 1 everything is done in this process.
     """
 
     def __init__(self, jobs: int = 2) -> None:
         self.jobs = max(1, jobs)
         self._processes: list = []
         self._ends: list[connection.Connection] = []
-        self._busy: dict[connection.Connection, int] = {}  # with which task
+        self._busy: dict[connection.Connection, int] = {}  # by the end of a process: the task that it works on
         self._task = 0  # tasks given so far
 
     def __enter__(self) -> Workers:
@@ -62,7 +76,7 @@ class Workers:
         return self
 
     def _start(self) -> None:
-        """One more process; RigError when the server that it is forked from has ended."""
+        """Start one more process; RigError when the server from which it is forked has ended."""
         context = get_context("forkserver")
         here, there = context.Pipe()
         process = context.Process(target=_work, args=(there,), daemon=True)
@@ -75,7 +89,7 @@ class Workers:
         self._processes.append(process)
 
     def pids(self) -> list[int]:
-        """Of the processes that are there."""
+        """Return the ids of the processes that are alive."""
         return [process.pid for process in self._processes if process.is_alive()]
 
     def __exit__(self, *_error: object) -> None:
@@ -90,11 +104,30 @@ class Workers:
         self._ends, self._busy = [], {}
 
     def map(self, function: Callable[[Any], Any], items: Iterable, progress: Callable[[int, int], None] | None = None) -> list:
-        """function(item) of each item, in their order. Function, items and results must be picklable, results small.
+        """Return the results of all items, in the order of the items.
 
-        progress(done, of) is called in this process as results come. An error of any item ends the whole: as it was
-        raised here or if it is a RigError, another one of a process as RuntimeError with its traceback. After an
-        interrupt, or when a process was killed, only __exit__ is left.
+        After an interrupt, or when a process was killed, nothing but ``__exit__`` may be called.
+
+        Parameters
+        ----------
+        function : callable
+            It is called with one item. Function, items and results must be picklable, and the results small.
+        items : iterable
+            The items.
+        progress : callable, optional
+            It is called in this process with the numbers of done and of all items, as results arrive.
+
+        Returns
+        -------
+        list
+            function(item) of each item.
+
+        Raises
+        ------
+        RigError
+            When an item raised it, or when a process was killed.
+        RuntimeError
+            With the traceback, when an item raised anything else in another process; with one job the error itself is raised.
         """
         items = list(items)
         if self.jobs == 1:
@@ -114,11 +147,26 @@ class Workers:
             raise RigError("a process of the campaign was killed from outside; where memory is short, give it one job") from None
 
     def stream(self, function: Callable[[Any], Any], items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
-        """(place, result, error) of each item as it comes, for long lists that nothing may stop.
+        """Yield the result of each item as it arrives, for long lists that no failing item may stop.
 
-        ``error`` is None, or what the item raised: a RigError, a RuntimeError with the traceback. The place of a
-        process that is killed is taken by a new one, which tries its item again; an item that has lost TRIES processes
-        comes with a RigError. An interrupt is passed on; after it only __exit__ is left.
+        A process that is killed is replaced by a new one, which tries its item again; an item that has lost TRIES processes
+        yields a RigError. An interrupt is passed on; after it nothing but ``__exit__`` may be called.
+
+        Parameters
+        ----------
+        function : callable
+            It is called with one item.
+        items : iterable
+            The items.
+
+        Yields
+        ------
+        place : int
+            Place of the item in the list.
+        result : object
+            function(item); None after an error.
+        error : Exception or None
+            What the item raised: a RigError, or a RuntimeError with the traceback.
         """
         if self.jobs == 1:
             for place, item in enumerate(items):
@@ -144,7 +192,7 @@ class Workers:
                     if task is None:
                         break
                     busy[end] = task
-                    with suppress(ConnectionError):  # of a process that is gone: its end says so below
+                    with suppress(ConnectionError):  # a process that is gone is found below, where its answer is read
                         end.send((function, task[1]))
             if not busy:
                 return
@@ -176,7 +224,7 @@ class Workers:
                 error, result = end.recv()
                 place = places.get(self._busy.pop(end))
                 if place is None:
-                    continue  # of a list that has ended with an error
+                    continue  # the item belongs to an earlier list that ended with an error
                 if error is not None:
                     raise error
                 results[place] = result
@@ -187,7 +235,7 @@ class Workers:
 
 
 def _work(end: connection.Connection) -> None:
-    """A process: answers (function, item) with (error, result) until the other side is gone."""
+    """Run in a process: answer (function, item) with (error, result) until the other side is gone."""
     while True:
         try:
             function, item = end.recv()
@@ -200,7 +248,7 @@ def _work(end: connection.Connection) -> None:
 
 
 def _answer(function: Callable[[Any], Any], item: Any) -> tuple[Exception | None, Any]:
-    """(error, result) of function(item)."""
+    """Return the error and the result of function(item)."""
     try:
         return None, function(item)
     except RigError as error:
