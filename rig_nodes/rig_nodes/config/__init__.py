@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Configuration files of the rig and how they are read; used by everything that has settings.
+"""Configuration files of the rig and how they are read; everything that has settings uses this module.
 
-YAML 1.2 with refused duplicate keys; errors name file, line, reason and what would be right.
+The files are YAML 1.2 without duplicate keys; errors state file, line, reason and what would be right.
 """
 
 from __future__ import annotations
@@ -24,19 +24,32 @@ from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
 RIGS_DIR = CONFIG_DIR.parent / "rigs"
-TEMPLATE_DIR = CONFIG_DIR.parent / "description" / "template"  # of a rig to begin with
-_READERS = ("__init__.py", "yaml_file.py")  # what is kept of a file depends on them too
+TEMPLATE_DIR = CONFIG_DIR.parent / "description" / "template"  # template of a new rig
+_READERS = ("__init__.py", "yaml_file.py")  # the kept content of a file depends on their code too
 
 
 def package_file(name: str) -> Path:
-    """Path of a file that ships with the package."""
+    """Return the path of a file that is installed with the package."""
     return CONFIG_DIR / name
 
 
 def load_yaml(path: str | Path) -> Any:
-    """The maps, lists and scalars of a YAML file; each map and list knows its lines (config.yaml_file).
+    """Read the maps, lists and scalars of a YAML file; each map and list knows its lines (config.yaml_file).
 
-    Raises RigError when the file is missing, is not YAML, repeats a key or is larger than a file of settings can be.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    object
+        The content of the file.
+
+    Raises
+    ------
+    RigError
+        When the file is missing, is not YAML, repeats a key, or is larger than a file of settings can be.
     """
     path = Path(path)
     try:
@@ -53,7 +66,7 @@ def load_yaml(path: str | Path) -> Any:
 
 
 def _plain(node: object) -> object:
-    """Marked maps and lists as what JSON can hold: the kind of each, its line, its lines and what is in it."""
+    """Convert maps and lists to what JSON can hold: the kind of each, its line, its lines and its content."""
     if isinstance(node, Map):
         return [0, node.line, list(node), list(node.lines.values()), [_plain(value) for value in node.values()]]
     if isinstance(node, List):
@@ -62,7 +75,7 @@ def _plain(node: object) -> object:
 
 
 def _marked(node: Any) -> Any:
-    """The maps and lists of :func:`_plain` again, new ones for each reader."""
+    """Convert the result of :func:`_plain` back to maps and lists, new ones for each reader."""
     if type(node) is not list:
         return node
     if node[0] == 0:
@@ -81,10 +94,10 @@ def _marked(node: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def _parsed(_absolute: Path, path: Path, _changed: int, _size: int) -> object:
-    """The file's content as :func:`_plain` has it, from which each reader gets its own in a fiftieth of the time.
+    """The content of a file as :func:`_plain` gives it, from which each reader makes its own in a fiftieth of the time.
 
-    What is remembered belongs to a file as it was when it was read: its place, time of change and size. What ships
-    with the package is kept between processes too: to read it takes a fifth of a second.
+    A remembered content belongs to the file as it was when it was read: its path, time of change and size. For files of the
+    package the content is also kept on disk for later processes, because reading takes a fifth of a second.
     """
     text = path.read_text(encoding="utf-8")
     if not path.is_relative_to(CONFIG_DIR.parent):
@@ -94,10 +107,10 @@ def _parsed(_absolute: Path, path: Path, _changed: int, _size: int) -> object:
     with suppress(OSError):
         if own_folder(kept.parent):
             key, _, body = kept.read_bytes().partition(b"\n")
-            if key == _key(text, body):  # else it is of another text, or damaged: read and kept anew
+            if key == _key(text, body):  # otherwise it belongs to another text or is damaged, and is made again
                 return json.loads(body)
     content = _plain(read_yaml(path, text))
-    with suppress(OSError):  # a folder that cannot be written: it is read anew each time
+    with suppress(OSError):  # without a folder that can be written, the file is read each time
         kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if own_folder(kept.parent):
             part = kept.with_name(f".{kept.name}.{os.getpid()}")
@@ -109,11 +122,11 @@ def _parsed(_absolute: Path, path: Path, _changed: int, _size: int) -> object:
 
 @lru_cache(maxsize=1)
 def _readers() -> bytes:
-    """What decides the content of a file beside its text."""
+    """What decides the content of a file in addition to its text."""
     sources = b"\0".join((CONFIG_DIR / name).read_bytes() for name in _READERS)
     return sources + version("ruamel.yaml").encode()
 
 
 def _key(text: str, body: bytes) -> bytes:
-    """What a file's text, its kept content and its readers have in common."""
+    """A hash of a file's text, its kept content and the code that reads it."""
     return hashlib.sha256(b"\0".join((_readers(), text.encode(), body))).hexdigest().encode()

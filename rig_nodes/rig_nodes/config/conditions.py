@@ -1,14 +1,14 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The conditions under which the laboratory measured, by name; used by testbench.procedure and validation alike.
+"""The conditions under which the laboratory measured, by name; testbench.procedure and validation use them.
 
 A series of a procedure is run under some of them, and a target names those that its records must have.
 """
 
 from ..transmission import transmission_of
 
-# what a condition takes: a dimension, the words it knows, or whole numbers
+# name -> what the condition takes: a dimension, one of some words, or whole numbers
 CONDITIONS = {
     "shift": tuple(transmission_of().ways()),
     "n_wej": "angular velocity",

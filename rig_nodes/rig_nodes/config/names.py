@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a name on the command line means: which file, which kind of rig, which rig a sequence is written for.
+"""What a name on the command line means: which file, which kind of rig, for which rig a sequence is written.
 
-Used by everybody who loads a rig or a sequence, and by the launch file: no numerics in here, and no values read. What
-is said of a name that nobody knows, wherever one is written, is :func:`unknown`.
+All that loads a rig or a sequence and the launch file use it; no values are read and nothing is computed here. Every error on
+an unknown name is made by :func:`unknown`.
 """
 
 from __future__ import annotations
@@ -21,22 +21,35 @@ from .yaml_file import where_of
 DEFAULT_RIG = "hydmag"
 RIG_FILE = "rig.yaml"
 
-MOST_NAMED = 24  # names in a sentence
-MOST_LETTERS = 60  # of a name that is compared
+MOST_NAMED = 24  # names in one error
+MOST_LETTERS = 60  # of a name that are compared
 MOST_BASES = 8
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
-    """That there is no such name, with the ones most like it, or with all that there are: the words of a refusal.
+    """Return the text of an error on a name that does not exist, with the most similar names or all known ones.
 
-    what: the kind of thing, without an article ("signal", "key of gearbox"). Capitals do not count, and a part of a
-    name finds the whole: "m_wej" the topic "/motor/m_wej".
+    Capitals do not count, and a part of a name finds the whole: "m_wej" finds the topic "/motor/m_wej".
+
+    Parameters
+    ----------
+    what : str
+        The kind of thing, without an article ("signal", "key of gearbox").
+    name : str
+        The name that was given.
+    known : iterable of str
+        The names that exist.
+
+    Returns
+    -------
+    str
+        The text.
     """
     return f"there is no {what} {brief(str(name))}; {meant(name, known)}"
 
 
 def meant(name: object, known: Iterable[object]) -> str:
-    """The hint of :func:`unknown` alone."""
+    """Return only the hint of :func:`unknown`: the most similar names, or all known ones."""
     names = list(map(str, known))
     text = str(name).lower()[:MOST_LETTERS]
     spelled = {one.lower(): one for one in reversed(names)}
@@ -49,7 +62,20 @@ def meant(name: object, known: Iterable[object]) -> str:
 
 
 def unknown_value(key: str, parts: dict[str, Iterable[str]]) -> str:
-    """The sentence on a ``key`` of --set that is no ``part.name`` of these parts and their names."""
+    """Return the text of an error on a ``key`` of --set that is not a ``part.name``.
+
+    Parameters
+    ----------
+    key : str
+        The key that was given.
+    parts : dict of str to iterable of str
+        Names of the values by part.
+
+    Returns
+    -------
+    str
+        The text.
+    """
     part, _, name = key.partition(".")
     named_so = [f"{one}.{key}" for one, names in parts.items() if key in names]
     if part in parts:
@@ -68,7 +94,25 @@ def unknown_value(key: str, parts: dict[str, Iterable[str]]) -> str:
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """Path of an installed ``kind`` (rigs, controllers) by name, or of a file; a rig's folder is as good. RigError otherwise."""
+    """Return the path of an installed rig or controller, or of a file.
+
+    Parameters
+    ----------
+    kind : str
+        "rigs" or "controllers".
+    name : str or Path
+        Name of an installed one, a file, or a rig's folder.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RigError
+        When there is no such file.
+    """
     text = str(name)
     if kind == "rigs":
         folder = os.path.expanduser(text)
@@ -79,7 +123,7 @@ def find_config(kind: str, name: str | Path) -> Path:
             return Path(folder) / RIG_FILE
     if text.endswith((".yaml", ".yml")) or "/" in text:
         path = os.path.expanduser(text)
-        if not os.path.isfile(path):  # False too for what can be no name of a file
+        if not os.path.isfile(path):  # also False for what cannot be the name of a file
             raise RigError(f"{text}: {no_file(path)}")
         return Path(path)
     path = RIGS_DIR / text / RIG_FILE if kind == "rigs" else CONFIG_DIR / kind / f"{text}.yaml"
@@ -91,14 +135,14 @@ def find_config(kind: str, name: str | Path) -> Path:
 
 
 def installed(kind: str) -> list[str]:
-    """Names of the rigs or controllers that ship with the package."""
+    """Return the names of the rigs or controllers that are installed with the package."""
     if kind == "rigs":
         return sorted(path.parent.name for path in RIGS_DIR.glob(f"*/{RIG_FILE}"))
     return sorted(path.stem for path in (CONFIG_DIR / kind).glob("*.yaml"))
 
 
 def beside(path: str | Path, name: object) -> str:
-    """A name that stands in the file ``path``: that of a file is as seen from this file's folder."""
+    """Return a name that is written in the file ``path``; the name of a file is taken relative to the folder of ``path``."""
     text = str(name)
     if (text.endswith((".yaml", ".yml")) or "/" in text) and not os.path.isabs(os.path.expanduser(text)):
         return str(Path(path).parent / text)
@@ -106,8 +150,22 @@ def beside(path: str | Path, name: object) -> str:
 
 
 def with_bases(name: str | Path) -> list[tuple[Path, object]]:
-    """A rig's file with its content, and those that it stands on, each after the one that names it; RigError with file
-    and line when a base is missing, stands on this rig itself, or there are more than MOST_BASES.
+    """Read the file of a rig and those of its bases, each base after the file that names it.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of the rig, its folder or its file.
+
+    Returns
+    -------
+    list of (Path, object)
+        Each file with its content.
+
+    Raises
+    ------
+    RigError
+        With file and line, when a base is missing or is based on this rig, or there are more than MOST_BASES.
     """
     path = find_config("rigs", name)
     out = [(path, load_yaml(path))]
@@ -127,8 +185,28 @@ def with_bases(name: str | Path) -> list[tuple[Path, object]]:
 
 
 def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> Path:
-    """Path of a ``kind`` (sequences, procedures) by name, or of a file: that of the rig or of one that it stands on, else of
-    the default rig, else of another installed one. RigError otherwise.
+    """Return the path of a sequence or procedure by its name, or of a file.
+
+    The name is looked up in the rig and its bases, then in the default rig, then in the other installed rigs.
+
+    Parameters
+    ----------
+    kind : str
+        "sequences" or "procedures".
+    name : str or Path
+        The name, or a file.
+    rig : str or Path, optional
+        The rig.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RigError
+        When there is no such file.
     """
     text = str(name)
     if text.endswith((".yaml", ".yml")) or "/" in text:
@@ -142,23 +220,23 @@ def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> 
 
 
 def of_rigs(kind: str, rig: str | Path | None = None) -> list[str]:
-    """Names of the sequences or procedures that :func:`find_of_rigs` finds."""
+    """Return the names of the sequences or procedures that :func:`find_of_rigs` finds."""
     return sorted({path.stem for folder in _folders(rig) for path in (folder / kind).glob("*.yaml")})
 
 
 def _folders(rig: str | Path | None) -> list[Path]:
-    """Where sequences and procedures are looked for, first to last."""
+    """The folders in which sequences and procedures are looked up, in this order."""
     own = [path.parent for path, _ in with_bases(rig)] if rig is not None else []
     return [*own, *(RIGS_DIR / name for name in (DEFAULT_RIG, *installed("rigs")))]
 
 
 def has_controller(rig: str | Path) -> bool:
-    """True for a rig with gears and a shift controller, as far as its files say."""
+    """Say whether the files of a rig name a shift controller."""
     return any(isinstance(node, dict) and "controller" in node for _, node in with_bases(rig))
 
 
 def rig_with(path: str | Path) -> str:
-    """The rig in whose folder a sequence or procedure stands; the default one for a file elsewhere."""
+    """Return the rig in whose folder a sequence or procedure stands; the default rig for a file elsewhere."""
     folder = Path(path).absolute().parent.parent
     if not (folder / RIG_FILE).is_file():
         return DEFAULT_RIG
@@ -166,7 +244,7 @@ def rig_with(path: str | Path) -> str:
 
 
 def rig_of(sequence: str | Path | None) -> str:
-    """The rig that a sequence is written for, by its name or file; the default one without a sequence."""
+    """Return the rig for which a sequence, given by its name or file, is written; the default rig without a sequence."""
     if not sequence:
         return DEFAULT_RIG
     path = find_of_rigs("sequences", sequence)

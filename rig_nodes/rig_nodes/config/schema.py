@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From a YAML map to a frozen dataclass: every key known, every value with its unit, range and source.
+"""From a YAML map to a frozen dataclass: every key is known, and every value has its unit, range and source.
 
-Used by testbench.configuration for the rig's parts; a part's dataclass stands beside its physics in plant/.
-A value is written ``key: [1500 rpm, "where it is from"]``.
+testbench.configuration uses it for the rig's parts; the dataclass of a part stands with its physics in plant/. A value is
+written ``key: [1500 rpm, "where it is from"]``.
 """
 
 from __future__ import annotations
@@ -29,16 +29,32 @@ if TYPE_CHECKING:
 
     T = TypeVar("T", bound=DataclassInstance)
 
-WORDS, SWITCH = "choice", "switch"  # dimensions of what is no number
+WORDS, SWITCH = "choice", "switch"  # dimensions of values that are not numbers
 
 
 def param(
     dimension: str, low: float, high: float, text: str, default: object = dataclasses.MISSING, live: bool | str = False
 ) -> Any:
-    """A dataclass field: SI value of this dimension between low and high (SI, inclusive); one with a default may be left out.
+    """Return a dataclass field for a number with a dimension.
 
-    text: what it is, in one sentence without a full stop, its unit or its range; so for the others below. People see it
-    wherever the value can be set. live: it can change while the rig runs, at a device by this one of its states.
+    Parameters
+    ----------
+    dimension : str
+        Dimension of config.units.
+    low, high : float
+        Range [SI], inclusive.
+    text : str
+        What the value is, in one sentence without a full stop, its unit or its range. People see it wherever the value can be
+        set; this also holds for :func:`choice` and :func:`switch`.
+    default : object
+        Value of a field that is left out; without it the field must be written.
+    live : bool or str
+        True, or the name of the device's state that has the value, when it can change while the rig runs.
+
+    Returns
+    -------
+    dataclasses.Field
+        The field.
     """
     return dataclasses.field(
         default=default, metadata={"dimension": dimension, "low": low, "high": high, "text": text, "live": live}
@@ -46,21 +62,39 @@ def param(
 
 
 def choice(text: str, *names: str) -> Any:
-    """A dataclass field: one of these words."""
+    """Return a dataclass field that takes one of some words."""
     return dataclasses.field(metadata={"dimension": WORDS, "choices": names, "text": text})
 
 
 def switch(text: str, default: object = dataclasses.MISSING) -> Any:
-    """A dataclass field: True or False, written on or off; one with a default may be left out."""
+    """Return a dataclass field that is True or False, written on or off; a field with a default may be left out."""
     return dataclasses.field(default=default, metadata={"dimension": SWITCH, "choices": ("on", "off"), "text": text})
 
 
 def check_keys(
     path: str | Path, node: object, allowed: Collection[object], required: Iterable[str], what: str, where: str = ""
 ) -> None:
-    """RigError with file and line when a map has a key it should not have, or lacks one.
+    """Refuse a map with an unknown key, or without a required one.
 
-    where: ``file:line`` of what may be no map at all and then has no line of its own.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    node : object
+        The map.
+    allowed : collection
+        Keys that it may have.
+    required : iterable of str
+        Keys that it must have.
+    what : str
+        What the map is, for the errors.
+    where : str
+        ``file:line``, for a node that is not a map and has no line of its own.
+
+    Raises
+    ------
+    RigError
+        With file and line, when the node is not such a map.
     """
     if not isinstance(node, dict):
         slip = no_space(node) if isinstance(node, str) else ""
@@ -78,9 +112,32 @@ def check_keys(
 
 
 def build(cls: type[T], node: Any, path: str | Path, what: str, others: tuple = (), where: str = "") -> T:
-    """An instance of the dataclass ``cls`` from a marked map; RigError with file and line otherwise.
+    """Return an instance of the dataclass ``cls`` from a marked map.
 
-    ``others`` are keys of the map that somebody else reads; where: as for :func:`check_keys`.
+    Parameters
+    ----------
+    cls : type
+        The dataclass.
+    node : Map
+        The map.
+    path : str or Path
+        The file.
+    what : str
+        What the map is, for the errors.
+    others : tuple of str
+        Keys of the map that other code reads.
+    where : str
+        As of :func:`check_keys`.
+
+    Returns
+    -------
+    instance of cls
+        The values.
+
+    Raises
+    ------
+    RigError
+        With file and line, when a key or a value is not right.
     """
     names = [f.name for f in dataclasses.fields(cls)]
     check_keys(
@@ -96,7 +153,7 @@ def build(cls: type[T], node: Any, path: str | Path, what: str, others: tuple = 
 
 
 def entry(field: dataclasses.Field, node: object, where: str) -> float | bool | str:
-    """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
+    """Return the value of a field from its [value with unit, "its source"]; RigError when it is not right."""
     if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):
         raise RigError(f'{where} must be [value with unit, "its source"], found {brief(node)}')
     meta = field.metadata
@@ -104,10 +161,34 @@ def entry(field: dataclasses.Field, node: object, where: str) -> float | bool | 
 
 
 def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], text: Any, where: str) -> float | bool | str:
-    """What a value of this dimension, range (SI) or words takes from what somebody has written; RigError otherwise."""
+    """Return the value of a text for a dimension with its range, or for some words.
+
+    Parameters
+    ----------
+    dimension : str
+        Dimension of config.units, or SWITCH or WORDS.
+    low, high : float
+        Range of a number [SI], inclusive.
+    choices : tuple of str
+        The words; empty for a number.
+    text : object
+        What was written.
+    where : str
+        Beginning of the error.
+
+    Returns
+    -------
+    float, bool or str
+        The number [SI], True or False, or the word.
+
+    Raises
+    ------
+    RigError
+        When the text is not such a value.
+    """
     if choices:
         if dimension == SWITCH and isinstance(text, bool):
-            return text  # YAML's own
+            return text  # a truth value of YAML
         if text not in choices:
             raise RigError(
                 f"{where} is '{text if isinstance(text, str) and len(text) < 60 else brief(text)}', expected one "
@@ -121,17 +202,17 @@ def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], 
 
 
 def _numbers(cls: type[DataclassInstance]) -> list:
-    """The fields that the kernel reads: all but words."""
+    """The fields that the kernel reads: all except words."""
     return [f for f in dataclasses.fields(cls) if f.metadata["dimension"] != WORDS]
 
 
 def record_dtype(*classes: type[DataclassInstance]) -> np.dtype:
-    """One float64 per field of the dataclasses but words, in order: what the compiled kernel reads."""
+    """Return the numpy type of a record that the compiled kernel reads: one float64 for each field except words, in order."""
     return np.dtype([(f.name, np.float64) for cls in classes for f in _numbers(cls)])
 
 
 def fill(record: Record | np.void, *instances: DataclassInstance) -> None:
-    """Copy dataclass values into a numpy record of :func:`record_dtype`."""
+    """Copy the values of dataclasses into a numpy record of :func:`record_dtype`."""
     for instance in instances:
         for field in _numbers(type(instance)):
             record[field.name] = getattr(instance, field.name)

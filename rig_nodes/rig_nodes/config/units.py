@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Units that people write in configuration and sequences, turned into SI.
+"""Units that people write in configuration and sequences, and their conversion to SI.
 
-Used by config.schema and testbench.sequence; a number without its unit is refused where one is expected.
+config.schema and testbench.sequence use it; a number without its unit is refused where a unit is expected.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "N/MPa": ("area", 1e-6),
 }
 SI = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) if factor == 1.0}
-# the unit of factor 1 of dimensions that nobody writes in it
+# the SI unit of dimensions for which it cannot be written
 NOT_WRITTEN = {
     "displacement": "m3/rad",
     "pressure per current": "Pa/A",
@@ -103,25 +103,48 @@ _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re
 
 
 def dimension_of(text: str) -> str | None:
-    """Dimension of e.g. ``"1500 rpm"``; None when it is no number with a known unit."""
+    """Return the dimension of e.g. ``"1500 rpm"``; None for a text that is not a number with a known unit."""
     match = _QUANTITY.fullmatch(text.strip())
     return None if match is None or match[2] not in UNITS else UNITS[match[2]][0]
 
 
 def shown_in(dimension: str) -> tuple[str, float]:
-    """(unit, its factor to SI) in which ranges of a dimension are shown: SI where it can be written, else the first that can."""
+    """Return the unit in which ranges of a dimension are shown, and its factor to SI.
+
+    It is the SI unit if that can be written, or else the first unit of the dimension.
+    """
     if dimension in SI:
         return SI[dimension], 1.0
     return next((unit, factor) for unit, (kind, factor) in UNITS.items() if kind == dimension)
 
 
 def with_article(name: str) -> str:
-    """The name of a dimension with its article."""
+    """Return the name of a dimension with its article."""
     return f"{'an' if name[0] in 'aei' else 'a'} {name}"
 
 
 def quantity(text: object, dimension: str, where: str) -> float:
-    """SI value of e.g. ``"1500 rpm"``; ``where`` opens the sentence when it is refused (RigError)."""
+    """Return the SI value of e.g. ``"1500 rpm"``.
+
+    Parameters
+    ----------
+    text : object
+        What was written; a number alone is taken for a ratio.
+    dimension : str
+        The dimension that is expected.
+    where : str
+        Beginning of the error.
+
+    Returns
+    -------
+    float
+        The value [SI].
+
+    Raises
+    ------
+    RigError
+        When the text is not a finite quantity of this dimension.
+    """
     known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
     if dimension == "ratio" and isinstance(text, (int, float)) and not isinstance(text, bool):
         text = f"{text} -"
@@ -141,7 +164,7 @@ def quantity(text: object, dimension: str, where: str) -> float:
 
 
 def span(low: float, high: float, text: object) -> str:
-    """A range (SI) in the unit in which somebody has written a value, e.g. ``0 to 3000 rpm`` for ``"-5 rpm"``."""
+    """Return a range [SI] as text in the unit in which a value was written, e.g. ``0 to 3000 rpm`` for ``"-5 rpm"``."""
     match = _QUANTITY.fullmatch(text.strip()) if isinstance(text, str) else None
     unit = match[2] if match and match[2] in UNITS else "-"
     factor = UNITS[unit][1]

@@ -3,6 +3,6 @@
 
 """A rig as its folder describes it: what it is made of, what each device is joined to, which signals it has.
 
-Read by testbench.configuration; the engine's plan, the transmission, the signal catalogue and the controller's record are made
-from it. No rig is known by name here.
+testbench.configuration reads it; the engine's plan, the transmission, the signal catalogue and the controller's record are
+made from it. The code here knows no rig by name.
 """

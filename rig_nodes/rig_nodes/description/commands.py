@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The setpoints that a rig's devices take: by which topic, by which key of a sequence, and with whose unit and range.
+"""The setpoints that a rig's devices take: their topics, their keys in a sequence, their units and ranges.
 
-Used by testbench.rig, sequences, nodes, FMUs and the signal catalogue.
+testbench.rig, sequences, nodes, FMUs and the signal catalogue use them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,21 @@ from .structure import Structure
 
 @dataclass(frozen=True)
 class Setpoint:
-    """One setpoint: step: its key in sequences; node: who takes it; like: the transducer whose unit and range it has."""
+    """One setpoint of a device.
+
+    Parameters
+    ----------
+    step : str
+        Its key in sequences.
+    device : str
+        The device that takes it.
+    node : str
+        The node that receives it.
+    command : Command
+        The command of the device's part.
+    like : str
+        The transducer whose unit and range it has.
+    """
 
     step: str
     device: str
@@ -28,17 +42,35 @@ class Setpoint:
 
     @property
     def topic(self) -> str:
-        """Where it comes in."""
+        """Topic on which it is received."""
         return f"/{self.node}/command"
 
     @property
     def name(self) -> str:
-        """As refusals and variables have it, e.g. motor_speed."""
+        """Its name in errors and variables, e.g. motor_speed."""
         return f"{self.step}_{self.command.value}"
 
 
 def setpoints_of(structure: Structure) -> dict[str, Setpoint]:
-    """All setpoints of a rig by their key in sequences; where two devices have the same, their names come before it."""
+    """Return all setpoints of a rig by their key in sequences.
+
+    Where two devices have the same key, the device's name is put before it.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+
+    Returns
+    -------
+    dict of str to Setpoint
+        The setpoints.
+
+    Raises
+    ------
+    RigError
+        When nothing measures the quantity whose range a setpoint would have.
+    """
     found, steps = [], [command.step for device in structure.devices for command in parts.part(device.part).takes]
     for device in structure.devices:
         for command in parts.part(device.part).takes:
@@ -52,7 +84,7 @@ def setpoints_of(structure: Structure) -> dict[str, Setpoint]:
                 None,
             )
             if like is None and device.role == parts.OIL:
-                continue  # it gives oil its temperature and viscosity, and nobody sets its pressure
+                continue  # it only gives the oil temperature and viscosity; its pressure cannot be set
             if like is None:
                 kinds = [kind for kind, (quantity, _) in TRANSDUCERS.items() if quantity == command.of]
                 raise RigError(

@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The driveline of a rig from its structure and its values; used by testbench.plan, transmission and the picture of a rig."""
+"""The driveline of a rig from its structure and its values.
+
+testbench.plan, transmission and the picture of a rig use it.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,24 @@ from .structure import Device, Element, Follows, GearHeld, Points, Structure
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Inertia = Callable[[str], float]  # of a body by its name, 0 of a massless one
+Inertia = Callable[[str], float]  # returns the inertia of a body by its name, 0 for a massless one
 
 
 def inertias_of(structure: Structure, values: Mapping) -> dict[str, float]:
-    """Inertia of each body [kg m2]. values: of its sections by name, as dataclasses or as plain maps."""
+    """Return the inertia of each body [kg m2].
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+    values : mapping
+        Values of the sections by name, as dataclasses or as plain maps.
+
+    Returns
+    -------
+    dict of str to float
+        Inertia by body; 0 for a massless one.
+    """
 
     def inertia(name: str) -> float:
         value = values[name]
@@ -38,7 +54,7 @@ def _given(section: Mapping[str, float] | DataclassInstance) -> dict[str, float]
 
 
 def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping, lossless: bool) -> Driveline:
-    """Bodies, wheels, planetary sets and relations; what joins them by friction or gives way is not in it yet."""
+    """Bodies, wheels, planetary sets and relations, without what joins them by friction or is compliant."""
     out = Driveline()
     for body in structure.bodies:
         out.inertia(body, inertias[body], None if body in structure.massless else _given(values[body]).get("speed"))
@@ -55,13 +71,33 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
 
 
 def has_element(device: Device) -> bool:
-    """True of a device that is a friction element of the driveline."""
+    """Say whether a device is a friction element of the driveline."""
     return "element" in parts.part(device.part).wires
 
 
 def build_driveline(structure: Structure, inertias: Mapping[str, float], values: Mapping, lossless: bool = False) -> System:
-    """The whole driveline; an element is named as its device. values: of the sections by name, as dataclasses or as plain
-    maps; lossless: its ratios and inertias alone count, so that meshes with losses are gears. RigError as plant.driveline has it.
+    """Build the whole driveline; an element has the name of its device.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+    inertias : mapping of str to float
+        Inertia of each body [kg m2].
+    values : mapping
+        Values of the sections by name, as dataclasses or as plain maps.
+    lossless : bool
+        True when only ratios and inertias count, so that meshes with losses become gears.
+
+    Returns
+    -------
+    System
+        The driveline.
+
+    Raises
+    ------
+    RigError
+        As plant.driveline raises it.
     """
     out = _frame(structure, inertias, values, lossless)
     for shaft in structure.shafts:
@@ -90,7 +126,7 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
 
 
 def _columns(points: Points) -> tuple | None:
-    """The two columns of a table, None for one that there is not."""
+    """The two columns of a table; None when there is no table."""
     return tuple(zip(*points)) if points else None
 
 
@@ -99,21 +135,38 @@ def _law(follows: Follows) -> dict:
 
 
 def _clutch(out: Driveline, one: Element, given: dict[str, float]) -> None:
-    """A clutch or brake that is no device."""
+    """Add a clutch or brake that is not a device."""
     stick = given.pop("stick", 1.0)
     given["stick"] = (stick, given.pop("stick_back", stick))
     (out.clutch if one.kind == "clutch" else out.brake)(one.name, *one.bodies, friction=_columns(one.friction), **given)
 
 
 def inputs_of(structure: Structure) -> dict[str, Table]:
-    """The rig's tables over time by what they are put into."""
+    """Return the rig's tables over time, by the name of the element or body to which they are applied."""
     return {name: table_of(f"the input '{name}'", _columns(points)) for name, points in structure.inputs.items()}
 
 
 def held_ratio(system: System, clutches: Iterable[str], at_input: str, at_output: str) -> float:
-    """Speed of the input over that of the output while these clutches hold.
+    """Return the speed of the input divided by that of the output while some clutches hold.
 
-    ValueError where they leave that open, or let the output stand.
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    clutches : iterable of str
+        Names of the elements that hold.
+    at_input, at_output : str
+        Bodies of the input and the output.
+
+    Returns
+    -------
+    float
+        The ratio.
+
+    Raises
+    ------
+    ValueError
+        When the clutches leave the ratio open, or hold the input or the output.
     """
     free = _left_free(system.w[[system.elements.index(name) for name in clutches]])
     into, out = (system.bodies_from_speeds[system.bodies.index(name)] for name in (at_input, at_output))
@@ -129,16 +182,36 @@ def held_ratio(system: System, clutches: Iterable[str], at_input: str, at_output
 
 
 def overrunning(system: System, gear: GearHeld, at_input: str, at_output: str) -> list[str]:
-    """The free-wheels of a gear (GearHeld) that would let go as the input drives against a load, instead of holding it."""
+    """Return the free-wheels of a gear that would overrun, instead of holding it, when the input drives against a load.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    gear : GearHeld
+        The gear.
+    at_input, at_output : str
+        Bodies of the input and the output.
+
+    Returns
+    -------
+    list of str
+        Names of the free-wheels.
+
+    Raises
+    ------
+    ValueError
+        As of :func:`held_ratio`.
+    """
     ratio = held_ratio(system, gear.held, at_input, at_output)
     into, out = (system.bodies_from_speeds[system.bodies.index(name)] for name in (at_input, at_output))
     rows = system.w[[system.elements.index(name) for name in gear.held]]
-    torques = np.linalg.lstsq(rows.T, into - ratio * out, rcond=None)[0]  # of what holds, for 1 Nm at the input
+    torques = np.linalg.lstsq(rows.T, into - ratio * out, rcond=None)[0]  # of the elements that hold, for 1 Nm at the input
     return [name for name, torque in zip(gear.held, torques) if name in gear.freewheels and torque < 1e-9]
 
 
 def _left_free(rows: np.ndarray) -> np.ndarray:
-    """Speeds (k, n) that these slips (m, n) let turn, one after the other; by elimination, which rounds less than it need."""
+    """Speeds (k, n) at which these slips (m, n) are all zero, by elimination, which rounds little."""
     rows, n, pivots = rows.copy(), rows.shape[1], []
     for column in range(n):
         below = np.abs(rows[len(pivots) :, column])

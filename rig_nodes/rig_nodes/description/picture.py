@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The driveline of a rig as a picture: bodies, wheels, planetary sets, clutches, and what sits on them. Used by `rig check`."""
+"""The driveline of a rig as a picture: bodies, wheels, planetary sets, clutches, and what sits on them.
+
+`rig check` uses it.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +18,15 @@ if TYPE_CHECKING:
     from ..transmission import Transmission
 
     class Drawn(Protocol):
-        """What the picture takes of a rig (RigConfig); the values of its bodies and meshes stand under their names."""
+        """What the picture needs of a rig (RigConfig); the values of bodies and meshes are attributes with their names."""
 
         @property
         def name(self) -> str:
-            """Of the rig."""
+            """Name of the rig."""
 
         @property
         def description(self) -> str:
-            """Of the rig, a line."""
+            """One line of text about the rig."""
 
         @property
         def structure(self) -> Structure:
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
 
         @property
         def transmission(self) -> Transmission:
-            """Of a rig with gears."""
+            """Transmission of a rig with gears."""
 
 
 def _links(structure: Structure, config: object) -> list[Link]:
@@ -66,7 +69,7 @@ def _links(structure: Structure, config: object) -> list[Link]:
 
 
 def _attached(structure: Structure) -> dict[str, list[str]]:
-    """What sits on each body or acts on it, in words."""
+    """Text on what sits on each body or acts on it."""
     out: dict[str, list[str]] = {body: [] for body in structure.bodies}
     for device in structure.devices:
         if device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER):
@@ -82,13 +85,13 @@ def _attached(structure: Structure) -> dict[str, list[str]]:
 
 
 def _clutch(structure: Structure, device: Device) -> str:
-    """A clutch for people, with the valve that fills it and the controller's output that drives that."""
+    """Text on a clutch, with the valve that fills it and the controller's output that drives the valve."""
     valve = structure.valve_of(device.name)
     return f"{device.called} ({valve.called}, output {valve.wires['output']})" if valve else device.called
 
 
 def driveline_svg(config: Drawn) -> str:
-    """The picture of a rig's driveline as SVG; config: of testbench.configuration."""
+    """Return the picture of a rig's driveline as SVG text, from a configuration of testbench.configuration."""
     structure, attached = config.structure, _attached(config.structure)
     bodies = {
         name: Body(name, 0.0 if name in structure.massless else getattr(config, name).inertia, notes=attached[name])

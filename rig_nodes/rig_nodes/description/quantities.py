@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quantities that signals have, in the unit that travels and the one that people read; used by description.signals and parts."""
+"""The quantities of signals, with the SI unit of the messages and the unit that people read.
+
+description.signals and the parts use them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,23 @@ from math import pi
 
 @dataclass(frozen=True)
 class Quantity:
-    """name: as the catalogue calls it; unit: SI, temperatures degC; shown = value * scale [display]; sign: by default."""
+    """One quantity.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the catalogue.
+    unit : str
+        SI unit of the messages; degC for temperatures.
+    display : str
+        Unit that people read.
+    scale : float
+        Factor from ``unit`` to ``display``.
+    sign : str
+        Meaning of the sign, unless a signal states another.
+    gauge : bool
+        True for a pressure above ambient.
+    """
 
     name: str
     unit: str

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values of a rig that belong to no device: of its bodies, shafts, instruments, step, and of the effects that can be left out.
+"""Values of a rig that belong to no device: of bodies, shafts, instruments, the step, and the effects that can be left out.
 
-Read by testbench.configuration; every field has its dimension and range, as a part's have.
+testbench.configuration reads them; every field has its dimension and range, like the fields of a part.
 """
 
 from __future__ import annotations
@@ -112,7 +112,20 @@ ELEMENTS = {"clutch": ClutchConfig, "brake": BrakeConfig, "slider_crank": Slider
 
 @lru_cache(maxsize=256)
 def with_written(cls: type, names: tuple[str, ...]) -> type:
-    """The dataclass of those fields of a section's that a rig has written: a value that is left out is no setting."""
+    """Return a dataclass of the fields that a rig has written: a value that is left out is not a setting.
+
+    Parameters
+    ----------
+    cls : type
+        The dataclass of a section.
+    names : tuple of str
+        Names of the written fields.
+
+    Returns
+    -------
+    type
+        The dataclass with these fields.
+    """
     own = [one for one in fields(cls) if one.name in names]
 
     def reduce(self: DataclassInstance) -> tuple:  # so that a process can send one to another
@@ -133,13 +146,13 @@ def _written(cls: type, names: tuple[str, ...], values: Iterable[float]) -> obje
 
 
 def written(section: DataclassInstance) -> object:
-    """A section's values without those that are left out."""
+    """Return the values of a section without those that are left out."""
     names = tuple(one.name for one in fields(section) if getattr(section, one.name) is not None)
     return _written(type(section), names, tuple(getattr(section, name) for name in names))
 
 
 def section_classes(structure: Structure) -> dict[str, type]:
-    """The dataclass of each body, shaft, mesh and element that has values, by its name."""
+    """Return the dataclass of each body, shaft, mesh and element that has values, by its name."""
     out = {name: BodyConfig for name in structure.bodies if name not in structure.massless}
     out |= dict.fromkeys((one.name for one in structure.shafts), ShaftConfig)
     out |= dict.fromkeys((one.name for one in structure.meshes if one.lossy), MeshConfig)
@@ -238,8 +251,17 @@ OF_THE_LOGGER = {
 
 @lru_cache(maxsize=32)
 def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
-    """The dataclass of a rig's instruments: fields ``<like>_<what>`` of each pair (like, type) of its transducers, and those
-    of the logger.
+    """Return the dataclass of a rig's instruments.
+
+    Parameters
+    ----------
+    kinds : tuple of (str, str)
+        The pairs (like, type) of the transducers.
+
+    Returns
+    -------
+    type
+        A dataclass with the fields ``<like>_<what>`` of each pair and the fields of the logger.
     """
     out = [(f"{like}_{what}", float, one) for like, kind in kinds for what, one in TYPES[kind]().items()]
     out += [(name, float, one()) for name, one in OF_THE_LOGGER.items()]
@@ -262,5 +284,5 @@ def _instruments(kinds: tuple[tuple[str, str], ...], values: Iterable[float]) ->
 
 
 def instruments_of(structure: Structure) -> type:
-    """The dataclass of the instruments of a rig."""
+    """Return the dataclass of the instruments of a rig."""
     return instruments_class(tuple(dict.fromkeys((one.like, one.type) for one in structure.transducers)))

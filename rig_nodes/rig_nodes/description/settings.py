@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything of a rig that has a value: by which name it is changed, within which range, and whether while the rig runs.
+"""Everything of a rig that has a value: the name by which it is changed, its range, and whether it can change during a run.
 
-The one table of `--set`, sweeps, tuner, calibration, sequences, ROS parameters and FMU variables.
+It is the one table for `--set`, sweeps, tuner, calibration, sequences, ROS parameters and FMU variables.
 """
 
 from __future__ import annotations
@@ -28,20 +28,39 @@ from .structure import Structure
 POINT, COLUMNS = "point", ("time", "current")  # of a profile
 LATEST = 60.0  # s after its switch signal at which a point may stand
 SOURCES, ON_OFF = ("plant", "topic"), ("on", "off")
-OWN, MOST_OWN = "controller.", 1e15  # settings that a user's controller names as its own, and the largest number there
+OWN, MOST_OWN = "controller.", 1e15  # prefix of the settings that a user's controller has itself, and their largest number
 CONTROLLER, INSTRUMENTS, WIRING = "alfa46", "instruments", "wiring"
-CHANGED = "setting_changed"  # the event that says a new value
+CHANGED = "setting_changed"  # name of the event on a new value
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One value.
+    """One value of a rig.
 
-    name: ``owner.key``; text: what it is; dimension: of config.units, SWITCH, WORDS or POINT; low, high: SI, inclusive; choices:
-    of words; kept: it stands in the configuration, so that it can be given before a run; live: it can change while the rig runs,
-    as the parameter ``key`` of the node ``owner``; numbers: how many it is made of; setpoint: the one that it sets, by its value
-    or, a switch, by turning its device on; state: of its device, that has the value while it runs; lacking: the switch of the rig
-    without which nobody takes it.
+    Parameters
+    ----------
+    name : str
+        ``owner.key``.
+    text : str
+        What the value is.
+    dimension : str
+        A dimension of config.units, or SWITCH, WORDS or POINT.
+    low, high : float
+        Range [SI], inclusive.
+    choices : tuple of str
+        The words that it takes.
+    kept : bool
+        True when it is in the configuration, so that it can be given before a run.
+    live : bool
+        True when it can change while the rig runs, as the parameter ``key`` of the node ``owner``.
+    numbers : int
+        How many numbers it has.
+    setpoint : Setpoint or None
+        The setpoint that it sets by its value or, for a switch, by turning the device on or off.
+    state : str
+        State of its device that has the value while the rig runs.
+    lacking : str
+        Switch of the rig that is off, so that the setpoint has no effect; empty when nothing is lacking.
     """
 
     name: str
@@ -59,17 +78,17 @@ class Setting:
 
     @property
     def owner(self) -> str:
-        """What the value belongs to; the node of one that can change while the rig runs."""
+        """What the value belongs to; for a value that can change while the rig runs, its node."""
         return self.name.partition(".")[0]
 
     @property
     def key(self) -> str:
-        """Its name there."""
+        """Name of the value at its owner."""
         return self.name.partition(".")[2]
 
     @property
     def unit(self) -> str:
-        """The SI unit as people write it, empty where there is none."""
+        """The SI unit as people write it; empty when there is none."""
         return SI.get(self.dimension, "").removeprefix("-")
 
     @property
@@ -82,11 +101,29 @@ class Setting:
         return self.choices or (ON_OFF if self.dimension == SWITCH else ())
 
     def value_of(self, text: object, where: str) -> float | bool | str:
-        """What somebody has written for it, SI; RigError, which ``where`` begins, for what it does not take."""
+        """Return the value of what was written for it [SI].
+
+        Parameters
+        ----------
+        text : object
+            What was written, e.g. "1500 rpm".
+        where : str
+            Beginning of the error.
+
+        Returns
+        -------
+        float, bool or str
+            The value.
+
+        Raises
+        ------
+        RigError
+            When the setting does not take it.
+        """
         return value_of(self.dimension, self.low, self.high, self._words, text, where)
 
     def written(self, value: Any) -> str:
-        """A value [SI] as ``--set`` takes it."""
+        """Return a value [SI] as ``--set`` takes it."""
         if self.dimension == POINT:
             return f"{value[0]:.6g} s {value[1]:.6g} A"
         if not self.is_number:
@@ -95,14 +132,14 @@ class Setting:
         return f"{value / factor:.6g} {unit}"
 
     def span(self) -> str:
-        """Its range, or its words."""
+        """Return the range with its unit, or the words."""
         if not self.is_number:
             return ", ".join(self._words)
         unit, factor = shown_in(self.dimension)
         return f"{self.low / factor:.6g} to {self.high / factor:.6g} {unit}"
 
     def sentence(self, value: bool | float | list[float]) -> str:
-        """What an event says of a new value [SI], e.g. ``motor.speed = 62.8 rad/s``."""
+        """Return the text of an event on a new value [SI], e.g. ``motor.speed = 62.8 rad/s``."""
         if self.dimension == SWITCH:
             text = str(bool(value)).lower()
         else:
@@ -111,18 +148,18 @@ class Setting:
         return f"{self.name} = {text}".rstrip()
 
     def check(self, value: float) -> None:
-        """RigError for a number [SI] out of range, or for none."""
+        """Raise RigError for a number [SI] that is out of range or not finite."""
         if not (math.isfinite(value) and self.low <= value <= self.high):
             unit = f" {self.unit}".rstrip()
             raise RigError(f"{self.name} of {value:g}{unit} refused; expected {self.low:g} to {self.high:g}{unit}")
 
     def check_lives(self) -> None:
-        """RigError for what cannot change while the rig runs."""
+        """Raise RigError for a setting that cannot change while the rig runs."""
         if not self.live:
             raise RigError(f"{self.name} cannot be set while the rig runs; give --set {self.name}=... to the run")
 
     def check_kept(self) -> None:
-        """RigError for what has no value before the rig runs."""
+        """Raise RigError for a setting that has no value before the rig runs."""
         if not self.kept:
             step = f" by a step '{self.setpoint.step}' of a sequence or" if self.setpoint else ""
             raise RigError(f"{self.name} is set while the rig runs,{step} by ./rig set; it has no value before")
@@ -132,11 +169,11 @@ class Settings(dict[str, Setting]):
     """All settings of a rig by their names."""
 
     def kept(self) -> list[Setting]:
-        """What has a value before the rig runs."""
+        """Return the settings that have a value before the rig runs."""
         return [one for one in self.values() if one.kept]
 
     def find(self, name: str) -> Setting:
-        """One setting; RigError names those most like it when there is none."""
+        """Return a setting by its name; RigError, with the names most like it, when there is none."""
         if name not in self:
             owners: dict[str, list[str]] = {}
             for one in self.values():
@@ -146,7 +183,7 @@ class Settings(dict[str, Setting]):
         return self[name]
 
     def at(self, node: str) -> list[Setting]:
-        """What a node takes while the rig runs."""
+        """Return the settings that a node takes while the rig runs."""
         return [one for one in self.values() if one.live and one.owner == node and not one.lacking]
 
     @cached_property
@@ -156,17 +193,30 @@ class Settings(dict[str, Setting]):
 
 
 def own_setting(name: str) -> Setting:
-    """What a user's controller names as its own: a number without unit or range."""
+    """Return a setting that a user's controller has named as its own: a number without unit or range."""
     return Setting(name, "Setting of the controller's own", "ratio", -MOST_OWN, MOST_OWN, kept=False, live=True)
 
 
 def effects_of(structure: Structure) -> set[str]:
-    """The effects that can be left out of a rig: those of its parts, and the transducers'."""
+    """Return the effects that can be left out of a rig: those of its parts, and that of the transducers."""
     return {"transducers", *(name for device in structure.devices for name in parts.part(device.part).effects)}
 
 
 def settings_of(structure: Structure, values: Mapping) -> Settings:
-    """The settings of a rig. values: of its sections by name, as dataclasses or as plain maps."""
+    """Return the settings of a rig.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+    values : mapping
+        Values of its sections by name, as dataclasses or as plain maps.
+
+    Returns
+    -------
+    Settings
+        The settings by name.
+    """
 
     def chosen(owner: str, switch: str) -> bool:
         section = values[owner]
@@ -224,7 +274,7 @@ def settings_of(structure: Structure, values: Mapping) -> Settings:
 
 
 def out_of(settings: list[Setting], name: str) -> Setting:
-    """The one of this name."""
+    """Return the setting of a name from a list."""
     return next(one for one in settings if one.name == name)
 
 
@@ -245,7 +295,7 @@ def _of_field(name: str, one: Field) -> Setting:
 
 
 def _of_devices(structure: Structure, chosen: Callable[[str, str], bool]) -> list[Setting]:
-    """Setpoints with their switches, and where a device stands."""
+    """Setpoints with their switches, and the settings of where a device stands."""
     out = []
     for setpoint in setpoints_of(structure).values():
         command, like = setpoint.command, next(one for one in structure.transducers if one.name == setpoint.like)
@@ -264,7 +314,7 @@ def _of_devices(structure: Structure, chosen: Callable[[str, str], bool]) -> lis
             ),
             Setting(f"{setpoint.node}.enabled", "Whether the device is switched on", SWITCH, **about),
         ]
-    from ..engine.outside import cuttable  # compiled code stands above, which not every reader needs at once
+    from ..engine.outside import cuttable  # here, because it imports compiled code that many readers do not need
 
     return out + [
         Setting(
@@ -276,7 +326,7 @@ def _of_devices(structure: Structure, chosen: Callable[[str, str], bool]) -> lis
 
 
 def _of_profiles() -> list[Setting]:
-    """The points of the controller's profiles, and while it runs the times and the currents of each."""
+    """The points of the controller's profiles, and for changes during a run the times and currents of each profile."""
     out, most = [], Alfa46Values.__dataclass_fields__["current_limit"].metadata["high"]
     for output in OUTPUT_KEYS:
         for point in POINTS:

@@ -3,7 +3,7 @@
 
 """What a rig is made of, without its values: bodies, wheels, devices, gears, transducers, by name.
 
-Made by description.read from a rig's folder, or from what a bag says of its rig (:func:`structure_of`); the plan, the
+description.read makes it from a rig's folder, and :func:`structure_of` from a bag's record of its rig. The plan, the
 transmission and the signal catalogue are made from it.
 """
 
@@ -19,18 +19,29 @@ from ..parts import part as parts
 
 
 def key_of(called: str) -> str:
-    """How the names of signals begin that belong to what people call so: "ZR-P1" gives zr_p1."""
+    """Return the beginning of the names of signals of something with a name for people: "ZR-P1" gives zr_p1."""
     return called.lower().replace("-", "_").replace(" ", "_")
 
 
-Points = tuple[tuple[float, float], ...]  # of a table: where, and the value there, SI
+Points = tuple[tuple[float, float], ...]  # points of a table: argument and value [SI]
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Toothed wheels on two bodies; reversed: one body's speed is counted against the other one's sense.
+    """Toothed wheels on two bodies.
 
-    lossy: its efficiency, and that of the way back, are settings under its name.
+    Parameters
+    ----------
+    bodies : (2,) tuple of str
+        The two bodies.
+    teeth : (2,) tuple of int
+        Teeth of their wheels.
+    reversed : bool
+        True when the speeds of the two bodies have opposite signs.
+    name : str
+        Name of the mesh; empty when it has none.
+    lossy : bool
+        True when its efficiency, and that of the way back, are settings under its name.
     """
 
     bodies: tuple[str, str]
@@ -41,7 +52,7 @@ class Mesh:
 
     @property
     def ratio(self) -> float:
-        """Speed of the second body by that of the first."""
+        """Speed of the second body divided by that of the first."""
         return (-1.0 if self.reversed else 1.0) * self.teeth[0] / self.teeth[1]
 
 
@@ -57,7 +68,7 @@ class PlanetarySet:
 
     @property
     def ratio(self) -> float:
-        """Teeth of the ring over those of the sun."""
+        """Teeth of the ring divided by those of the sun."""
         return self.teeth[1] / self.teeth[0]
 
 
@@ -65,8 +76,16 @@ class PlanetarySet:
 class Shaft:
     """A compliant shaft between two bodies; its stiffness, damping and backlash are settings under its name.
 
-    table: twists and torques in place of a stiffness; hysteresis: springs beside it, each a stiffness and the torque at which it
-    slides.
+    Parameters
+    ----------
+    name : str
+        Name of the shaft.
+    bodies : (2,) tuple of str
+        The two bodies.
+    table : tuple of (float, float)
+        Twists [rad] and torques [Nm] in place of a stiffness.
+    hysteresis : tuple of (float, float)
+        Springs beside the shaft, each with its stiffness [Nm/rad] and the torque at which it slides [Nm].
     """
 
     name: str
@@ -77,7 +96,7 @@ class Shaft:
 
 @dataclass(frozen=True)
 class Follows:
-    """What follows a table of the motion: by "speed" or "angle", of what `of` names; period, angle as in plant.driveline."""
+    """A table over the "speed" or "angle" of what ``of`` names; period and angle are those of plant.driveline."""
 
     table: Points
     by: str = "speed"
@@ -88,11 +107,24 @@ class Follows:
 
 @dataclass(frozen=True)
 class Element:
-    """What joins bodies or acts on them and is no device; its numbers are settings under its name, as plant.driveline names them.
+    """What joins bodies or acts on them and is not a device.
 
-    kind: "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion". coefficients: of a relation, one
-    for each body. follows: the torque, the inertia, or the capacity of a clutch or brake; friction: factors of that over its
-    slip.
+    Its numbers are settings under its name, with the names of plant.driveline.
+
+    Parameters
+    ----------
+    name : str
+        Name of the element.
+    kind : str
+        "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion".
+    bodies : tuple of str
+        The bodies that it joins or acts on.
+    coefficients : tuple of float
+        Of a relation, one for each body.
+    follows : Follows or None
+        Table of the torque, of the inertia, or of the capacity of a clutch or brake.
+    friction : tuple of (float, float)
+        Slips [rad/s] and factors of the capacity.
     """
 
     name: str
@@ -105,28 +137,42 @@ class Element:
 
 @dataclass(frozen=True)
 class Device:
-    """An instance of a part; called: its name for people; wires: what it is joined to, by key of the part's ``joined``."""
+    """An instance of a part.
+
+    Parameters
+    ----------
+    name : str
+        Name of the device.
+    part : str
+        Name of its part.
+    called : str
+        Its name for people.
+    wires : mapping of str to object
+        What it is joined to, by the keys of the part's ``joined``.
+    release_rate : float
+        Rate at which the pressure of a clutch falls when it is released [Pa/s].
+    """
 
     name: str
     part: str
     called: str
     wires: Mapping[str, object] = field(default_factory=dict)
-    release_rate: float = 0.0  # Pa/s: how fast a clutch's pressure falls when it is let go
+    release_rate: float = 0.0  # Pa/s: rate at which a clutch's pressure falls when it is released
 
     @property
     def key(self) -> str:
-        """How the names of its signals begin."""
+        """Beginning of the names of its signals."""
         return key_of(self.called)
 
     @property
     def role(self) -> str:
-        """What a rig asks it for."""
+        """Role of its part in a rig."""
         return parts.part(self.part).role
 
 
 @dataclass(frozen=True)
 class GearHeld:
-    """A gear and the clutches that hold it, with the free-wheels that hold it under a driving torque."""
+    """A gear with the clutches that hold it, and the free-wheels that hold it under a driving torque."""
 
     name: str
     clutches: tuple[str, ...]
@@ -134,7 +180,7 @@ class GearHeld:
 
     @property
     def held(self) -> tuple[str, ...]:
-        """All that hold it."""
+        """All clutches and free-wheels that hold it."""
         return (*self.clutches, *self.freewheels)
 
 
@@ -149,7 +195,7 @@ class End:
 
 @dataclass(frozen=True)
 class Transducer:
-    """A measured signal; ``shows`` and the others as in a rig's file."""
+    """A measured signal; ``shows`` and the other fields have the meaning of the keys in a rig's file."""
 
     name: str
     type: str
@@ -166,10 +212,28 @@ class Transducer:
 
 @dataclass(frozen=True)
 class Structure:
-    """All of a rig but its values. bodies: of all names, massless: those without an inertia of their own; names: of
-    signals, made name -> name; view: pages of the view that the rig has itself, each of plots with their title and signals;
-    inputs: tables over time, by what they are put into, as those of plant.driveline_run.Run; signals: what is told beside what
-    every rig tells.
+    """All of a rig except its values.
+
+    Parameters
+    ----------
+    bodies : tuple of str
+        Names of all bodies.
+    massless : tuple of str
+        Bodies without an inertia of their own.
+    meshes, planetary_sets, shafts, devices, gears, elements : tuple
+        The parts of the driveline, the devices and the gears, in the order of the file.
+    input, output : End or None
+        The ends of the transmission.
+    transducers : tuple of Transducer
+        What is measured, in the order of the logger's columns.
+    names : mapping of str to str
+        Names of signals that replace those made from the structure.
+    view : mapping of str to tuple
+        Pages of the view that the rig has itself, each with plots of a title and signals.
+    inputs : mapping of str to tuple of (float, float)
+        Tables over time, by what they are applied to, as those of plant.driveline_run.Run.
+    signals : tuple of str
+        Groups of signals in addition to those of every rig.
     """
 
     bodies: tuple[str, ...] = ()
@@ -189,12 +253,12 @@ class Structure:
     signals: tuple[str, ...] = ()
 
     def of_kind(self, *kinds: str) -> tuple[Element, ...]:
-        """The elements of these kinds, in the order of the file."""
+        """Return the elements of these kinds, in the order of the file."""
         return tuple(one for one in self.elements if one.kind in kinds)
 
     def of_role(self, *roles: str) -> tuple[Device, ...]:
-        """The devices with one of these roles, in the order of the file."""
-        if roles not in self._by_roles:  # asked for in every tick
+        """Return the devices with one of these roles, in the order of the file."""
+        if roles not in self._by_roles:  # kept, because every tick asks for it
             self._by_roles[roles] = tuple(device for device in self.devices if device.role in roles)
         return self._by_roles[roles]
 
@@ -207,16 +271,16 @@ class Structure:
         return {device.name: device for device in self.devices}
 
     def device(self, name: str) -> Device:
-        """One device; RigError when there is none."""
+        """Return a device by its name; RigError when there is none."""
         if name not in self._by_name:
-            from ..config.names import unknown  # here, as that module is read before the parts
+            from ..config.names import unknown  # here, because that module is imported before the parts
 
             raise RigError(unknown("device", name, self._by_name))
         return self._by_name[name]
 
     @cached_property
     def mesh_names(self) -> tuple[str, ...]:
-        """What each mesh is called: as the file has it, else by its bodies, and by a number where they have several."""
+        """Name of each mesh: that of the file, or else of its bodies, with a number where they have several meshes."""
         out: list[str] = []
         for mesh in self.meshes:
             name = mesh.name or "-".join(mesh.bodies)
@@ -232,7 +296,7 @@ class Structure:
 
     @cached_property
     def freewheels(self) -> tuple[Device, ...]:
-        """One-way clutches, which nobody actuates."""
+        """One-way clutches, which are not actuated."""
         return self.of_role(parts.FREEWHEEL)
 
     @cached_property
@@ -242,28 +306,28 @@ class Structure:
 
     @property
     def shifts(self) -> bool:
-        """True when there are gears, and valves that a shift controller fills their clutches with."""
+        """True when there are gears, and valves with which a shift controller fills their clutches."""
         return bool(self.gears and self.valves)
 
     def valve_of(self, clutch: str) -> Device | None:
-        """The valve that fills a clutch."""
+        """Return the valve that fills a clutch; None when there is none."""
         return next((valve for valve in self.valves if valve.wires["feeds"] == clutch), None)
 
     def oil_of(self, device: Device, key: str = "oil") -> str:
-        """The oil supply of a device: the one that it names, or the first that there is."""
+        """Return the name of a device's oil supply: the one that the device names, or the first of the rig."""
         return device.wires.get(key) or self.of_role(parts.OIL)[0].name
 
     def line_of(self, name: str) -> str:
-        """Name of the oil line that begins at an oil supply or a clutch."""
+        """Return the name of the oil line that begins at an oil supply or a clutch."""
         return str(self.device(name).wires.get("line", name))
 
     def plain(self) -> dict:
-        """What JSON can hold, with lists as it gives them back, for the run's record; :func:`structure_of` reads it."""
+        """Return plain values for JSON, with lists in place of tuples, for a run's record; :func:`structure_of` reads them."""
         out = _listed(asdict(self))
         for name in ("view", "elements", "inputs", "signals"):
             if not out[name]:
                 del out[name]
-        for one in (*out["meshes"], *out["shafts"], *out["gears"]):  # what older bags do not have, and most rigs neither
+        for one in (*out["meshes"], *out["shafts"], *out["gears"]):  # older bags and most rigs lack these
             for name in ("name", "lossy", "table", "hysteresis", "freewheels"):
                 if name in one and not one[name]:
                     del one[name]
@@ -271,14 +335,20 @@ class Structure:
 
 
 def _listed(value: object) -> Any:
-    """The same with lists in place of tuples."""
+    """The same value with lists in place of tuples."""
     if isinstance(value, dict):
         return {name: _listed(one) for name, one in value.items()}
     return [_listed(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
 def structure_of(plain: Mapping) -> Structure:
-    """A structure from :meth:`Structure.plain`; KeyError, TypeError or ValueError for what is none."""
+    """Return the structure from the result of :meth:`Structure.plain`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        When the map describes no structure.
+    """
 
     def made(cls: type, entry: Mapping | None) -> Any:
         if entry is None:
@@ -319,5 +389,5 @@ def structure_of(plain: Mapping) -> Structure:
 
 
 def _tupled(value: object) -> Any:
-    """The same with tuples in place of lists, as it was."""
+    """The same value with tuples in place of lists, as before :func:`_listed`."""
     return tuple(map(_tupled, value)) if isinstance(value, list) else value

@@ -54,9 +54,8 @@ class JointTorques:
             if law.kind in (TORQUE, MOTION):
                 pushes += laws[0, k] * law.bodies
         count = len(system.shafts)
-        friction = (
-            line["el"][LAM] + (line["cap"][VISC] - system.drag) * slips
-        )  # the drag of a device is not part of the description
+        # the drag of a device is not part of the description
+        friction = line["el"][LAM] + (line["cap"][VISC] - system.drag) * slips
         return Result(
             system,
             np.array([rig.time]),
