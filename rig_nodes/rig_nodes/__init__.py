@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def _version() -> str:
-    """That of package.xml, its one place: in a checkout read there, else as it was installed."""
+    """The version of package.xml, which is its only place: read there in a checkout, and otherwise as it was installed."""
     manifest = Path(__file__).parents[1] / "package.xml"
     if manifest.is_file() and (found := re.search("<version>(.+?)</version>", manifest.read_text(encoding="utf-8"))):
         return found[1]

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names for types of arrays; their shapes and units stand in docstrings. Used in annotations only."""
+"""Names for types of arrays, used in annotations only; docstrings state the shapes and units."""
 
 from __future__ import annotations
 

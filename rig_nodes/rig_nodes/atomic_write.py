@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs, layouts), bags, sweeps
-and tuner.
+"""Write a file whole or not at all.
 
-A name that stands for an older file keeps that one until the new one is on the disk.
+It is used by what writes to a place that its user names (`rig export`, FMUs, layouts), bags, sweeps and tuner. An older file of
+the same name stays until the new one is on the disk.
 """
 
 from __future__ import annotations
@@ -16,7 +16,20 @@ from .errors import not_written
 
 
 def atomic_write(target: Path, data: bytes | str) -> None:
-    """``data``, text as UTF-8, as the file ``target``, which is replaced only by all of it; RigError when it cannot be written."""
+    """Write a file, which replaces an older one only when all of it is written.
+
+    Parameters
+    ----------
+    target : Path
+        The file.
+    data : bytes or str
+        Its content; text is written as UTF-8.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be written.
+    """
     part = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         try:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The signal catalogue: every topic and every signal of a rig, once, made of its description.
+"""The signal catalogue: every topic and every signal of a rig, made from its description.
 
-Read by the nodes, the recorder, the view, the report and the docs; what it is made of stands in description.signals.
+The nodes, the recorder, the view, the report and the docs read it; description.signals makes its entries.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Offer:
-    """How the topics of a quality-of-service class are offered: depth, deadline [ms] (0: without one)."""
+    """The quality of service with which the topics of a class are offered; a deadline of 0 ms means none."""
 
     reliable: bool = True
     latched: bool = False
     deadline_ms: int = 0
-    depth: int = 1000  # at 1 kHz one second; 10 lost 0.4 % of the messages without a word
+    depth: int = 1000  # one second at 1 kHz; with 10, 0.4 % of the messages were lost without an error
 
 
-# Nodes publish with these (nodes.qos) and bags say them (bags.metadata). A command's deadline is the age at which the
+# Nodes publish with these (nodes.qos) and bags record them (bags.metadata). A command's deadline is the age at which the
 # rig trips. The last one is for topics of users' own nodes only.
 QOS = {
     "measurement": Offer(),
@@ -49,9 +49,24 @@ QOS = {
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic: who publishes it, its message type, its quality-of-service class and its rate [Hz].
+    """One topic of a rig.
 
-    sets: of a Setpoint, what its value is; like: the signal whose unit and range the value has.
+    Parameters
+    ----------
+    name : str
+        Name of the topic.
+    node : str
+        Node that publishes it.
+    type : str
+        Type of its messages, without the package rig_msgs.
+    qos : str
+        Its quality-of-service class.
+    rate : float
+        Messages in a second [Hz].
+    sets : str
+        For a Setpoint, what its value is.
+    like : str
+        Signal whose unit and range the value has.
     """
 
     name: str
@@ -64,14 +79,14 @@ class Topic:
 
     @property
     def ros_type(self) -> str:
-        """Full type name as the bag and ROS write it, e.g. ``rig_msgs/msg/Measurement``."""
+        """Full name of the type as bags and ROS write it, e.g. ``rig_msgs/msg/Measurement``."""
         package, _, short = self.type.rpartition("/")
         return f"{package or 'rig_msgs'}/msg/{short}"
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal: where it travels, in which unit, with which sign, and how people read it."""
+    """One signal: its topic and field, its units, its sign, and its text for people."""
 
     name: str
     quantity: str
@@ -89,7 +104,7 @@ class Signal:
     states: dict[int, str] = field(default_factory=dict)
 
     def shown(self, value: Numbers) -> Numbers:
-        """The value in the unit people read."""
+        """Return a value, given in ``unit``, in the unit that people read."""
         return value * self.scale
 
 
@@ -97,8 +112,16 @@ class Signal:
 class Catalogue:
     """All topics and signals of a rig, by name.
 
-    topics: of every run; cut_topics: of runs in which their device stands outside the plant; controller_topics: of
-    runs whose controller has signals of its own.
+    Parameters
+    ----------
+    topics : dict of str to Topic
+        Topics of every run.
+    signals : dict of str to Signal
+        All signals.
+    cut_topics : dict of str to Topic
+        Topics of runs in which their device stands outside the plant.
+    controller_topics : dict of str to Topic
+        Topics of runs whose controller has signals of its own.
     """
 
     topics: dict[str, Topic]
@@ -112,21 +135,34 @@ class Catalogue:
         return {**self.topics, **self.cut_topics, **self.controller_topics}
 
     def of_run(self, cut_out: Collection[str] = (), own_signals: bool = False) -> dict[str, Topic]:
-        """The topics of a run in which these devices stand outside, with a controller that may have its own signals."""
+        """Return the topics of a run.
+
+        Parameters
+        ----------
+        cut_out : collection of str
+            Devices that stand outside the plant.
+        own_signals : bool
+            True when the controller has signals of its own.
+
+        Returns
+        -------
+        dict of str to Topic
+            The topics by name.
+        """
         cut = {name: topic for name, topic in self.cut_topics.items() if name.split("/")[1] in cut_out}
         return {**self.topics, **cut, **(self.controller_topics if own_signals else {})}
 
     def logger_channels(self) -> list[Signal]:
-        """The columns of the 10 kHz logger, in order."""
+        """Return the columns of the 10 kHz logger, in order."""
         columns = [s for s in self.signals.values() if s.logger is not None]
         return sorted(columns, key=lambda s: s.logger)
 
     def setpoints(self) -> dict[Topic, Signal]:
-        """The topics of setpoints, each with the signal whose unit and range its value has."""
+        """Return the topics of setpoints, each with the signal whose unit and range its value has."""
         return {topic: self.signals[topic.like] for topic in self.topics.values() if topic.like}
 
     def measured(self) -> dict[str, str]:
-        """Topic of each transducer's messages -> its signal."""
+        """Return the signal of each transducer by the topic of its messages."""
         return {
             signal.topic: name
             for name, signal in self.signals.items()
@@ -134,21 +170,33 @@ class Catalogue:
         }
 
     def on_topic(self, topic: str) -> list[Signal]:
-        """The signals that travel in one topic."""
+        """Return the signals of a topic."""
         return [s for s in self.signals.values() if s.topic == topic]
 
     def signal(self, name: str) -> Signal:
-        """One signal; RigError names the known ones when there is none."""
+        """Return a signal by its name; RigError, with the known names, when there is none."""
         if name not in self.signals:
             raise RigError(unknown("signal", name, self.signals))
         return self.signals[name]
 
 
 def catalogue(config: RigConfig | Mapping | None = None) -> Catalogue:
-    """The catalogue of a rig.
+    """Return the catalogue of a rig.
 
-    config: a RigConfig, or its record as a bag and a report hold it; by default the installed rig that is taken where none is
-    named. Raises KeyError, TypeError or ValueError for a record that is none.
+    Parameters
+    ----------
+    config : RigConfig or mapping, optional
+        A configuration, or its record in a bag or a report; by default that of the default rig.
+
+    Returns
+    -------
+    Catalogue
+        The catalogue.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        When a record is not that of a rig.
     """
     if config is None:
         return _default()
@@ -159,14 +207,14 @@ def catalogue(config: RigConfig | Mapping | None = None) -> Catalogue:
 
 @lru_cache(maxsize=1)
 def _default() -> Catalogue:
-    from .testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+    from .testbench.configuration import load_rig  # here, because what reads a rig imports this module
 
     return load_rig().catalogue
 
 
 @lru_cache(maxsize=1)
 def installed_topics() -> dict[str, Topic]:
-    """Every topic of every installed rig: what a message is where nobody says of which rig it is."""
+    """Return every topic of every installed rig, to find the meaning of a message of an unknown rig."""
     from .config.names import installed
     from .testbench.configuration import load_rig
 
@@ -177,7 +225,7 @@ def installed_topics() -> dict[str, Topic]:
 
 
 def catalogue_of(structure: Structure) -> Catalogue:
-    """The catalogue of a rig by its structure; RigError for two signals of one name."""
+    """Return the catalogue of a rig from its structure; RigError when two signals have the same name."""
     found = described(structure)
     topics, cut_topics, controller_topics = (
         {name: Topic(name=name, **entry) for name, entry in found[key].items()}

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How time is cut, the same for every rig: controller sample, graph tick, logger row, and the age that trips.
+"""The division of time, which is the same for every rig: controller sample, graph tick, logger row, and the age that trips.
 
-Used by whoever counts time in them; docs/background/architecture.md says what each is for.
+All that counts time in these units uses it; docs/background/architecture.md states the purpose of each.
 """
 
 SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where compiled code is kept between processes; called by every package that holds some, before numba is loaded.
+"""The place where compiled code is kept between processes; every package with compiled code calls it before numba is loaded.
 
-numba's own cache looks only at the file of a function, not at what it calls, so the folder carries a key of all
-compiled sources, the numba version and the processor.
+numba's own cache looks only at the file of a function, not at what it calls, so the folder has a key of all compiled sources,
+the numba version and the processor.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
 # cost a third of the time to compile a small one. forceinline is said, because numba would take the caller's.
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 INLINED = {**INNER, "forceinline": True}
-_records: dict = {}  # record types that were made, each by itself
+_records: dict = {}  # record types that were made, each with itself as the key
 _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
 
 
 def one_record(dtype: np.dtype) -> np.dtype:
-    """The first of all equal numpy record types that were made.
+    """Return the first of all equal numpy record types that were made.
 
-    numba knows an argument's type by the very object; another one, though equal, it compares field by field in each call,
-    which costs more than the call does.
+    numba knows the type of an argument by the object itself. A different object, even if equal, is compared field by field in each
+    call, which costs more than the call does.
     """
     return _records.setdefault(dtype, dtype)
 
 
 def cache_root() -> Path:
-    """The environment's own folder when there is one that can be written, else the user's cache."""
+    """Return the environment's own folder if there is one that can be written, otherwise the user's cache."""
     if sys.prefix != sys.base_prefix and os.access(sys.prefix, os.W_OK):
         return Path(sys.prefix) / "var" / "kernel-cache"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
@@ -49,7 +49,7 @@ def cache_root() -> Path:
 
 
 def own_folder(folder: Path) -> bool:
-    """Whether a folder is this user's and nobody else can write to it: what lies in another one may be planted."""
+    """Say whether a folder belongs to this user and no other user can write to it; files elsewhere may be planted."""
     try:
         about = folder.stat()
     except OSError:
@@ -68,12 +68,12 @@ def _sources() -> hashlib._Hash:
 
 
 def sources_key() -> str:
-    """Key of the physics, the same on every machine: what a sweep that goes on must have in common with its beginning."""
+    """Return a key of the physics, the same on every machine; a sweep that is continued must have the key of its beginning."""
     return _sources().hexdigest()[:16]
 
 
 def cache_key() -> str:
-    """Key of everything that decides the machine code."""
+    """Return a key of everything that decides the machine code."""
     key, package = _sources(), Path(__file__).resolve().parent
     key.update(f"{version('numba')} {version('numpy')} {platform.python_version()} {_processor()}".encode())
     # numba finds its files by the source's path too, so a second checkout gets a folder of its own
@@ -90,17 +90,22 @@ def _processor() -> str:
 
 
 def use_kernel_cache() -> None:
-    """Set numba's cache folder unless the user has chosen one; called before numba is imported.
+    """Set numba's cache folder, unless the user has chosen one; it is called before numba is imported.
 
-    What lies there is machine code and numba's pickled index of it, which run as they are read: nothing but the folder's
-    owner and rights protects them. RigError for a folder of another user's, or to which others can write.
+    The folder holds machine code and numba's pickled index of it, which are executed as they are read. Only the folder's owner and
+    rights protect them.
+
+    Raises
+    ------
+    RigError
+        When the folder belongs to another user, or others can write to it.
     """
     if "NUMBA_CACHE_DIR" not in os.environ:
         os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
-        if "numba" in sys.modules:  # somebody else's: it has read its settings already
+        if "numba" in sys.modules:  # other code imported it, so it has read its settings already
             sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
     folder = Path(os.environ["NUMBA_CACHE_DIR"])
-    with suppress(OSError):  # where it cannot be made, numba finds another place
+    with suppress(OSError):  # if the folder cannot be made, numba finds another place
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_dir() and not own_folder(folder):
         raise RigError(
@@ -110,7 +115,7 @@ def use_kernel_cache() -> None:
 
 
 def load_numba() -> None:
-    """Import all of numba but scipy's BLAS, which it looks for in 0.15 s and which nothing compiled here uses."""
+    """Import all of numba except scipy's BLAS, which takes it 0.15 s to find and which nothing compiled here uses."""
     blas = "scipy.linalg.cython_blas"
     hide = blas not in sys.modules
     if hide:

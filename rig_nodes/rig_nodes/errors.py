@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one exception of the rig that users are meant to read, and words that several refusals share.
+"""The one exception of the rig that users are meant to read, and texts that several errors share.
 
-Everything that refuses input raises it; the command line prints its sentence and ends with its exit code.
+Everything that refuses input raises it; the command line prints its message and ends with its exit code.
 """
 
 from __future__ import annotations
@@ -17,22 +17,34 @@ TERMINATED, INTERRUPTED = "ended by SIGTERM", "interrupted by Ctrl-C"
 
 
 class RigError(Exception):
-    """Bad input or an impossible request, said in one sentence: what, where, what would be right."""
+    """Bad input or an impossible request, with a message in one sentence: what, where, and what would be right."""
 
     exit_code = 2
 
 
 def no_file(path: str | Path) -> str:
-    """Why there is no file to read under this name, for a sentence that begins with the name."""
+    """Return why there is no file to read under this name, for a sentence that begins with the name."""
     return "it is a folder, expected a file" if os.path.isdir(path) else "there is no such file"
 
 
 def printable(text: object, kept: str = "") -> str:
-    r"""``text`` as people see it: what a terminal would obey instead of show it, and what nobody can see, is written as JSON
-    writes it (``\u001b``, ``\n``); the characters of ``kept`` stay as they are.
+    r"""Return a text as people see it, with control characters and invisible characters written as JSON writes them.
 
-    For every text that may carry what a user, a file or another program wrote: control characters, marks that turn the
-    direction of writing and halves of characters come along in names.
+    These are ``\u001b`` or ``\n``, for example, which a terminal would obey instead of showing them. It is for every text that may
+    contain what a user, a file or another program wrote: names may contain control characters, marks that turn the direction of
+    writing, and halves of characters.
+
+    Parameters
+    ----------
+    text : object
+        The text.
+    kept : str
+        Characters that stay as they are.
+
+    Returns
+    -------
+    str
+        The printable text.
     """
     text = str(text)
     if text.isprintable():
@@ -43,7 +55,7 @@ def printable(text: object, kept: str = "") -> str:
 
 
 def brief(value: object) -> str:
-    """A value as it is found in a file, cut where it is long: a sentence holds no whole file."""
+    """Return a value from a file as text, shortened when it is long, so that an error contains no whole file."""
     from reprlib import Repr
 
     short = Repr()
@@ -53,32 +65,47 @@ def brief(value: object) -> str:
 
 
 class BagError(RigError):
-    """A bag that cannot be read, with the offset of the damage and a hint what to do."""
+    """A bag that cannot be read; the message has the offset of the damage and a hint what to do."""
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: it ends what a verb does as Ctrl-C does."""
+    """SIGTERM, which ends a command as Ctrl-C does."""
 
 
 def ended_by(stop: KeyboardInterrupt) -> tuple[str, int]:
-    """What ended it, and the exit code of that."""
+    """Return the reason of an interrupt, and the exit code for it."""
     reason = TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     return reason, interrupted_code(reason)
 
 
 def interrupted_code(reason: str) -> int:
-    """Exit code of a run that was interrupted for one of the two reasons above."""
+    """Return the exit code of a run that was interrupted for one of the two reasons above."""
     return 128 + (signal.SIGTERM if reason == TERMINATED else signal.SIGINT)
 
 
 class DiskFull(RigError):
-    """A disk, a quota or a limit took no more of what had begun well."""
+    """A disk, a quota or a limit that took no more of a file that had begun well."""
 
     exit_code = 1
 
 
 def not_written(what: str | Path, error: OSError, kept: str = "") -> RigError:
-    """That a file cannot be written, and why; kept: what is there of it all the same."""
+    """Return the error on a file that cannot be written.
+
+    Parameters
+    ----------
+    what : str or Path
+        The file.
+    error : OSError
+        Why it cannot be written.
+    kept : str
+        What there is of it nevertheless.
+
+    Returns
+    -------
+    RigError
+        The error; DiskFull when the disk, a quota or a limit is full.
+    """
     full = error.errno in (errno.ENOSPC, errno.EDQUOT)
     why = "disk full" if full else error.strerror or error
     kind = DiskFull if full or error.errno == errno.EFBIG else RigError

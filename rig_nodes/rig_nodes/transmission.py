@@ -3,8 +3,8 @@
 
 """The transmission of a rig as data: shafts, gears, clutches, and the signals and devices that belong to each.
 
-Made from the rig's configuration by :func:`transmission_of`, and nowhere else; analysis, views, controllers, sequences
-and the tuner take gears, clutches, pressures and ratios from it and know none by name.
+Only :func:`transmission_of` makes it, from the rig's configuration. Analysis, views, controllers, sequences and the tuner take
+gears, clutches, pressures and ratios from it and know none of them by name.
 """
 
 from __future__ import annotations
@@ -31,12 +31,24 @@ NEUTRAL = 0  # number of the gear in which nothing is driven
 
 @dataclass(frozen=True)
 class Clutch:
-    """A clutch or brake that gears are engaged with.
+    """A clutch or brake that engages gears.
 
-    instance, valve: devices of the rig, as their parts and nodes are named; valve_name: what people call the valve;
-    output: of the controller, counted from 0, that drives the valve; pressure, current, setpoint: signals of its oil, of
-    its valve's coil and of what the controller asks for there. kiss_pressure [Pa, gauge]: where the clutch begins to
-    carry; fall_rate [Pa/s]: how fast its pressure falls when it is let go, which errors of times are estimated with.
+    Parameters
+    ----------
+    name : str
+        Its name for people.
+    instance, valve : str
+        Names of its device and of its valve's device.
+    valve_name : str
+        Name of the valve for people.
+    output : int
+        Output of the controller that drives the valve, counted from 0.
+    pressure, current, setpoint : str
+        Signals of its oil pressure, of its valve's coil current, and of the current that the controller asks for.
+    kiss_pressure : float
+        Pressure at which the clutch begins to carry torque [Pa, gauge].
+    fall_rate : float
+        Rate at which its pressure falls when it is released [Pa/s]; errors of times are estimated with it.
     """
 
     name: str
@@ -52,7 +64,7 @@ class Clutch:
 
     @property
     def key(self) -> str:
-        """How the names of its signals and energies begin, e.g. ``s1``."""
+        """Beginning of the names of its signals and energies, e.g. ``s1``."""
         return key_of(self.name)
 
     @property
@@ -66,25 +78,36 @@ class Clutch:
         return f"/{self.instance}/state"
 
     def signal(self, what: str) -> str:
-        """Its signal of torque, capacity, slip, mode, clamp or piston."""
+        """Return its signal of torque, capacity, slip, mode, clamp or piston."""
         return f"{self.key}_{what}"
 
     @property
     def voltage(self) -> str:
-        """Row of the voltage on its valve's coil, which recordings of the rig have and no transducer shows."""
+        """Row of the voltage on its valve's coil, which is in recordings of the rig and is shown by no transducer."""
         return f"U_{key_of(self.valve_name)}"
 
     def valve_signal(self, what: str) -> str:
-        """Its valve's signal of duty or flow."""
+        """Return its valve's signal of duty or flow."""
         return f"{key_of(self.valve_name)}_{what}"
 
 
 @dataclass(frozen=True)
 class Gear:
-    """A gear: number 0 is neutral, the others count up from the slowest output; clutches: names of those engaged.
+    """A gear of the transmission.
 
-    ratio: input over output speed; None in neutral. outputs: of the controller, counted from 0, for these clutches, as the
-    rig's file has them: whoever crosses the wires crosses them behind the controller.
+    Parameters
+    ----------
+    number : int
+        0 is neutral; the others count up from the slowest output.
+    name : str
+        Name of the gear.
+    clutches : tuple of str
+        Names of the engaged clutches.
+    ratio : float or None
+        Speed of the input divided by that of the output; None in neutral.
+    outputs : tuple of int
+        Outputs of the controller for these clutches, counted from 0, as in the rig's file. Swapped wires are swapped behind the
+        controller.
     """
 
     number: int
@@ -95,7 +118,7 @@ class Gear:
 
     @property
     def short(self) -> str:
-        """For tables: neutral is 0."""
+        """Name for tables; neutral is 0."""
         return self.name if self.number else "0"
 
 
@@ -103,10 +126,18 @@ class Gear:
 class Inertias:
     """Reduced inertias of the energy equation (6.108).
 
-    driving: on the input shaft, motor included [kg m2]; driven: of the output side, load included [kg m2], on an axis
-    that turns ``reduction`` times as fast as the output shaft. The energy equation uses the whole inertias beside work
-    that is measured at the torque meters: motor and load pump lie outside them, so while the input speed has not
-    recovered its loss counts the motor's own kinetic energy too. The heat itself stands in the report's energy balance.
+    The energy equation uses the whole inertias together with work that is measured at the torque meters. Motor and load pump lie
+    outside the meters, so while the input speed has not recovered, its loss includes the kinetic energy of the motor itself. The
+    heat alone is in the report's energy balance.
+
+    Parameters
+    ----------
+    driving : float
+        Inertia on the input shaft, with the motor [kg m2].
+    driven : float
+        Inertia of the output side, with the load [kg m2].
+    reduction : float
+        Speed of the axis of ``driven`` divided by that of the output shaft.
     """
 
     driving: float
@@ -119,13 +150,13 @@ class Inertias:
         return self.driven * self.reduction**2
 
     def kinetic(self, w_in: Numbers, w_out: Numbers) -> Numbers:
-        """Kinetic energy [J] at these speeds of input and output shaft [rad/s]."""
+        """Return the kinetic energy [J] at these speeds of input and output shaft [rad/s], numbers or arrays."""
         return 0.5 * self.driving * w_in**2 + 0.5 * self.on_output * w_out**2
 
 
 @dataclass(frozen=True)
 class Shift:
-    """A change of gear: which clutches it lets go, which it engages, in the order of the transmission."""
+    """A change of gear, with the clutches that it releases and engages, in the order of the transmission."""
 
     from_gear: int
     to_gear: int
@@ -135,7 +166,7 @@ class Shift:
 
 @dataclass(frozen=True)
 class Transmission:
-    """Shafts, clutches and gears of a rig; gears in order of their numbers, neutral first."""
+    """Shafts, clutches and gears of a rig; the gears are in the order of their numbers, neutral first."""
 
     input: End
     output: End
@@ -145,26 +176,26 @@ class Transmission:
 
     @cached_property
     def ratios(self) -> dict[int, float]:
-        """Number of each gear that drives -> input over output speed."""
+        """Speed of the input divided by that of the output, by the number of each gear except neutral."""
         return {gear.number: gear.ratio for gear in self.gears if gear.ratio is not None}
 
     @cached_property
     def names(self) -> dict[int, str]:
-        """Number -> name of every gear."""
+        """Name of every gear by its number."""
         return {gear.number: gear.name for gear in self.gears}
 
     @cached_property
     def numbers(self) -> dict[str, int]:
-        """Name -> number of every gear."""
+        """Number of every gear by its name."""
         return {gear.name: gear.number for gear in self.gears}
 
     def outputs(self, number: int) -> tuple[int, ...]:
-        """The controller's outputs of a gear, counted from 0; none in neutral and in a gear that there is not."""
+        """Return the controller's outputs of a gear, counted from 0; none in neutral and for an unknown gear."""
         return next((gear.outputs for gear in self.gears if gear.number == number), ())
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Signals of both shafts and all clutches' pressures, which shift metrics are computed from."""
+        """Signals of both shafts and of all clutches' pressures, from which shift metrics are computed."""
         return (
             self.input.torque,
             self.input.speed,
@@ -180,15 +211,26 @@ class Transmission:
         return f"{', '.join(first)} or {last}"
 
     def short(self, number: int) -> str:
-        """Name of a gear in tables; of one that there is not its number."""
+        """Return the name of a gear in tables; for an unknown gear its number."""
         return next((gear.short for gear in self.gears if gear.number == number), str(number))
 
     def way(self, from_gear: int, to_gear: int, arrow: str = " -> ") -> str:
-        """A change of gear in tables, e.g. ``I -> II``."""
+        """Return the text of a change of gear in tables, e.g. ``I -> II``."""
         return self.short(from_gear) + arrow + self.short(to_gear)
 
     def number(self, text: str) -> int | None:
-        """The gear that somebody means by its name or number, in either case; N or 0 is neutral; None: there is none."""
+        """Return the number of the gear that a text names by name or number, in capitals or not.
+
+        Parameters
+        ----------
+        text : str
+            The text; N or 0 is neutral.
+
+        Returns
+        -------
+        int or None
+            The number; None when there is no such gear.
+        """
         said = text.strip().lower()
         return next(
             (
@@ -200,12 +242,12 @@ class Transmission:
         )
 
     def engaged(self, gear: int) -> tuple[Clutch, ...]:
-        """The clutches that are engaged in a gear; none in neutral and in a gear that there is not."""
+        """Return the clutches that are engaged in a gear; none in neutral and for an unknown gear."""
         held = next((one.clutches for one in self.gears if one.number == gear), ())
         return tuple(clutch for clutch in self.clutches if clutch.name in held)
 
     def shift(self, from_gear: int, to_gear: int) -> Shift:
-        """What a change from one gear to another does; a clutch of both gears stays engaged and is neither."""
+        """Return what a change of gear does; a clutch of both gears stays engaged, so it is neither released nor engaged."""
         old, new = self.engaged(from_gear), self.engaged(to_gear)
         return Shift(
             from_gear,
@@ -215,34 +257,46 @@ class Transmission:
         )
 
     def changes(self, from_gear: int, to_gear: int) -> bool:
-        """An order changes from one gear that drives to another: no engagement from neutral, no way back to it."""
+        """Say whether an order changes between two different gears, neither of which is neutral."""
         return from_gear != to_gear and from_gear in self.ratios and to_gear in self.ratios
 
     def slower_ratio(self, one: int, other: int) -> float:
-        """Ratio of that of two gears that drive in which the output is slower, which (7.3) and (7.4) both use."""
+        """Return the ratio of that of two gears in which the output is slower, which (7.3) and (7.4) both use."""
         return max(self.ratios[one], self.ratios[other])
 
     def ways(self) -> dict[str, tuple[int, int]]:
-        """The changes to the next gear up and down by name, e.g. ``I-II`` -> (1, 2)."""
+        """Return the changes to the next gear up and down by name, e.g. ``I-II`` -> (1, 2)."""
         driving = [gear for gear in self.gears if gear.ratio is not None]
         pairs = [pair for a, b in itertools.pairwise(driving) for pair in ((a, b), (b, a))]
         return {f"{a.name}-{b.name}": (a.number, b.number) for a, b in pairs}
 
     def slip(self, gear: int, w_in: Numbers, w_out: Numbers) -> Numbers:
-        """Slip of a gear that drives as a share of the input speed, (6.85); speeds [rad/s], numbers or arrays."""
+        """Return the slip of a gear that drives as a share of the input speed, (6.85); speeds [rad/s], numbers or arrays."""
         return slip_of(self.ratios[gear], w_in, w_out)
 
 
 def slip_of(ratio: float, w_in: Numbers, w_out: Numbers) -> Numbers:
-    """Slip as a share of the input speed, (6.85), of a gear with this ratio."""
+    """Return the slip of a gear with this ratio as a share of the input speed, (6.85); speeds [rad/s], numbers or arrays."""
     return 1.0 - w_out * ratio / w_in
 
 
 def transmission_of(config: RigConfig | Mapping | None = None) -> Transmission:
-    """The transmission of a rig with gears.
+    """Return the transmission of a rig with gears.
 
-    config: a RigConfig, or its record as a bag and a report hold it (RigConfig.as_dict); by default the installed rig that
-    is taken where none is named. Raises KeyError, TypeError or ValueError for a record that is none.
+    Parameters
+    ----------
+    config : RigConfig or mapping, optional
+        A configuration, or its record in a bag or a report (RigConfig.as_dict); by default that of the default rig.
+
+    Returns
+    -------
+    Transmission
+        The transmission.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        When a record is not that of a rig with gears.
     """
     if config is None:
         return _default()
@@ -253,13 +307,13 @@ def transmission_of(config: RigConfig | Mapping | None = None) -> Transmission:
 
 @lru_cache(maxsize=1)
 def _default() -> Transmission:
-    from .testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+    from .testbench.configuration import load_rig  # here, because what reads a rig imports this module
 
     return load_rig().transmission
 
 
 def made_of(record: Mapping) -> Transmission:
-    """The transmission of a rig by its record; ValueError for a rig without gears."""
+    """Return the transmission of a rig from its record; ValueError for a rig without gears."""
     structure = structure_of(record["structure"])
     if not structure.gears or structure.input is None or structure.output is None:
         raise ValueError(f"the rig '{record.get('name', '')}' has no gears")
@@ -290,7 +344,7 @@ def made_of(record: Mapping) -> Transmission:
 
 
 def _clutch(device: Device, structure: Structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:
-    """A clutch with what belongs to it; of a signal that nobody measures the name is empty."""
+    """A clutch with what belongs to it; the name of a signal that is not measured is empty."""
     valve, values = structure.valve_of(device.name), record[device.name]
 
     def shown(what: str) -> str:
@@ -315,7 +369,24 @@ def _clutch(device: Device, structure: Structure, record: Mapping, wiring: Mappi
 
 
 def tied_to(structure: Structure, inertias: Mapping[str, float], body: str) -> tuple[float, float]:
-    """(inertia of all that toothed wheels tie to a body [kg m2], speed of the axis that it is on by that of the body)."""
+    """Return the inertia of all that toothed wheels tie to a body.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+    inertias : mapping of str to float
+        Inertia of each body [kg m2].
+    body : str
+        Name of the body.
+
+    Returns
+    -------
+    inertia : float
+        The inertia on its axis [kg m2].
+    axis : float
+        Speed of that axis divided by the speed of the body.
+    """
     speeds, todo = {body: 1.0}, [body]
     while todo:
         here = todo.pop()

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ctrl-C and SIGTERM between pieces of work that are done whole or not at all; used by the headless run.
+"""Delay of Ctrl-C and SIGTERM to the end of a piece of work that is done whole or not at all; the headless run uses it.
 
-Python raises what they raise between any two instructions, so also between a message and the count of it.
+Python raises their exceptions between any two instructions, so also between a message and the count of it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Uninterrupted:
-    """While the block runs, signals that come while ``held`` is set are handed on by :meth:`let_in`, or at the block's end."""
+    """A block in which signals that arrive while ``held`` is set are delivered by :meth:`let_in`, or at the end of the block."""
 
     def __init__(self) -> None:
         self.held = False
@@ -25,7 +25,7 @@ class Uninterrupted:
         self._came: int | None = None
 
     def __enter__(self) -> Uninterrupted:
-        if threading.current_thread() is threading.main_thread():  # no other one is ever interrupted
+        if threading.current_thread() is threading.main_thread():  # no other thread is ever interrupted
             for number in (signal.SIGINT, signal.SIGTERM):
                 before = signal.getsignal(number)
                 if callable(before):
@@ -35,12 +35,12 @@ class Uninterrupted:
 
     def __exit__(self, *_: object) -> None:
         for number, before in self._before.items():
-            if signal.getsignal(number) == self._on:  # else whoever it was handed on to has set another
+            if signal.getsignal(number) == self._on:  # otherwise a handler that was called has set another one
                 signal.signal(number, before)
         self.let_in()
 
     def let_in(self) -> None:
-        """Clear ``held`` and hand on the signal that came meanwhile."""
+        """Clear ``held`` and deliver the signal that arrived meanwhile."""
         self.held = False
         if self._came is not None:
             number, self._came = self._came, None

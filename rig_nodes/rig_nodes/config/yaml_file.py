@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML text as marked maps and lists: each knows its line, and the line of each key or item.
+"""YAML text as marked maps and lists: each knows its own line, and the line of each key or item.
 
-Used by config. A file is bounded in its length, its depth, its number of values and the length of each, so that none takes
-longer to refuse than to read; an alias counts as often as it is written out.
+config uses it. A file is bounded in its length, its depth, its number of values and the length of each value, so that no file
+takes longer to refuse than to read; an alias counts as often as it is written out.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MOST_BYTES = 300_000
 MOST_VALUES = 30_000
 MOST_DEPTH = 40
 LONGEST_TEXT = 10_000  # characters of one value
-LARGEST = 2**64  # of a whole number
+LARGEST = 2**64  # largest whole number
 
 _WORDS = {
     "": None,
@@ -49,8 +49,9 @@ _NO_DASH_SPACE = re.compile(r" *-([A-Za-z_]\w*:.*)")
 
 
 class Map(dict):
-    """A map of a file. line: where it begins, lines: of each key, both from 0; files: of each key, where that is not the file
-    that the map was read from (:func:`merged`).
+    """A map of a file; ``line`` is where it begins and ``lines`` is that of each key, both from 0.
+
+    ``files`` has the file of each key that is not in the file from which the map was read (:func:`merged`).
     """
 
     def __init__(self, line: int) -> None:
@@ -60,7 +61,7 @@ class Map(dict):
 
 
 class List(list):
-    """A list of a file. line: where it begins, lines: of each item, both from 0."""
+    """A list of a file; ``line`` is where it begins and ``lines`` is that of each item, both from 0."""
 
     def __init__(self, line: int) -> None:
         super().__init__()
@@ -69,7 +70,7 @@ class List(list):
 
 
 def where_of(path: str | Path, node: Any, key: Any = None) -> str:
-    """``file:line`` of a key or an item in a map or list of a file, or of itself."""
+    """Return ``file:line`` of a key or an item in a map or list of a file, or of the map or list itself."""
     path = file_of(path, node, key)
     try:
         line = node.lines[key] if key is not None else node.line
@@ -79,13 +80,13 @@ def where_of(path: str | Path, node: Any, key: Any = None) -> str:
 
 
 def file_of(path: T, node: object, key: object = None) -> str | Path | T:
-    """The file in which a key or an item stands, or the map or list itself: ``path`` unless :func:`stamped` says another."""
+    """Return the file of a key, an item, or the map or list itself: ``path``, unless :func:`stamped` has set another."""
     files = getattr(node, "files", None)
     return files.get(key, files.get(None, path)) if files else path
 
 
 def stamped(node: Any, path: str | Path) -> Any:
-    """The node, with all maps and lists in it saying that they stand in the file ``path``."""
+    """Return the node after setting the file ``path`` in it and in all maps and lists that it contains."""
     if isinstance(node, (Map, List)):
         node.files[None] = path
         for value in node.values() if isinstance(node, Map) else node:
@@ -94,9 +95,21 @@ def stamped(node: Any, path: str | Path) -> Any:
 
 
 def merged(base: Map, node: Map) -> Map:
-    """The map ``base`` with what ``node`` of another file says in its place, both stamped.
+    """Return the map ``base`` with the values that another file has in their place.
 
-    A map in both is merged in its turn; all else, and a list too, is replaced as a whole.
+    A map in both is merged in turn; everything else, including a list, is replaced as a whole.
+
+    Parameters
+    ----------
+    base : Map
+        The map of the base, :func:`stamped`.
+    node : Map
+        The map of the other file, :func:`stamped`.
+
+    Returns
+    -------
+    Map
+        The merged map.
     """
     out = Map(node.line)
     out.files[None] = node.files[None]
@@ -109,7 +122,25 @@ def merged(base: Map, node: Map) -> Map:
 
 
 def read_yaml(path: str | Path, text: str) -> Any:
-    """The one document of a file's text as :class:`Map`, :class:`List` or a scalar; RigError with file and line."""
+    """Return the one document of a file's text.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, for the errors.
+    text : str
+        Its text.
+
+    Returns
+    -------
+    Map, List or a scalar
+        The document.
+
+    Raises
+    ------
+    RigError
+        With file and line, when the text is not YAML that is accepted here.
+    """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
@@ -127,28 +158,28 @@ def read_yaml(path: str | Path, text: str) -> Any:
 
 
 class _Builder:
-    """Builds a document from the parser's events without recursion: a deep one must not end Python's stack."""
+    """Builds a document from the parser's events without recursion, because a deep document must not exhaust Python's stack."""
 
     def __init__(self, path: str | Path) -> None:
         self.path, self.values, self.line = path, 0, 0
         self.anchors: dict[str, object] = {}
 
     def refuse(self, why: str) -> NoReturn:
-        """Raises RigError with the file and the line that is read."""
+        """Raise RigError with the file and the line that is being read."""
         raise RigError(f"{self.path}:{self.line + 1}: {why}")
 
     def count(self, values: int = 1) -> None:
-        """Adds to the values of the file; RigError beyond the most."""
+        """Add to the number of values of the file; RigError when there are too many."""
         self.values += values
         if self.values > MOST_VALUES:
             self.refuse(f"the file has more than {MOST_VALUES} values, aliases written out")
 
     def build(self, events: Iterable[Any]) -> Any:
-        """The one document as Map, List or a scalar, None for an empty file; RigError for what is not taken."""
+        """Return the one document as Map, List or a scalar, None for an empty file; RigError for what is not accepted."""
         from ruamel.yaml import events as kinds
 
         found, documents = None, 0
-        open_nodes, keys, names = [], [], []  # from the outside in; the key that waits for its value; the anchors
+        open_nodes, keys, names = [], [], []  # from the outside in: nodes, the key that waits for its value, anchors
         for event in events:
             kind = type(event)
             if kind in (kinds.StreamStartEvent, kinds.StreamEndEvent, kinds.DocumentEndEvent):
@@ -192,7 +223,7 @@ class _Builder:
         return found
 
     def place(self, open_nodes: list[Map | List], keys: list[object], value: object) -> None:
-        """A value into the innermost open map or list; a map's key waits for its value."""
+        """Put a value into the innermost open map or list; a key of a map waits for its value."""
         if not open_nodes:
             return
         into = open_nodes[-1]
@@ -213,7 +244,7 @@ class _Builder:
             keys[-1] = _NO_KEY
 
     def copy(self, node: object, depth: int) -> object:
-        """What an alias stands for; each has its own."""
+        """Return a copy of what an alias stands for."""
         if not isinstance(node, (Map, List)):
             return node
         if depth >= MOST_DEPTH:
@@ -229,11 +260,11 @@ class _Builder:
         return out
 
     def scalar(self, event: ScalarEvent) -> str | int | float | bool | None:
-        """The value of a plain or quoted text; RigError for a number that is too large."""
+        """Return the value of a plain or quoted text; RigError for a number that is too large."""
         text = event.value
         if len(text) > LONGEST_TEXT:
             self.refuse(f"a value of {len(text)} characters, expected at most {LONGEST_TEXT}")
-        if not event.implicit[0]:  # quoted, or told by a tag
+        if not event.implicit[0]:  # quoted, or marked by a tag
             return text
         if text in _WORDS:
             return _WORDS[text]
@@ -256,7 +287,7 @@ _NO_KEY = object()
 
 
 def _syntax(path: str | Path, text: str, line: int | None, error: MarkedYAMLError) -> str:
-    """The sentence on text that is no YAML: what is most likely wrong, in which line."""
+    """The text of an error on text that is not YAML: what is most likely wrong, and in which line."""
     problem = (error.problem or str(error)).strip().split("\n")[0]
     if line is None:
         return f"{path}: {problem}; expected YAML"
@@ -290,7 +321,7 @@ def _syntax(path: str | Path, text: str, line: int | None, error: MarkedYAMLErro
 
 
 def no_space(line: str) -> str:
-    """What is wrong with ``key:value`` or ``-key: value``, none with a line that has its spaces."""
+    """Return the text of an error on ``key:value`` or ``-key: value``; empty for a line that has its spaces."""
     if found := _NO_SPACE.fullmatch(line):
         return f"there is no space after the colon; write {brief(f'{found[1]} {found[2]}')}"
     if found := _NO_DASH_SPACE.fullmatch(line):
@@ -299,15 +330,15 @@ def no_space(line: str) -> str:
 
 
 def _before(lines: list[str], line: int) -> int:
-    """The line above that has something in it."""
+    """The next line above that is not empty and not a comment."""
     above = (k for k in range(line - 1, -1, -1) if lines[k].strip() and not lines[k].lstrip().startswith("#"))
     return next(above, line)
 
 
 def _level(lines: list[str], line: int) -> str:
-    """What is wrong with where a line begins; empty where nothing is."""
+    """What is wrong with the column in which a line begins; empty when nothing is wrong."""
 
-    def columns(text: str) -> tuple[list[int], int]:  # of its dashes, of what comes after them
+    def columns(text: str) -> tuple[list[int], int]:  # columns of its dashes, and of what follows them
         found = _LEVEL.match(text)
         dashes = [k for k, c in enumerate(found[0]) if c == "-"] if found else []
         return dashes, found.end() if found else 0
@@ -315,7 +346,7 @@ def _level(lines: list[str], line: int) -> str:
     dashes, column = columns(lines[line])
     begins = dashes[0] if dashes else column
     above_dashes, above_keys, at, lowest = [], [], line, begins + 1000
-    while (before := _before(lines, at)) != at and lowest > 0:  # those that are still open
+    while (before := _before(lines, at)) != at and lowest > 0:  # levels that are still open
         at = before
         found, key = columns(lines[at])
         lowest, old = min([key, lowest, *found]), lowest

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From a rig's file to its structure: every name known, every wire led to something that there is.
+"""From a rig's file to its structure: every name is known, and every wire leads to something that exists.
 
-Used by testbench.configuration; a refusal says file, line, what is wrong and what would be right. The values of devices are
-read beside it, by config.schema.
+testbench.configuration uses it. An error states file, line, what is wrong and what would be right. config.schema reads the
+values of the devices.
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ if TYPE_CHECKING:
 
 MASSLESS, CLUTCHES = "massless", "clutches"
 MOST_TEETH = 1000
-# keys of a rig's file that structure is read from here, and those whose values others read
+# keys of a rig's file from which structure is read here, and those whose values are read elsewhere
 KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "signals", "names", "view")
-MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # beside the values of one that loses
+MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # in addition to the values of a mesh that loses
 DEVICE_KEYS = ("part", "called", "release_rate", "source")
-RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # what settings begin with already
-# what a transducer that shows one of these may be named by
+RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # names with which other settings begin
+# keys of the input and the output of the transmission
 _END_KEYS = ("body", "speed", "torque")
 
 
 def read_structure(node: Map, path: str | Path) -> Structure:
-    """The structure of a whole rig (its bases merged into it); RigError with file and line otherwise."""
+    """Return the structure of a whole rig, with its bases merged into it; RigError with file and line when it is not right."""
     return _Reader(node, path).structure()
 
 
 class _Reader:
-    """Reads one file; ``at`` says where a key stands."""
+    """Reads one file; ``at`` returns the place of a key."""
 
     def __init__(self, node: Map, path: str | Path) -> None:
         self.node, self.path = node, path
 
     def at(self, node: object, key: object = None) -> str:
-        """``file:line`` of a key or an item, or of a map or list itself."""
+        """Return ``file:line`` of a key or an item, or of the map or list itself."""
         return where_of(self.path, node, key)
 
     def map_of(self, key: str) -> Map:
-        """The map under a key of the file, an empty one where there is none."""
+        """Return the map under a key of the file; an empty map when there is none."""
         value = self.node.get(key)
         if value is None:
             return Map(self.node.line)
@@ -62,7 +62,7 @@ class _Reader:
             raise RigError(f"{self.at(self.node, key)}: {key} must be a map of names, found {brief(value)}")
         for name in value:
             if key == "gears" and isinstance(name, int) and not isinstance(name, bool):
-                continue  # a gear may be called by its number
+                continue  # a gear may have its number as name
             if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
                 raise RigError(
                     f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, digits and _"
@@ -70,7 +70,7 @@ class _Reader:
         return value
 
     def structure(self) -> Structure:
-        """The structure of the file; RigError with file and line otherwise."""
+        """Return the structure of the file; RigError with file and line when it is not right."""
         bodies = self.map_of("bodies")
         if not bodies:
             raise RigError(
@@ -118,7 +118,7 @@ class _Reader:
         return structure
 
     def new_name(self, name: str, what: str, node: Map, key: str | None = None) -> None:
-        """Every name once: settings and signals are found by it. key: where it stands, by default under itself."""
+        """Refuse a name that exists already, because settings and signals are found by it; ``key`` is its place in the file."""
         at = self.at(node, key or name)
         if name in RESERVED:
             raise RigError(f"{at}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
@@ -129,14 +129,14 @@ class _Reader:
     # ---- the driveline
 
     def body(self, name: Any, where: str, what: str, ground: bool = False) -> str:
-        """A body that there is."""
+        """Return the name of a body; RigError when it does not exist."""
         known = [*self.bodies, GROUND] if ground else self.bodies
         if name not in known:
             raise RigError(f"{where}: {what} names the body {brief(name)}; {meant(name, known)}")
         return name
 
     def two_bodies(self, value: object, where: str, what: str, ground: bool = False) -> tuple[str, str]:
-        """Two different bodies."""
+        """Return two different bodies."""
         if not isinstance(value, List) or len(value) != 2:
             raise RigError(f"{where}: {what} must be a list of two bodies, found {brief(value)}")
         a, b = (self.body(name, where, what, ground) for name in value)
@@ -145,7 +145,7 @@ class _Reader:
         return a, b
 
     def teeth(self, value: object, where: str, what: str) -> tuple[int, int]:
-        """Two whole numbers above 0."""
+        """Return two whole numbers above 0."""
         if not isinstance(value, List) or len(value) != 2:
             raise RigError(f"{where}: {what} must be two whole numbers, found {brief(value)}")
         for number in value:
@@ -154,14 +154,14 @@ class _Reader:
         return value[0], value[1]
 
     def source(self, node: Map, what: str) -> None:
-        """Where the numbers are from."""
+        """Check that the source of the numbers is given."""
         if not isinstance(node["source"], str) or not node["source"].strip():
             raise RigError(
                 f"{self.at(node, 'source')}: {what}.source must say where the teeth are from, found {brief(node['source'])}"
             )
 
     def meshes(self) -> tuple[Mesh, ...]:
-        """Pairs of toothed wheels."""
+        """Return the pairs of toothed wheels."""
         nodes = self.node.get("meshes", List(self.node.line))
         if not isinstance(nodes, List):
             raise RigError(f"{self.at(self.node, 'meshes')}: meshes must be a list, found {brief(nodes)}")
@@ -203,7 +203,7 @@ class _Reader:
         return tuple(out)
 
     def planetary_sets(self) -> tuple[PlanetarySet, ...]:
-        """Simple planetary sets."""
+        """Return the simple planetary sets."""
         nodes, out = self.map_of("planetary_sets"), []
         for name, node in nodes.items():
             what = f"planetary_sets.{name}"
@@ -225,7 +225,7 @@ class _Reader:
         return tuple(out)
 
     def shafts(self) -> tuple[Shaft, ...]:
-        """Compliant shafts; their values are read elsewhere."""
+        """Return the compliant shafts; their values are read elsewhere."""
         nodes, out = self.map_of("shafts"), []
         for name, node in nodes.items():
             what = f"shafts.{name}"
@@ -248,7 +248,7 @@ class _Reader:
         return tuple(out)
 
     def hysteresis(self, node: Map, what: str) -> Points:
-        """Springs beside a shaft: stiffness of each, and the torque at which it slides."""
+        """Return the springs beside a shaft: the stiffness of each [Nm/rad], and the torque at which it slides [Nm]."""
         if "hysteresis" not in node:
             return ()
         where, springs = self.at(node, "hysteresis"), node["hysteresis"]
@@ -275,7 +275,7 @@ class _Reader:
     # ---- devices
 
     def part_of(self, name: str, node: object, devices: Map) -> parts.Part:
-        """The type of a device."""
+        """Return the part of a device."""
         if not isinstance(node, Map):
             raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
         if "part" not in node:
@@ -288,7 +288,7 @@ class _Reader:
         return parts.part(node["part"])
 
     def device(self, name: str, node: Map) -> Device:
-        """One device with its wires."""
+        """Return a device with its wires."""
         kind, what, wires = self.kinds[name], f"parts.{name}", {}
         called = node.get("called", name)
         if not isinstance(called, str) or not called.strip() or not called.isprintable() or len(called) > 40:
@@ -315,7 +315,7 @@ class _Reader:
         return Device(name, node["part"], called, wires, rate)
 
     def wire(self, value: Any, to: str, where: str, what: str) -> Any:
-        """What a key names, when there is such a thing."""
+        """Return what a key names; RigError when it does not exist."""
         if to == parts.BODY:
             return self.body(value, where, what)
         if to == parts.BODIES:
@@ -323,7 +323,7 @@ class _Reader:
         if to == parts.ONE_WAY:
             return list(self.two_bodies(value, where, what, ground=True))
         if to == parts.OUTPUT:
-            from ..alfa46.law import OUTPUTS  # compiled code, which is not needed to read most rigs
+            from ..alfa46.law import OUTPUTS  # here, because it imports compiled code that most rigs do not need
 
             if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= OUTPUTS:
                 raise RigError(f"{where}: {what} is {brief(value)}, expected output 1 to {OUTPUTS} of the controller")
@@ -343,7 +343,7 @@ class _Reader:
         return value
 
     def check_pairs(self, devices: tuple[Device, ...], nodes: Map) -> None:
-        """No clutch with two valves, no output with two, an oil supply for who needs one."""
+        """Refuse a clutch or an output with two valves, and a device that needs an oil supply and has none."""
         for key, what in (("feeds", "clutch"), ("output", "output of the controller")):
             taken: dict[object, str] = {}
             for device in devices:
@@ -371,7 +371,7 @@ class _Reader:
     # ---- what is measured, and what it is called
 
     def transducers(self, devices: tuple[Device, ...]) -> tuple[Transducer, ...]:
-        """Everything that is measured, in the order of the logger's columns."""
+        """Return everything that is measured, in the order of the logger's columns."""
         nodes, out = self.map_of("transducers"), []
         hosts = [device.name for device in devices if device.role not in (parts.VALUES, parts.METER, parts.LOSS)]
         for name, node in nodes.items():
@@ -432,7 +432,7 @@ class _Reader:
         return tuple(out)
 
     def shown(self, node: Map, what: str, devices: tuple[Device, ...]) -> str:
-        """What a transducer shows, when there is such a thing."""
+        """Return what a transducer shows; RigError when it does not exist."""
         shows = str(node["shows"])
         where, (owner, dot, _) = f"{self.at(node, 'shows')}: {what}.shows", shows.partition(".")
         meters = [device.name for device in devices if device.role == parts.METER]
@@ -452,7 +452,7 @@ class _Reader:
         return shows
 
     def end(self, key: str, transducers: tuple[Transducer, ...]) -> End | None:
-        """Input or output of the transmission."""
+        """Return the input or output of the transmission."""
         if key not in self.node:
             return None
         node = self.node[key]
@@ -468,7 +468,7 @@ class _Reader:
         return End(*(node[one] for one in _END_KEYS))
 
     def gears(self) -> tuple[GearHeld, ...]:
-        """The table of gears."""
+        """Return the table of gears."""
         nodes, out = self.map_of("gears"), []
         clutches, freewheels = (
             [name for name, kind in self.kinds.items() if kind.role == role] for role in (parts.CLUTCH, parts.FREEWHEEL)
@@ -498,7 +498,7 @@ class _Reader:
         return tuple(out)
 
     def signal_names(self) -> dict[str, str]:
-        """Other names of signals; which there are is known when the catalogue is made."""
+        """Return the other names of signals; the catalogue checks later whether these signals exist."""
         nodes = self.map_of("names")
         for old, new in nodes.items():
             if not isinstance(new, str) or not new.isidentifier():
@@ -506,7 +506,7 @@ class _Reader:
         return dict(nodes)
 
     def extra_signals(self) -> tuple[str, ...]:
-        """What is told beside what every rig tells."""
+        """Return the groups of signals in addition to those of every rig."""
         nodes = self.node.get("signals", List(self.node.line))
         if not isinstance(nodes, List) or any(one != TORQUES for one in nodes):
             raise RigError(
@@ -516,7 +516,7 @@ class _Reader:
         return tuple(dict.fromkeys(nodes))
 
     def view(self) -> dict[str, tuple[tuple[str, tuple[str, ...]], ...]]:
-        """Pages of the view; whether there are such signals is known when the catalogue is made."""
+        """Return the pages of the view; the catalogue checks later whether their signals exist."""
         nodes = self.node.get("view", Map(self.node.line))
         pages: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {}
         if not isinstance(nodes, Map):
@@ -533,7 +533,7 @@ class _Reader:
         return pages
 
     def check_whole(self, structure: Structure) -> None:
-        """Gears need an input, an output and valves."""
+        """Check that a rig with gears has an input, an output and a motor."""
         ends = [key for key in ("input", "output") if key in self.node]
         if structure.gears and len(ends) < 2:
             raise RigError(
@@ -545,7 +545,7 @@ class _Reader:
 
 
 def meaning(to: str) -> str:
-    """What a wire leads to, for people."""
+    """Return a text for people on what a wire leads to."""
     return {
         parts.BODY: "a body",
         parts.BODIES: "two bodies",

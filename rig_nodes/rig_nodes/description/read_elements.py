@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Elements of the driveline that are no devices, and tables, from a rig's file; used by description.read.
+"""Elements of the driveline that are not devices, and tables, from a rig's file; description.read uses it.
 
-Clutches, brakes, torques, inertias over an angle, motions and relations have the names that plant.driveline has for them; what is a
+Clutches, brakes, torques, inertias over an angle, motions and relations have their names of plant.driveline. What is a
 function of Python there is a table here, in the file or in a CSV file beside it.
 """
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 GROUND = "ground"
 MOST_POINTS = 100_000
 _LAW = ("table", "by", "of", "period", "angle")
-# what stands in a rig's file by names -> keys of each of them beside its values
+# group in a rig's file -> keys of its entries that are not values
 GROUPS = {
     "bodies": (),
     "shafts": ("joins", "table", "hysteresis"),
@@ -53,7 +53,7 @@ _ACROSS = {"speed": "angular velocity", "angle": "angle"}
 
 
 def read_elements(reader: _Reader) -> tuple[Element, ...]:
-    """All elements of a rig's file; reader: of description.read, with the file and its bodies."""
+    """Return all elements of a rig's file, from the reader of description.read."""
     out = []
     for group, kind in ELEMENTS.items():
         for name, node in reader.map_of(group).items():
@@ -65,7 +65,25 @@ def read_elements(reader: _Reader) -> tuple[Element, ...]:
 
 
 def read_inputs(reader: _Reader, elements: tuple[Element, ...]) -> dict[str, Points]:
-    """What is put into the driveline over time, by name: a number, or a table."""
+    """Return what is applied to the driveline over time, by name: each is a number or a table.
+
+    Parameters
+    ----------
+    reader : _Reader
+        The reader of description.read.
+    elements : tuple of Element
+        The elements of the rig.
+
+    Returns
+    -------
+    dict of str to tuple of (float, float)
+        Times [s] and values [SI].
+
+    Raises
+    ------
+    RigError
+        With file and line, when an input is not right.
+    """
     nodes, out = reader.map_of("inputs"), {}
     dimensions = dict.fromkeys(reader.bodies, "torque")
     for one in elements:
@@ -89,9 +107,32 @@ def read_inputs(reader: _Reader, elements: tuple[Element, ...]) -> dict[str, Poi
 
 
 def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, along: str) -> Points:
-    """Points of a table [SI] that stands under a key as ``[[[x, y], ...], "its source"]``, or ``["file.csv", "its source"]``.
+    """Return the points of a table that stands under a key.
 
-    across, along: dimensions of config.units.
+    It is written as ``[[[x, y], ...], "its source"]``, or ``["file.csv", "its source"]``.
+
+    Parameters
+    ----------
+    reader : _Reader
+        The reader of description.read.
+    node : Map
+        The map with the key.
+    key : str
+        The key.
+    what : str
+        What the table is, for the errors.
+    across, along : str
+        Dimensions of arguments and values, of config.units.
+
+    Returns
+    -------
+    tuple of (float, float)
+        The points [SI].
+
+    Raises
+    ------
+    RigError
+        With file and line, when the table is not right.
     """
     where = reader.at(node, key)
     rows = _sourced(node[key], where, what)
@@ -130,7 +171,7 @@ def _sourced(node: object, where: str, what: str) -> Any:
 
 
 def _of_file(path: Path, where: str, across: str, along: str) -> Points:
-    """Points of a CSV file of two columns, whose heading has their units: ``speed [rpm], torque [Nm]``; # opens a comment."""
+    """Points of a CSV file with two columns and a heading with their units, ``speed [rpm], torque [Nm]``; # begins a comment."""
     try:
         with path.open(encoding="utf-8") as file:
             lines = [line for line in file.read(20_000_000).splitlines() if line.strip() and not line.startswith("#")]
@@ -158,13 +199,13 @@ def _of_file(path: Path, where: str, across: str, along: str) -> Points:
 
 
 class _Element:
-    """Reads one of them."""
+    """Reads one element."""
 
     def __init__(self, reader: _Reader, kind: str, name: str, node: Map, what: str, where: str) -> None:
         self.reader, self.kind, self.name, self.node, self.what, self.where = reader, kind, name, node, what, where
 
     def element(self) -> Element:
-        """The element, with what its kind takes; RigError with file and line otherwise."""
+        """Return the element with what its kind takes; RigError with file and line when it is not right."""
         if self.kind == "relation":
             return self.relation()
         follows, friction = None, ()
@@ -181,7 +222,7 @@ class _Element:
         return Element(self.name, self.kind, self.bodies(), (), follows, friction)
 
     def bodies(self) -> tuple[str, ...]:
-        """The body or the two that it joins."""
+        """Return the one or two bodies that it joins or acts on."""
         keys = {"clutch": ("joins",), "torque": ("body", "joins")}.get(self.kind, ("body",))
         written = [key for key in keys if key in self.node]
         if len(written) != 1:
@@ -199,7 +240,7 @@ class _Element:
         return (self.reader.body(self.node["body"], at, what),)
 
     def relation(self) -> Element:
-        """What ties the speeds of bodies together, each with its coefficient; RigError with file and line otherwise."""
+        """Return a relation between the speeds of bodies, with its coefficients; RigError with file and line otherwise."""
         check_keys(self.reader.path, self.node, GROUPS["relations"], GROUPS["relations"], self.what, self.where)
         self.reader.source(self.node, self.what)
         nodes = self.node["coefficients"]
@@ -216,13 +257,13 @@ class _Element:
         return Element(self.name, "relation", tuple(nodes), tuple(map(float, nodes.values())))
 
     def friction(self) -> Points:
-        """Factors over the slip."""
+        """Return the factors over the slip."""
         if "friction" not in self.node:
             return ()
         return read_table(self.reader, self.node, "friction", f"{self.what}.friction", "angular velocity", "ratio")
 
     def capacity(self) -> Follows | None:
-        """What the capacity follows."""
+        """Return what the capacity follows; None when it is not given."""
         if "capacity" not in self.node:
             return None
         node, what = self.node["capacity"], f"{self.what}.capacity"
@@ -230,7 +271,7 @@ class _Element:
         return self.follows(node, what, "torque")
 
     def follows(self, node: Map, what: str, along: str, by: str = "speed") -> Follows:
-        """A table with what it is over: by the speed or angle of the bodies that it acts on, or of what ``of`` names."""
+        """Return a table over the speed or angle of the bodies on which it acts, or of what ``of`` names."""
         reader = self.reader
         by, of = node.get("by", by), node.get("of", "")
         if by not in _ACROSS:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The reference page of parameters: each value of each part and section with unit, range and what it is. Used by `rig list`.
+"""The reference page of parameters: each value of each part and section with its unit, range and meaning.
 
-Made from the fields themselves, so nothing of it is typed a second time; no values of a certain rig.
+`rig list` uses it. It is made from the fields themselves, so nothing is typed twice; it has no values of a particular rig.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .sections import (
 
 
 def sections() -> dict[str, tuple[str, dict]]:
-    """Where the values of a rig stand that belong to no part: the line about them, their fields by name."""
+    """Return the sections of a rig's file that belong to no part: the line about each, and its fields by name."""
     return {
         "the rig itself": ("Beside `description` and the other keys.", _of(KernelConfig)),
         "bodies": ("Of each body that is not `massless`.", _of(BodyConfig)),
@@ -59,12 +59,12 @@ def sections() -> dict[str, tuple[str, dict]]:
 
 
 def rows_of_parts() -> list[dict[str, str]]:
-    """One for each value of each part."""
+    """Return one row for each value of each part."""
     return [{"part": name, **row} for name in parts.parts() for row in _rows(_fields(parts.part(name)))]
 
 
 def page() -> str:
-    """docs/reference/parameters.md."""
+    """Return the text of docs/reference/parameters.md."""
     out = [
         "# Parameters of parts and sections",
         "",
@@ -99,7 +99,7 @@ def _about(name: str) -> str:
 
 
 def _joints(kind: parts.Part) -> list[str]:
-    """What a part is joined to, which setpoints it takes and which signals it shows, a line each."""
+    """Lines on what a part is joined to, which setpoints it takes and which signals it shows."""
     joined = [f"`{key}` ({meaning(wire.to)}{'' if wire.needed else '; may be left out'})" for key, wire in kind.joined.items()]
     takes = [f"`{one.step}: {{{key}: ...}}`" for one in kind.takes for key in one.takes]
     lines = [
@@ -116,7 +116,7 @@ def _of(cls: type) -> dict:
 
 
 def _fields(kind: parts.Part) -> dict:
-    """The values of a part that its entry in a rig has."""
+    """The values that the entry of a part in a rig has."""
     return _of(kind.configs[0]) if kind.configs else {}
 
 

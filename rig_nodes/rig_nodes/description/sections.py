@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KernelConfig:
-    """How time is cut."""
+    """The step of the plant."""
 
     step: float = param("time", 1e-6, 1e-4, "Time by which the plant moves at once")
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The signal catalogue of a rig, made of its structure: topics of its devices, of the whole rig and of its controller.
+"""The signal catalogue of a rig, made from its structure: topics of its devices, of the whole rig and of its controller.
 
-Used through catalogue.catalogue by everybody who publishes, records, plots or exports a signal.
+All that publishes, records, plots or exports a signal uses it through catalogue.catalogue.
 """
 
 from __future__ import annotations
@@ -22,12 +22,28 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 STATE_RATE, SCALAR_RATE, SAMPLE_RATE = 200, 100, 1000  # Hz
-TORQUES = "torques"  # what a rig's signals may name
+TORQUES = "torques"  # a group that the key signals of a rig may name
 _CURRENT_LIMIT = 0.8  # A, of all outputs of the box
 
 
 def described(structure: Structure) -> dict:
-    """Entries of the catalogue's Topic and Signal by name: topics, signals, cut_topics, controller_topics."""
+    """Return the entries of the catalogue's Topic and Signal by name.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+
+    Returns
+    -------
+    dict
+        The maps topics, signals, cut_topics and controller_topics.
+
+    Raises
+    ------
+    RigError
+        When two signals have the same name.
+    """
     topics: dict[str, dict] = {}
     signals: dict[str, dict] = {}
     setpoints, logged = setpoints_of(structure), 0
@@ -82,7 +98,7 @@ def described(structure: Structure) -> dict:
             )
     _whole(structure, topic, signal)
     cut = {}
-    from ..engine.outside import cuttable  # compiled code stands above, which not every reader of a catalogue needs at once
+    from ..engine.outside import cuttable  # here, because it imports compiled code
 
     for device in structure.devices:
         if cuttable(device):
@@ -105,7 +121,7 @@ def described(structure: Structure) -> dict:
 
 
 def _words(structure: Structure, device: Device) -> dict[str, str]:
-    """What the sentences on a device's signals may name."""
+    """The words that the sentences on a device's signals may contain."""
 
     def told(body: str) -> str:
         return body.replace("_", " ")
@@ -122,7 +138,7 @@ def _words(structure: Structure, device: Device) -> dict[str, str]:
 
 
 def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..., None]) -> None:
-    """Topics and signals of the rig as a whole, of its gears, logger, controller and sequencer."""
+    """Add topics and signals of the rig as a whole, of its gears, logger, controller and sequencer."""
     if structure.gears:
         numbers = {0: "none"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)}
         several = len(numbers)
@@ -218,7 +234,21 @@ def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..
 
 @dataclass(frozen=True)
 class TorqueSignal:
-    """A torque in what joins bodies: its signal, of what it is, and on which body where that ties several together."""
+    """A torque in what joins bodies.
+
+    Parameters
+    ----------
+    name : str
+        Name of the signal.
+    of : str
+        What joins the bodies.
+    body : str
+        The body on which the torque acts, where several bodies are tied together; otherwise empty.
+    text : str
+        What the signal is.
+    sign : str
+        Meaning of its sign.
+    """
 
     name: str
     of: str
@@ -228,7 +258,7 @@ class TorqueSignal:
 
 
 def torque_signals(structure: Structure) -> list[TorqueSignal]:
-    """Of all that joins bodies or acts on them and is no device, which tells its own."""
+    """Return the torques of all that joins bodies or acts on them, without the devices, which have torque signals of their own."""
     out = []
     for kind, one in (
         *(("shaft", one) for one in structure.shafts),
@@ -265,6 +295,6 @@ def torque_signals(structure: Structure) -> list[TorqueSignal]:
 
 
 def absolute_pressures(structure: Structure) -> list[Transducer]:
-    """The transducers of the clutches' pressures, which go out as absolute pressure too, for other tools."""
+    """Return the transducers of the clutches' pressures, which are also sent as absolute pressures, for other tools."""
     lines = {f"{structure.line_of(clutch.name)}.pressure" for clutch in structure.clutches}
     return [one for one in structure.transducers if one.shows in lines]
