@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig's action servers: goals are followed by their node, ended with a result, cancelled or not with a reason.
+"""The rig's action servers: the node itself moves a goal on, ends it with a result, and grants or refuses to cancel it.
 
-Used by alfa46 (shift) and sequencer (run).
+alfa46 (shift) and sequencer (run) use them.
 """
 
 from __future__ import annotations
@@ -23,10 +23,25 @@ if TYPE_CHECKING:
 
 
 class GoalServer(ActionServer):
-    """An action whose goals the node itself moves on; ``finish`` ends one.
+    """An action whose goals the node itself moves on; :func:`finish` ends a goal.
 
-    A cancel request that the node refuses is answered with ERROR_REJECTED, as action_msgs has it and as rclcpp does;
+    A cancel request that the node refuses is answered with ERROR_REJECTED, as action_msgs defines it and as rclcpp does.
     rclpy's own server would answer ERROR_NONE with an empty list.
+
+    Parameters
+    ----------
+    node : Node
+        The node that owns the action.
+    kind : type
+        Type of the action.
+    name : str
+        Name of the action.
+    on_goal : callable
+        It is called with the handle of an accepted goal.
+    on_cancel : callable
+        It is called with the handle of a goal and returns a CancelResponse.
+    on_request : callable
+        It is called with a request, before ``on_goal``, and returns a GoalResponse.
     """
 
     def __init__(
@@ -38,7 +53,7 @@ class GoalServer(ActionServer):
         on_cancel: Callable[[ServerGoalHandle], CancelResponse],
         on_request: Callable[[Any], GoalResponse] = lambda request: GoalResponse.ACCEPT,
     ) -> None:
-        """on_request(request) -> GoalResponse, then on_goal(handle), and on_cancel(handle) -> CancelResponse."""
+        """Open the action; the class describes the parameters."""
         super().__init__(
             node,
             kind,
@@ -65,11 +80,11 @@ class GoalServer(ActionServer):
         try:
             self._handle.send_cancel_response(header, response)
         except RCLError:
-            pass  # who asked has gone
+            pass  # the client is gone
 
 
 def finish(goal: ServerGoalHandle, result: Shift.Result | RunSequence.Result) -> None:
-    """End a goal with its result: canceled when that was granted, else succeeded or aborted as the result says."""
+    """End a goal with its result: canceled if that was granted, otherwise succeeded or aborted as the result states."""
 
     def end(handle: ServerGoalHandle) -> Shift.Result | RunSequence.Result:
         if handle.is_cancel_requested:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The queue between ROS callbacks and the rig's loop: commands wait here for the next sample boundary.
+"""The queue between ROS callbacks and the rig's loop, in which commands wait for the next sample boundary.
 
-Used by the nodes of the rig container (put) and by its loop (apply).
+The nodes of the rig container put commands in, and its loop applies them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|nan|inf)\b")
 
 @dataclass
 class Refusal:
-    """One reason why commands of one topic are refused: when it was told last, how often it came since, the newest."""
+    """One reason why commands of a topic are refused: time of its last event [ns], number since then, and the newest text."""
 
     told_ns: int
     count: int = 0
@@ -39,7 +39,7 @@ def _raise(why: str) -> None:
 
 
 class Commands:
-    """Thread-safe queue of calls on the rig; what the rig refuses becomes an event and nothing else changes."""
+    """Thread-safe queue of calls on the rig; a call that the rig refuses becomes an event and changes nothing else."""
 
     def __init__(self, outputs: Outputs) -> None:
         self.refused: Counter[str] = Counter()
@@ -49,12 +49,12 @@ class Commands:
         self._came: Counter[str] = Counter()
 
     def put(self, topic: str, function: Callable[..., object], *arguments: object) -> None:
-        """Enqueue a call that came in through ``topic``."""
+        """Enqueue a call that arrived through ``topic``."""
         self._queue.append((topic, function, arguments))
         self._came[topic] += 1
 
     def have(self, counts: dict[str, int]) -> bool:
-        """True when so many commands of each topic have come in."""
+        """Say whether at least these numbers of commands have arrived, by topic."""
         return all(self._came[topic] >= count for topic, count in counts.items())
 
     def put_first(self, topic: str, function: Callable[[], object]) -> None:
@@ -62,15 +62,15 @@ class Commands:
         self._queue.appendleft((topic, function, ()))
 
     def refuse(self, topic: str, why: str) -> None:
-        """Note something that came in through ``topic`` and will not be done."""
+        """Enqueue the refusal of something that arrived through ``topic``."""
         self._queue.append((topic, _raise, (why,)))
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
-        """An event of the rig; only from calls that the loop makes."""
+        """Send an event of the rig; only calls that the loop makes may do so."""
         self._outputs.event(EVENTS, name, text, value)
 
     def apply(self) -> None:
-        """Do what waits. The same refusal is one event per second of simulated time, with how often it came."""
+        """Do what waits; the same refusal makes one event per second of simulated time, with the number of its occurrences."""
         queue = self._queue
         while queue:
             topic, function, arguments = queue.popleft()
@@ -83,7 +83,7 @@ class Commands:
             self._tell_what_came_since()
 
     def _refuse(self, topic: str, why: str) -> None:
-        # the reason is the sentence without its numbers: each valve command names another sample
+        # the key is the sentence without its numbers, because each valve command names another sample
         key, text = (topic, NUMBER.sub("#", why)), f"{topic}: {why}"
         known = self._refusals.get(key)
         if known is None:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig container's ends of the cuts: ports go out, answers come in, at the node of each cut device.
+"""The rig container's side of the cuts: the node of each cut device sends its ports and receives its answers.
 
-Used by the rig container; the other end is a device node (nodes.cut_device) or a user's own.
+The rig container uses it; the other side is a device node (nodes.cut_device) or a user's own node.
 """
 
 from __future__ import annotations
@@ -29,18 +29,32 @@ if TYPE_CHECKING:
     from .commands import Commands
     from .process import Process
 
-POLL = 0.05  # s between looks at whether a device that is waited for is still there
+POLL = 0.05  # s between checks whether the device that is awaited still exists
 
 
 class CutEnds:
-    """Ports and answers on the nodes of cut devices. In lockstep a tick waits for the answers to the last."""
+    """Ports and answers on the nodes of cut devices; in lockstep a tick waits for the answers to the last one.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    commands : Commands
+        The rig's queue.
+    nodes : iterable of Device
+        The nodes of the rig container.
+    process : Process
+        The process of the rig container.
+    step_timeout : float or None
+        Real time in which a device must answer in lockstep [s]; None for no limit.
+    """
 
     def __init__(self, rig: Rig, commands: Commands, nodes: Iterable[Device], process: Process, step_timeout: float | None) -> None:
-        """step_timeout: s of real time that a device may take for one answer in lockstep, None for ever."""
+        """Open the topics; the class describes the parameters."""
         self.devices = rig.cuts.devices
         self._rig, self._commands, self._process, self._timeout = rig, commands, process, step_timeout
         self._came = threading.Event()
-        self.tap = None  # of a run in lockstep: the recorder gets the answers from here and cannot fall behind them
+        self.tap = None  # in lockstep the recorder gets the answers from here, so that it cannot fall behind them
         self._nodes = {node.get_name(): node for node in nodes}
         for device in self.devices:
             self._open(self._nodes[device], device)
@@ -72,7 +86,7 @@ class CutEnds:
         return [topic_of(device, "answer") for device in self.devices]
 
     def missing(self) -> list[str]:
-        """Sentences on devices that nobody plays yet."""
+        """Return sentences on the devices whose ports no node answers yet."""
         out = []
         for device in self.devices:
             node, port = self._nodes[device], topic_of(device, "port")
@@ -85,7 +99,7 @@ class CutEnds:
         return out
 
     def wait(self) -> None:
-        """In lockstep, before a tick: take the answers to the last one's ports; a silent device trips."""
+        """Before a tick in lockstep, wait for the answers to the last ports; a device that does not answer trips the rig."""
         rig = self._rig
         if not self.devices or rig.sample == 0 or not rig.cuts.is_due():
             return

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig's devices as nodes: publishers from the catalogue, what their parts take as topics and as parameters.
+"""The rig's devices as nodes: publishers from the catalogue, and what their parts take as topics and as parameters.
 
-Used by the rig container; no node holds physics, and callbacks only enqueue.
+The rig container uses them; no node contains physics, and callbacks only enqueue.
 """
 
 from __future__ import annotations
@@ -32,12 +32,27 @@ if TYPE_CHECKING:
     from ..testbench.rig import Rig
     from .commands import Commands
 
-OF_THE_WHOLE = ("rig", "instruments", "alfa46", "sequencer")  # nodes that are no device
+OF_THE_WHOLE = ("rig", "instruments", "alfa46", "sequencer")  # nodes that are not devices
 
 
 def publishers_of(node: Node, known: Catalogue, in_lockstep: bool = False, more: Iterable[Topic] = ()) -> dict:
-    """Publishers of all topics that the catalogue of a rig gives to this node, and of the topics ``more``, by name; they
-    take encoded messages.
+    """Return publishers, which take encoded messages, of all topics that the catalogue gives to a node.
+
+    Parameters
+    ----------
+    node : Node
+        The node.
+    known : Catalogue
+        The catalogue of the rig.
+    in_lockstep : bool
+        True for a run in lockstep, whose topics have no deadline.
+    more : iterable of Topic
+        Further topics.
+
+    Returns
+    -------
+    dict of str to Publisher
+        Publishers by topic.
     """
     own = (topic for topic in known.topics.values() if topic.node == node.get_name())
     return {
@@ -53,10 +68,25 @@ def receive(
     profile: QoSProfile | None = None,
     refuse: Callable[[str, str], None] | None = None,
 ) -> Subscription:
-    """Subscribe a device to its topic; the callback gets the fields as a numpy record.
+    """Subscribe a device to its topic.
 
-    profile: by default that of the receiver whom the topic is meant for; refuse: gets topic and sentence for bytes that
-    are no such message.
+    Parameters
+    ----------
+    node : Node
+        The node that subscribes.
+    topic : Topic
+        The topic.
+    callback : callable
+        It gets the fields of a message as a numpy record.
+    profile : QoSProfile, optional
+        By default that of the device for which the topic is meant.
+    refuse : callable, optional
+        It gets the topic and a sentence for bytes that are no such message.
+
+    Returns
+    -------
+    Subscription
+        The subscription.
     """
     fields = Fields(topic.ros_type)
 
@@ -77,27 +107,27 @@ def receive(
 
 
 def setpoints_taken(config: RigConfig) -> list[Setpoint]:
-    """The setpoints that somebody takes on this rig: not those of what its configuration leaves out."""
+    """Return the setpoints that have an effect on this rig, without those of what its configuration leaves out."""
     return [one.setpoint for one in config.settings.steps.values() if not one.lacking]
 
 
 def device_names(config: RigConfig) -> list[str]:
-    """The nodes of a rig's devices, in the order of its topics; those that only take something come last."""
+    """Return the nodes of a rig's devices in the order of its topics; those that only receive come last."""
     publish = [topic.node for topic in config.catalogue.topics.values() if topic.node not in OF_THE_WHOLE]
     return list(dict.fromkeys([*publish, *(one.node for one in setpoints_taken(config))]))
 
 
 def pace_of(config: RigConfig) -> Topic:
-    """The topic whose messages bring simulated time to the other processes."""
+    """Return the topic whose messages bring simulated time to the other processes."""
     drive = config.structure.of_role(parts.SOURCE)[0].name
     return config.catalogue.topics["/instruments/controller" if config.structure.shifts else f"/{drive}/state"]
 
 
 class Device(Node):
-    """A node of the rig container: what the catalogue gives it goes out. ``inputs``: subscriptions by topic."""
+    """A node of the rig container that publishes what the catalogue gives it; ``inputs`` are its subscriptions by topic."""
 
     def __init__(self, name: str, rig: Rig, commands: Commands) -> None:
-        """commands: the rig's queue; ``put(topic, function, *arguments)`` is applied at the next sample boundary."""
+        """Open the publishers; ``commands`` is the rig's queue, which is applied at the next sample boundary."""
         super().__init__(name)
         self.commands, self.catalogue = commands, rig.config.catalogue
         self.outputs = publishers_of(self, self.catalogue)
@@ -105,8 +135,9 @@ class Device(Node):
 
 
 class DeviceNode(Device):
-    """A device of the laboratory, made of its part, or the instruments: what the catalogue gives it out; its settings in, as
-    parameters, and its setpoints by topic too.
+    """A device of the laboratory, made from its part, or the instruments.
+
+    It publishes what the catalogue gives it. It takes its settings as parameters, and its setpoints also by topic.
     """
 
     def __init__(self, name: str, rig: Rig, commands: Commands) -> None:
@@ -118,7 +149,7 @@ class DeviceNode(Device):
             self.settings = DeviceSettings(self, rig, commands)
 
     def _take(self, rig: Rig, setpoint: Setpoint) -> None:
-        """Subscribe to a setpoint. In the safe state what drives the rig can be switched off only."""
+        """Subscribe to a setpoint; in the safe state the device that drives the rig can only be switched off."""
         topic = self.catalogue.topics[setpoint.topic]
 
         def order(value: float, enable: bool) -> None:

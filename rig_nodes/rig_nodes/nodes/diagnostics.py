@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rig's processes say about their health on /diagnostics: one status per device, at 1 Hz and on change.
+"""The health of the rig's processes on /diagnostics: one status per device, at 1 Hz and on change.
 
-Used by rig container, alfa46, sequencer and recorder. Not in the catalogue: it depends on the wall clock, which what
-`simulate` writes must not.
+Rig container, alfa46, sequencer and recorder use it. The topic is not in the catalogue, because it depends on the wall clock and
+the output of `simulate` must not.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RECENT = 5.0  # s for which a loss is a warning
 
 
 class Health(NamedTuple):
-    """One device: level, one sentence without numbers that always change, and the numbers."""
+    """The health of one device: level, one sentence without numbers that always change, and the numbers."""
 
     device: str
     level: bytes
@@ -33,17 +33,17 @@ class Health(NamedTuple):
 
 
 class Diagnostics:
-    """Publishes what ``health()`` says; a status is named ``rig/<device>``, that of the rig as a whole ``rig``."""
+    """Publishes the result of ``health()``; the status of a device is named ``rig/<device>``, that of the whole rig ``rig``."""
 
     def __init__(self, node: Node, health: Callable[[], list[Health]], now_ns: Callable[[], int]) -> None:
-        """now_ns: simulated time, the stamp of the messages."""
+        """Open the topic; ``now_ns`` returns the simulated time [ns], the stamp of the messages."""
         self._health, self._now_ns = health, now_ns
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._told, self._said, self._listeners = float("-inf"), [], 0
         self._timer = node.create_timer(LOOK, self.look)
 
     def look(self) -> None:
-        """Publish when something has changed, it is time, or somebody has begun to listen since the last look."""
+        """Publish when something has changed, a period has passed, or a new subscriber has come since the last look."""
         statuses, now = self._health(), time.monotonic()
         says = [status[:3] for status in statuses]
         before, self._listeners = self._listeners, self._publisher.get_subscription_count()
@@ -57,7 +57,7 @@ class Diagnostics:
 
 
 def to_ros(health: Health) -> DiagnosticStatus:
-    """The message of one status; numbers with six digits."""
+    """Return the message of one status, with numbers of six digits."""
     values = [
         KeyValue(key=key, value=f"{value:.6g}" if isinstance(value, float) else str(value))
         for key, value in health.values().items()
@@ -67,13 +67,13 @@ def to_ros(health: Health) -> DiagnosticStatus:
 
 
 class Growing:
-    """Called with a count: true for a while after it has grown."""
+    """Called with a count, it returns True for a while after the count has grown."""
 
     def __init__(self) -> None:
         self._count, self._since = 0, float("-inf")
 
     def __call__(self, count: int) -> bool:
-        """True when the count has grown within the last RECENT s."""
+        """Say whether the count has grown within the last RECENT s."""
         if count != self._count:
             self._count, self._since = count, time.monotonic()
         return time.monotonic() - self._since < RECENT

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The executor of every process of the rig that has nodes; used by nodes.process, nodes.replay and nodes.live_view."""
+"""The executor of every process of the rig that has nodes; nodes.process, nodes.replay and nodes.live_view use it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RCLPY = "7.1.4"  # of Jazzy, the first one with it; package.xml says so too
 
 
 def events_executor() -> Executor:
-    """A new EventsExecutor, which costs less than rclpy's other ones; RigError where there is none yet."""
+    """Return a new EventsExecutor, which costs less than rclpy's other executors; RigError when this rclpy has none."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:

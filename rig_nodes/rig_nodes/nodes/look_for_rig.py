@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prints the nodes that send /rig/state in the ROS domain of its environment, a line each, and ends; nothing for none.
+"""Print the nodes that send /rig/state in the ROS domain of the environment, one on each line, and end.
 
-Started by graph.domain as a process of its own before a rig or a replay begins: what no socket of this host tells, as a
-rig of another container of the same network, is seen over DDS only.
+graph.domain starts it as a separate process before a rig or a replay begins. A rig that no socket of this host shows, such as one
+in another container of the same network, is visible over DDS only.
 """
 
 import sys
@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 
 STATE = "/rig/state"
 NAMELESS = "_NODE_NAME_UNKNOWN_"
-LOOK = 3.0  # s in which those who are there find each other: two announcements, of which one may be lost
+LOOK = 3.0  # s in which nodes find each other: time for two announcements, of which one may be lost
 
 
 def main() -> int:

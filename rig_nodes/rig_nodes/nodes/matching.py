@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who listens already: the gate that lets no first message go out before its receivers are there.
+"""The gate that holds back the first messages until their receivers are connected.
 
-Used by every process of the graph before it publishes.
+Every process of the graph uses it before it publishes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,22 @@ if TYPE_CHECKING:
 
 
 def silent(node: Node, publishers: dict, wanted: dict[str, set[str]]) -> list[str]:
-    """Sentences on receivers that are missing. publishers: by topic; wanted: names of receiving nodes by topic."""
+    """Return sentences on receivers that are missing.
+
+    Parameters
+    ----------
+    node : Node
+        The node that publishes.
+    publishers : dict of str to Publisher
+        Its publishers by topic.
+    wanted : dict of str to set of str
+        Names of the receiving nodes by topic.
+
+    Returns
+    -------
+    list of str
+        One sentence for each topic that lacks a receiver.
+    """
     missing = []
     for topic, publisher in publishers.items():
         names = wanted.get(topic, set())

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Python class of a message type by its name; alone in its file, so that short commands load nothing else for it."""
+"""The Python class of a message type by its name; it has a file of its own, so that short commands load nothing else for it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from importlib import import_module
 
 
 def message_class(ros_type: str) -> type:
-    """The class of e.g. ``rig_msgs/msg/Event``."""
+    """Return the class of a message type, e.g. ``rig_msgs/msg/Event``."""
     package, kind, name = ros_type.split("/")
     return getattr(import_module(f"{package}.{kind}"), name)

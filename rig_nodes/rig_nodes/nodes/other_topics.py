@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of the ROS domain beyond the catalogue, as the recorder finds them: of users' nodes, /rosout, /diagnostics.
+"""Topics of the ROS domain that are not in the catalogue: those of users' nodes, /rosout, /diagnostics.
 
-Used by the recorder. Types are those whose Python package can be imported here; any other topic is named once.
+The recorder uses it. It takes the types whose Python package can be imported here; it names any other topic once.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ LOOK = 0.2  # s between two looks for topics that have appeared
 
 
 class OtherTopics:
-    """Subscribes to topics as they appear. ``unrecorded``: topics that nobody can record here, with the reason."""
+    """Subscribes to topics as they appear; ``unrecorded`` has the topics that cannot be recorded here, with the reason."""
 
     def __init__(self, node: Node, known: set[str], choice: TopicChoice, take: Callable) -> None:
-        """known: topics that are recorded already; take(topic, type, class): gives the callback of a topic."""
+        """Leave out the ``known`` topics, which are recorded already; ``take`` (topic, type, class) makes a topic's callback."""
         self.unrecorded: dict[str, str] = {}
         self._node, self._known, self._choice, self._take = node, set(known), choice, take
         self._look_at = 0.0
         self._subscriptions = []
 
     def look(self) -> None:
-        """Take what has appeared since the last look; does nothing when that was just now."""
+        """Subscribe to what has appeared since the last look; do nothing if that was less than LOOK s ago."""
         if time.monotonic() < self._look_at:
             return
         self._look_at = time.monotonic() + LOOK
@@ -43,7 +43,7 @@ class OtherTopics:
                 continue
             offers = self._node.get_publishers_info_by_topic(name)
             if not offers:
-                continue  # only somebody who listens
+                continue  # the topic has subscribers only
             self._known.add(name)
             try:
                 if len(types) > 1:
@@ -55,7 +55,7 @@ class OtherTopics:
                 self._node.get_logger().warning(f"{name} is not recorded: {why}")
 
     def _subscribe(self, name: str, ros_type: str, offers: list) -> None:
-        """As the publishers that are there offer it: what one of them does not offer must not be asked for."""
+        """Subscribe as the existing publishers offer the topic: what one of them does not offer must not be requested."""
         qos = "measurement"
         if any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers):
             qos = "best_effort"

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all processes of the graph have in memory when they begin: made once, by the server they are forked from.
+"""What all processes of the graph have in memory when they begin; the server from which they are forked makes it once.
 
-Imported by that server only (graph.child.start_server). What is missing here costs each process its own time, when the
-rig's time may run already.
+Only that server imports it (graph.child.start_server). Whatever is missing here costs each process its own time, when the rig's
+time may run already.
 """
 
 import gc

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every process of the graph has in common: signals, the line to its supervisor, executor, its last words.
+"""What every process of the graph has in common: signals, the connection to its supervisor, executor, orderly end.
 
-Used by rig_container, alfa46, sequencer and recorder, under the supervisor of `rig run` and alone.
+rig_container, alfa46, sequencer and recorder use it, under the supervisor of `rig run` and alone.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ SEQUENCE_PARAMETERS = (
 
 
 class ThreadDied(RigError):
-    """A thread of the process ended by an exception that nobody caught."""
+    """A thread of the process that ended with an exception which was not caught."""
 
     exit_code = 1
 
@@ -83,14 +83,23 @@ class ThreadDied(RigError):
 class Process:
     """One process of the graph, from the first signal handler to the exit code.
 
-    SIGTERM ends it in order; SIGINT does too and means that the run is not done (``interrupted``).
+    SIGTERM ends it in order. SIGINT does so too, and means that the run is not done (``interrupted``).
+
+    Parameters
+    ----------
+    name : str
+        Name of the process.
+    description : str
+        Text for its help.
+    options : iterable of (str, dict)
+        Flags and keywords for argparse, in addition to the common ones.
     """
 
     def __init__(self, name: str, description: str, options: Iterable[tuple[str, dict]] = ()) -> None:
-        """options: (flag, keywords) pairs for argparse beside the common ones."""
+        """Set up signals, arguments and the connection to the supervisor; the class describes the parameters."""
         self.name, self.stopping, self.interrupted = name, False, False
         self.executor = None
-        self.failure: RigError | None = None  # what ended a thread of it
+        self.failure: RigError | None = None  # what ended one of its threads
         threading.excepthook = self._on_thread_death
         self._told = ""
         self._began = time.monotonic()
@@ -116,7 +125,7 @@ class Process:
         return parser.parse_args(own_arguments(sys.argv, self.name)[1:])
 
     def _follow_supervisor(self) -> None:
-        """Hear its orders, and end in order when it is gone, however it went; without one there are no orders."""
+        """Receive the supervisor's orders, and end in order when it is gone for any reason; without one there are no orders."""
         if self.arguments.status_fd is None:
             return
         os.set_blocking(self.arguments.status_fd, False)
@@ -131,12 +140,12 @@ class Process:
         threading.Thread(target=follow, name="orders", daemon=True).start()
 
     def descriptors(self) -> dict[str, int]:
-        """Sockets of a run in lockstep, by the name of the process at the other end; none in real time."""
+        """Return the sockets of a run in lockstep by the name of the process at the other end; none in real time."""
         pairs = (text.split(":") for text in self.arguments.links)
         return {other: int(descriptor) for other, descriptor in pairs}
 
     def links(self) -> dict[str, Link]:
-        """Those for the step handshake, which is with every process but the recorder."""
+        """Return the links for the step handshake, which connect every process except the recorder."""
         return {
             other: Link(number, other, watchful="alfa46" in (self.name, other))
             for other, number in self.descriptors().items()
@@ -144,7 +153,7 @@ class Process:
         }
 
     def tap(self, topics: Iterable[str]) -> Tap | None:
-        """The way to the recorder beside DDS, for the topics that this process publishes; None in real time."""
+        """Return the way to the recorder beside DDS, for the topics that this process publishes; None in real time."""
         number = self.descriptors().get("recorder")
         return None if number is None else Tap(number, topics)
 
@@ -153,7 +162,7 @@ class Process:
         self.stop()
 
     def _on_thread_death(self, death: threading.ExceptHookArgs) -> None:
-        """A thread that dies is the end of the process: its work would be missing from then on without a word."""
+        """End the process when a thread dies, because otherwise its work would be missing from then on without an error."""
         thread = death.thread.name if death.thread is not None else "a thread"
         self.failure = self.failure or ThreadDied(f"its thread '{thread}' died of {_named(death.exc_value)}")
         self.stop()
@@ -161,15 +170,22 @@ class Process:
             traceback.print_exception(death.exc_type, death.exc_value, death.exc_traceback)
 
     def stop(self) -> None:
-        """Ask for an orderly end; the process is killed when that takes longer than PATIENCE."""
+        """Request an orderly end; the process is killed when that takes longer than PATIENCE."""
         if not self.stopping:
             self.stopping = True
             signal.setitimer(signal.ITIMER_REAL, PATIENCE)  # SIGALRM without a handler ends the process
 
     def status(self, kind: str, **fields: object) -> None:
-        """One line to the supervisor; dropped when it does not read, for the rig never waits for anyone.
+        """Send one line to the supervisor; it is dropped when the supervisor does not read, because the rig never waits.
 
-        Without a supervisor what is new in it goes to the log, for people.
+        Without a supervisor, what is new in it goes to the log, for people.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of the line.
+        **fields : object
+            Its fields, which JSON can hold.
         """
         if self.arguments.status_fd is None:
             self._tell(kind, fields)
@@ -179,7 +195,7 @@ class Process:
             os.write(self.arguments.status_fd, line.encode())
 
     def _tell(self, kind: str, fields: dict) -> None:
-        """Log a status line when it says something else than the one before."""
+        """Log a status line when its text differs from the one before."""
         text = ""
         if kind == "running":
             text = "all nodes are connected, time starts"
@@ -194,15 +210,15 @@ class Process:
 
     @property
     def first_seq(self) -> int:
-        """Sequence number of this process' first messages: nobody takes them for those of a life before."""
+        """Sequence number of the first messages of this process; it differs from all numbers of an earlier life."""
         return (self.arguments.life - 1) << LIFE_BITS
 
     def follow_orders(self, act: Callable[[dict], None]) -> None:
-        """Call ``act`` with each order of the supervisor from now on, in a thread of its own."""
+        """Call ``act`` with each order of the supervisor from now on, in a separate thread."""
         self._act = act
 
     def start_ros(self) -> Executor:
-        """Initialise rclpy without its signal handlers; returns the executor, kept as ``executor`` too."""
+        """Initialise rclpy without its signal handlers; return the executor, which is also kept as ``executor``."""
         use_own_transports()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.executor = events_executor()
@@ -213,11 +229,21 @@ class Process:
         set_parameters(sys.argv, nodes, self.log.warning)
 
     def spin(self, seconds: float) -> None:
-        """Serve callbacks for a while; a spin without end would not notice signals."""
+        """Serve callbacks for some seconds; a spin without end would not notice signals."""
         self.executor.spin_until_future_complete(Future(), seconds)
 
     def leave(self, nodes: Iterable[Node], publishers: Iterable[Publisher] = (), **facts: object) -> None:
-        """Wait until every subscriber has what was published, note facts and cost, take the nodes down."""
+        """End: wait until every subscriber has what was published, write facts and cost, and remove the nodes.
+
+        Parameters
+        ----------
+        nodes : iterable of Node
+            The nodes of the process.
+        publishers : iterable of Publisher
+            The publishers whose messages must have arrived; the wait ends after 2 s.
+        **facts : object
+            Facts about the run, which JSON can hold.
+        """
         deadline = time.monotonic() + 2.0
         for publisher in publishers:
             left = max(0.0, deadline - time.monotonic())
@@ -230,7 +256,7 @@ class Process:
                 "max_rss_mb": used.ru_maxrss / 1024,
             }
             path = self.arguments.logs / f"{self.name}.json"
-            with suppress(RigError):  # the disk is full; what the facts would say is unknown then
+            with suppress(RigError):  # the disk is full, and the facts are then unknown
                 atomic_write(path, json.dumps({**facts, **cost}, indent=1) + "\n")
         for node in nodes:
             self.executor.remove_node(node)
@@ -239,22 +265,22 @@ class Process:
 
 
 def rig_config(arguments: argparse.Namespace) -> RigConfig:
-    """The rig that RIG_OPTIONS name, by default that of --sequence."""
+    """Return the rig that RIG_OPTIONS name, by default that of --sequence."""
     return load_rig(rig_name(arguments), parse_settings(arguments.settings))
 
 
 def gearbox_rig_config(arguments: argparse.Namespace, name: str) -> RigConfig:
-    """The same for a process of this name that only a rig with a shift controller has; RigError for another."""
+    """Return the same for a process ``name`` that needs a rig with a shift controller; RigError for another rig."""
     return load_gearbox_rig(rig_name(arguments), parse_settings(arguments.settings), name)
 
 
 def rig_name(arguments: argparse.Namespace) -> str:
-    """The rig that RIG_OPTIONS name, by default that of --sequence."""
+    """Return the name of the rig that RIG_OPTIONS name, by default that of --sequence."""
     return arguments.rig or rig_of(vars(arguments).get("sequence"))
 
 
 def chosen_sequence(arguments: argparse.Namespace) -> Sequence | None:
-    """The sequence of --sequence with the parameters of --with, None without one; RigError when refused."""
+    """Return the sequence of --sequence with the parameters of --with; None without a sequence, RigError when refused."""
     parameters = parse_parameters(arguments.parameters)
     if arguments.sequence:
         return load_sequence(arguments.sequence, parameters, arguments.rig)
@@ -264,7 +290,20 @@ def chosen_sequence(arguments: argparse.Namespace) -> Sequence | None:
 
 
 def run(main: Callable[[Callable[..., Process]], object]) -> int:
-    """Exit code of a process: RigError becomes one sentence, for the supervisor too, as does what nobody expected."""
+    """Run a process and return its exit code; a RigError or an unexpected exception becomes one sentence.
+
+    The sentence also goes to the supervisor.
+
+    Parameters
+    ----------
+    main : callable
+        It is called with the function that makes the Process.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     process = None
 
     def start(*arguments: Any, **keywords: Any) -> Process:
@@ -282,11 +321,11 @@ def run(main: Callable[[Callable[..., Process]], object]) -> int:
         text = str(error) if known else _named(error)
         if process is not None:
             process.status("failed", text=text)
-        with suppress(OSError):  # its log may stand on a disk that is full
+        with suppress(OSError):  # its log may be on a disk that is full
             print(printable(text), file=sys.stderr) if known else traceback.print_exc()
         return error.exit_code if known else 1
 
 
 def _named(error: BaseException) -> str:
-    """An exception that nobody expected, in one line."""
+    """An unexpected exception as one line."""
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

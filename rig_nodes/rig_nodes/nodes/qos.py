@@ -3,7 +3,7 @@
 
 """Quality-of-service profiles of the catalogue's classes, for the side that publishes and the side that receives.
 
-Used by every node; description.signals says which class a topic has, catalogue.QOS how a class is offered.
+Every node uses them; description.signals sets the class of a topic, and catalogue.QOS how a class is offered.
 """
 
 from __future__ import annotations
@@ -13,13 +13,23 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from ..catalogue import QOS
 
-COMMANDS = 100  # of a topic that wait for their receiver: at 1 kHz, those of the time after which the rig trips
+COMMANDS = 100  # messages that wait for their receiver: at 1 kHz, those of the time after which the rig trips
 
 
 def publisher_profile(qos: str, in_lockstep: bool = False) -> QoSProfile:
-    """Profile with which a topic of this class is offered.
+    """Return the profile with which a topic of a class is offered.
 
-    in_lockstep: without a deadline, which is one of real time, and whose timer costs more than the message.
+    Parameters
+    ----------
+    qos : str
+        Name of the class.
+    in_lockstep : bool
+        True to leave out the deadline, which counts real time and whose timer costs more than the message.
+
+    Returns
+    -------
+    QoSProfile
+        The profile.
     """
     offer = QOS[qos]
     profile = QoSProfile(
@@ -34,11 +44,11 @@ def publisher_profile(qos: str, in_lockstep: bool = False) -> QoSProfile:
 
 
 def receiver_profile(qos: str) -> QoSProfile:
-    """Profile with which the device that a topic is meant for receives it.
+    """Return the profile with which the device for which a topic is meant receives it.
 
-    No deadline is asked for: a publisher that offers none, as `ros2 topic pub`, would not be heard, and the rig watches
-    the age of its commands itself. A command is received best effort: a reliable reader would hold back all newer ones
-    until a lost one had been sent again, and that may take longer than the rig waits for its controller.
+    No deadline is requested: a publisher that offers none, such as `ros2 topic pub`, would not be received, and the rig watches the
+    age of its commands itself. A command is received best effort: a reliable reader would hold back all newer commands until a lost
+    one had been sent again, and that may take longer than the rig waits for its controller.
     """
     profile = recorder_profile(qos)
     if qos == "command":
@@ -48,14 +58,14 @@ def receiver_profile(qos: str) -> QoSProfile:
 
 
 def stream_profile(qos: str) -> QoSProfile:
-    """Profile of a controller that answers every sample it gets: in order, and never behind a lost one."""
+    """Return the profile of a controller that answers every sample it gets: in order, and without waiting for a lost one."""
     profile = recorder_profile(qos)
     profile.reliability = ReliabilityPolicy.BEST_EFFORT
     return profile
 
 
 def recorder_profile(qos: str) -> QoSProfile:
-    """Profile of the recorder, which wants every message and demands no deadline."""
+    """Return the profile of the recorder, which receives every message and requests no deadline."""
     profile = publisher_profile(qos)
     profile.deadline = Duration()
     return profile

@@ -3,8 +3,7 @@
 
 """The rig's clock in real time: an absolute schedule of samples, and how late its ticks start.
 
-Used by the rig container, by alfa46 and recorder for their priority; simulated time follows the wall clock and is
-never skipped.
+The rig container uses it, and alfa46 and recorder for their priority. Simulated time follows the wall clock and is never skipped.
 """
 
 from __future__ import annotations
@@ -29,15 +28,25 @@ RECORDING, MESSAGES, CLOCK = 9, 10, 11
 # Catching up runs at most this much faster than real time, so that the shift controller can still answer.
 CATCH_UP = 4
 # A rig that is further behind real time than this has lost time: the newest valve command may be that old before the
-# rig trips, so nobody who takes part in real time could have answered meanwhile. Healthy runs on two cores that a dozen other
+# rig trips, so no controller in real time could have answered meanwhile. Healthy runs on two cores that a dozen other
 # programs wanted too were up to 82 ms behind.
 BEHIND_NS = 100_000_000
 
 
 def prefer(priority: int, thread: int = 0) -> bool:
-    """Make a thread, this one unless told otherwise, run before others as far as that is allowed.
+    """Make a thread run before others, as far as that is allowed.
 
-    True when it got real-time priority, which takes root or an rtprio limit.
+    Parameters
+    ----------
+    priority : int
+        Real-time priority.
+    thread : int
+        Id of the thread; 0 for this thread.
+
+    Returns
+    -------
+    bool
+        True when it got real-time priority, which takes root or an rtprio limit.
     """
     try:
         os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
@@ -47,19 +56,19 @@ def prefer(priority: int, thread: int = 0) -> bool:
 
 
 def prefer_process(priority: int) -> None:
-    """Like :func:`prefer` for all threads of this process, those of DDS too; for when its nodes are set up.
+    """Call :func:`prefer` for all threads of this process, including those of DDS, once its nodes are set up.
 
-    Earlier, the work of starting would hold up another rig on this machine.
+    If it were called earlier, the work of starting would delay another rig on this machine.
     """
     for thread in os.listdir("/proc/self/task"):
         prefer(priority, int(thread))
 
 
 def take_core(number: int) -> None:
-    """Keep this thread to one of the processor's cores: container 0, controller 1, others where rigs share a machine.
+    """Bind this thread to one core of the processor: container 0, controller 1, and others where rigs share a machine.
 
-    In lockstep the two wake each other for every sample, and the scheduler would put both on one core, where each
-    answer waits until its sender is displaced. No effect with fewer than two cores.
+    In lockstep the two wake each other for every sample, and the scheduler would put both on one core, where each answer
+    waits until its sender is displaced. It has no effect with fewer than two cores.
     """
     cores = sorted(os.sched_getaffinity(0))
     if len(cores) > 1:
@@ -68,14 +77,24 @@ def take_core(number: int) -> None:
 
 
 def stand_back() -> None:
-    """Let others go first: this thread does not displace the one that has just given it something to do."""
+    """Lower the priority, so that this thread does not displace the one that has just given it something to do."""
     os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
 
 
 class RealTime:
     """Calls ``step()`` once per period at the times of an absolute schedule.
 
-    ``lateness_ns``: start of each tick (every ``per_tick`` steps) after its time in the schedule.
+    Parameters
+    ----------
+    period_ns : int
+        Time between two steps [ns].
+    per_tick : int
+        Number of steps in a tick.
+
+    Attributes
+    ----------
+    lateness_ns : array of int
+        Start of each tick after its time in the schedule [ns].
     """
 
     def __init__(self, period_ns: int, per_tick: int) -> None:
@@ -86,9 +105,9 @@ class RealTime:
         self.real_time_priority = False
 
     def run(self, step: Callable[[], None], stop: Callable[[], bool]) -> None:
-        """Step until ``stop()`` is true at the start of a tick: ticks are never cut."""
+        """Step until ``stop()`` is true at the start of a tick, so that no tick is cut."""
         gc.collect()
-        gc.freeze()  # what start-up made is never scanned again: collections stay far below a sample
+        gc.freeze()  # objects made at the start are never scanned again, so that collections stay far below a sample
         self.real_time_priority = prefer(CLOCK)
         ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1000, 0, 0, 0)  # ns; 50 us otherwise
         sys.setswitchinterval(0.0002)
@@ -117,7 +136,7 @@ class RealTime:
             due += period
 
     def summary(self) -> dict:
-        """Ticks, overruns, lateness [ms] and lost time as the report wants them."""
+        """Return ticks, overruns, lateness [ms] and lost time in the form of the report."""
         late = np.frombuffer(self.lateness_ns, np.int64) * 1e-6 if self.lateness_ns else np.zeros(1)
         p50, p99 = np.percentile(late, (50, 99))
         return {

@@ -3,7 +3,7 @@
 
 """The health of the devices of the rig container, for /diagnostics.
 
-Used by the rig container; reads the rig while its loop goes on, which for single numbers needs no lock.
+The rig container uses it. It reads the rig while the rig's loop goes on, which needs no lock for single numbers.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from .lockstep import Lockstep
     from .realtime import RealTime
 
-OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning
+OLD = 0.5 * COMMAND_TIMEOUT  # s; an older valve command is a warning
 TOO_LOW = 0.9  # share of the relief setting below which the oil supply is a warning
-NEWEST = 200  # ticks of which the lateness is told, one second
+NEWEST = 200  # ticks whose lateness is reported, which are one second
 MODES = ("open", "slipping", "locked")
 LOCKED = MODES.index("locked")
 
 
 class RigHealth:
-    """Called: the health of the rig, of each of its devices by what it is for, and of its instruments."""
+    """Called, it returns the health of the rig, of each of its devices by its role, and of its instruments."""
 
     def __init__(self, rig: Rig, clock: RealTime | Lockstep, commands: Commands) -> None:
-        """clock: RealTime or Lockstep; commands: the rig's queue."""
+        """Choose the devices; ``clock`` is the RealTime or Lockstep of the run, and ``commands`` the rig's queue."""
         self.rig, self.clock, self.commands = rig, clock, commands
         self._overruns = Growing()
         structure, of_role = (
@@ -61,17 +61,17 @@ class RigHealth:
             self._each.append(self.gearbox)
 
     def __call__(self) -> list[Health]:
-        """The health of all of them as it is now."""
+        """Return the present health of all of them."""
         return [self.whole(), *(health() for health in self._each), self.instruments()]
 
     def state(self, device: Device) -> dict:
-        """What its state's message says, SI; nothing before the first one."""
+        """Return the fields of the device's state message [SI]; nothing before the first message."""
         if device.name not in self._fields or not self.rig.energies:
             return {}
         return dict(zip(self._fields[device.name], parts.part(device.part).says(self.rig, device.name), strict=True))
 
     def whole(self) -> Health:
-        """State with its reason, and whether time is kept."""
+        """Return the health of the rig: its state with the reason, and whether it keeps time."""
         status, late = self.rig.status, self._overruns(self.clock.overruns)
         if status == RigStatus.TRIPPED:
             return Health("rig", ERROR, f"tripped: {self.rig.reason}; /rig/reset leaves the safe state", self._clock)
@@ -101,27 +101,27 @@ class RigHealth:
         return values
 
     def instruments(self) -> Health:
-        """Whether the transducers have their noise."""
+        """Return the health of the instruments: whether the transducers have their noise."""
         gauges = self.rig.gauges
         says = "measures" if gauges.on else "measures without noise" if gauges.present else "shows true values"
         return Health("instruments", OK, says)
 
     def is_on(self, device: Device) -> bool:
-        """Whether it is switched on."""
+        """Say whether a device is switched on."""
         return bool(self.rig.device(device.name)[parts.part(device.part).takes[0].enabled] > 0.0)
 
     def source(self, device: Device) -> Health:
-        """On, off or held without torque."""
+        """Return the health of what drives the rig: on, off, or held without torque."""
         if self.rig.status == RigStatus.TRIPPED:
             return Health(device.name, WARN, "without torque: the rig is in its safe state", partial(self.state, device))
         return self.switched(device)
 
     def switched(self, device: Device) -> Health:
-        """On or off."""
+        """Return the health of a device that is on or off."""
         return Health(device.name, OK, "on" if self.is_on(device) else "off", partial(self.state, device))
 
     def gearbox(self) -> Health:
-        """Which gear is engaged."""
+        """Return the health of the gearbox: which gear is engaged."""
         rig, structure = self.rig, self.rig.config.structure
         locked = [name for name in rig.clutch_names if rig.clutch_mode(name) == LOCKED]
         number = rig.locked_gear()
@@ -140,11 +140,11 @@ class RigHealth:
         )
 
     def clutch(self, device: Device) -> Health:
-        """Open, slipping or locked."""
+        """Return the health of a clutch: open, slipping or locked."""
         return Health(device.name, OK, MODES[self.rig.clutch_mode(device.name)], partial(self.state, device))
 
     def valve(self, device: Device) -> Health:
-        """Whether somebody drives it."""
+        """Return the health of a valve: whether a controller drives it."""
         rig = self.rig
         age = rig.command_age
         tell = partial(Health, device.name, values=lambda: {"command_age_ms": age * 1e3, **self.state(device)})
@@ -163,7 +163,7 @@ class RigHealth:
         return tell(OK, "follows the shift controller")
 
     def oil(self, device: Device) -> Health:
-        """Whether it has the pressure it is set to."""
+        """Return the health of an oil supply: whether it has the pressure that is set."""
         oil = self.rig.device(device.name)
         tell = partial(Health, device.name, values=partial(self.state, device))
         if oil["enabled"] <= 0.0:
@@ -173,6 +173,6 @@ class RigHealth:
         return tell(OK, "on, at its pressure")
 
     def press(self, device: Device) -> Health:
-        """Whether it clamps."""
+        """Return the health of a press: whether it clamps."""
         text = "presses" if self.rig.device(device.name)["force"] > 0.0 else "is back"
         return Health(device.name, OK, text, partial(self.state, device))

@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node of the rig as a whole: state and events out; valve commands, emergency stop and reset in."""
+"""The node of the rig as a whole; the rig container runs it.
+
+It publishes state and events; it takes valve commands, emergency stop and reset.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +29,13 @@ VALVE_COMMAND = "/controller/command"
 
 
 class RigNode(Device):
-    """Publishes /rig/*, takes /controller/command where there are valves, serves /rig/e_stop and /rig/reset."""
+    """Publishes /rig/*, takes /controller/command where there are valves, and serves /rig/e_stop and /rig/reset."""
 
     def __init__(self, rig: Rig, commands: Commands, valve_commands: bool) -> None:
-        """valve_commands: they come by the topic. In lockstep they come through the controller's link and are only to
-        be seen there, and a rig without a shift controller has none.
+        """Open topics and services; ``valve_commands`` is True when valve commands arrive on their topic.
+
+        In lockstep they arrive through the controller's link, and the topic only shows them. A rig without a shift controller
+        has none.
         """
         super().__init__("rig", rig, commands)
         self.rig = rig
@@ -43,7 +48,7 @@ class RigNode(Device):
         self.create_service(Trigger, "~/reset", self.on_reset)
 
     def on_valve_command(self, message: np.void) -> None:
-        """Enqueue the answer to one controller sample; note those before it that did not arrive."""
+        """Enqueue the answer to one controller sample, and record the commands before it that did not arrive."""
         seq, before = int(message["seq"]), self._seq
         self._seq = seq
         if before is not None and 1 < seq - before <= COMMANDS and self.count_publishers(VALVE_COMMAND) == 1:
@@ -61,7 +66,7 @@ class RigNode(Device):
         )
 
     def take(self, *command: Any) -> None:
-        """Give the rig one valve command; RigError when it is refused, or taken without acting."""
+        """Give the rig one valve command; RigError when it is refused, or is taken without acting."""
         try:
             self.rig.set_command(*command)
             if self.rig.idle_command:
@@ -73,15 +78,15 @@ class RigNode(Device):
             raise RigError(f"{error}; {senders} nodes send it, and the first answer to a sample counts") from None
 
     def on_e_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Emergency stop: before all other commands, until reset."""
+        """Do the emergency stop before all other commands; it holds until the reset."""
         return self.at_once(self.rig.e_stop, "/rig/e_stop", "emergency stop", response)
 
     def on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Leave the safe state; refused when the rig is in none."""
+        """Leave the safe state; refused when the rig is not in it."""
         return self.at_once(self.rig.reset, "/rig/reset", "safe state left", response)
 
     def at_once(self, function: Callable[[], None], source: str, text: str, response: Trigger.Response) -> Trigger.Response:
-        """Answer when the rig has done or refused it, which is within a sample unless its loop stands still."""
+        """Answer when the rig has done or refused the call, which takes at most a sample unless its loop is not running."""
         done, refusal = threading.Event(), []
 
         def act() -> None:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What follows --ros-args on the command line of a process: names that the rig cannot have are refused, parameters set.
+"""The part of a process's command line after --ros-args: names that the rig cannot have are refused, parameters are set.
 
-Used by nodes.process and by `ros2 run rig_nodes replay`. rclpy reads the rest (topics, log level) itself.
+nodes.process and `ros2 run rig_nodes replay` use it. rclpy reads the rest (topics, log level) itself.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ REMAP, PARAMETER, FILE = ("-r", "--remap"), ("-p", "--param"), ("--params-file",
 
 
 class Override(NamedTuple):
-    """A parameter on the command line or in a file: where it stands, for whom (with * for several), its name."""
+    """A parameter on the command line or in a file: its place, its node (with * for several), and its name."""
 
     where: str
     node: str  # with its namespace, as /motor
@@ -34,10 +34,10 @@ class Override(NamedTuple):
 
 
 def own_arguments(words: list[str], name: str) -> list[str]:
-    """A command line without what is for ROS; RigError when ROS cannot read that or it renames the node ``name``."""
+    """Return a command line without the arguments for ROS; RigError if ROS cannot read these or they rename the node ``name``."""
     try:
         own = remove_ros_args(words)
-    except RuntimeError as error:  # behind the last comma stands a place in the source of rcl
+    except RuntimeError as error:  # the text behind the last comma is a place in the source of rcl
         raise RigError(f"--ros-args: {str(error).partition(', at /')[0]}") from None
     for flag, rule in _pairs(words):
         if flag in REMAP:
@@ -55,7 +55,7 @@ def _check_remap(rule: str, name: str) -> None:
 
 
 def _pairs(words: list[str]) -> Iterator[tuple[str, str]]:
-    """(flag, what follows it) behind --ros-args, up to a -- each time."""
+    """Each flag behind --ros-args with what follows it, up to the next --."""
     inside = False
     for word, following in zip(words, [*words[1:], ""]):
         inside = word == "--ros-args" or (inside and word != "--")
@@ -64,7 +64,7 @@ def _pairs(words: list[str]) -> Iterator[tuple[str, str]]:
 
 
 def overrides(words: list[str]) -> list[Override]:
-    """All parameters that a command line names, in its order."""
+    """Return all parameters that a command line names, in its order."""
     found = []
     for flag, text in _pairs(words):
         if flag in PARAMETER:
@@ -80,7 +80,7 @@ def _absolute(node: str) -> str:
 
 
 def _entries(path: str, tree: dict | None) -> Iterator[tuple[str, str]]:
-    """(node, parameter) of what a parameter file says below a path of names."""
+    """Each node and parameter that a parameter file names below a path of names."""
     for key, below in (tree or {}).items():
         if key == "ros__parameters":
             yield from ((_absolute(path), name) for name in _names("", below))
@@ -97,10 +97,21 @@ def _names(prefix: str, tree: dict | None) -> Iterator[str]:
 
 
 def set_parameters(words: list[str], nodes: Collection[Node], tell: Callable[[str], None]) -> None:
-    """Set what a command line says of the parameters of these nodes, as if it had been set at run time.
+    """Set the parameters of some nodes from a command line, as if they had been set at run time.
 
-    What is for no node here is told, as it may be for another process; RigError for what a node here refuses or has
-    not.
+    Parameters
+    ----------
+    words : list of str
+        The command line.
+    nodes : collection of Node
+        The nodes of this process.
+    tell : callable
+        It gets a sentence on a parameter that is for no node here, as it may be for another process.
+
+    Raises
+    ------
+    RigError
+        When a node here lacks a parameter or refuses its value.
     """
     here = {_absolute(node.get_name()): node for node in nodes}
     for where, name, parameter in overrides(words):
@@ -121,5 +132,5 @@ def set_parameters(words: list[str], nodes: Collection[Node], tell: Callable[[st
 
 
 def has(node: Node, parameter: str) -> bool:
-    """True when a node has this parameter, or may get it when its controller has come."""
+    """Say whether a node has this parameter, or may get it when its controller has come."""
     return node.has_parameter(parameter) or (hasattr(node, "settings") and node.settings.may_come(parameter))

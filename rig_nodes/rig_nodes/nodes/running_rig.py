@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig that runs in another process, as the commands gear, set, stop, reset and status see it: over DDS.
+"""A rig that runs in another process, over DDS, for the commands gear, set, stop, reset and status.
 
-Used by cli.by_hand, which sets up the environment before ROS is loaded.
+cli.by_hand uses it and sets up the environment before ROS is loaded.
 """
 
 from __future__ import annotations
@@ -37,35 +37,35 @@ from .executor import events_executor
 from .message_class import message_class
 from .qos import recorder_profile
 
-PATIENCE, AGAIN = 5.0, 1.0  # s for an answer, and until what has none is asked again
+PATIENCE, AGAIN = 5.0, 1.0  # s for an answer, and until a request without an answer is repeated
 LONGEST_SHIFT = 30.0  # s
-STATUS = 2.0  # s for all that a status tells; what has not come by then, as a recorder that there is not, is left out
+STATUS = 2.0  # s for a whole status; what is missing by then, e.g. because there is no recorder, is left out
 ROS_OWN = ("use_sim_time", "start_type_description_service")  # parameters of every node
 STATES = {value: name for name, value in vars(RigState).items() if name.isupper() and isinstance(value, int)}
 RUN_INFO, STATE, COMMAND, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/controller/command", "/diagnostics"
 
 
 class RefusedByRig(RigError):
-    """What the rig refused to do, with its reason."""
+    """Something that the rig refused to do; the message has its reason."""
 
     exit_code = 1
 
 
 class Turned(NamedTuple):
-    """A setting as it is now."""
+    """A setting with its present value."""
 
     setting: Setting
     value: bool | float | list[float]
 
     def parsed(self, text: str) -> bool | float | list[float]:
-        """The SI value that a person means; RigError when it is no such value or out of range."""
+        """Return the SI value of what a person wrote; RigError when it is no such value or out of range."""
         setting = self.setting
         if setting.numbers == 1:
             return setting.value_of(text, setting.name)
         return [setting.value_of(part.strip(), setting.name) for part in text.split(",")]
 
     def __str__(self) -> str:
-        """The value as people read it."""
+        """Return the value as people read it."""
         if isinstance(self.value, bool):
             return "on" if self.value else "off"
         if isinstance(self.value, float):
@@ -73,25 +73,25 @@ class Turned(NamedTuple):
         return ", ".join(shown(number, self.setting.unit) for number in self.value)
 
     def range(self) -> str:
-        """The range as people read it, empty without one."""
+        """Return the range as people read it; empty when there is none."""
         one = self.setting
         return f"{shown(one.low, one.unit)} to {shown(one.high, one.unit)}" if one.is_number and math.isfinite(one.low) else ""
 
 
 def shown(value: float, unit: str) -> str:
-    """A value in the unit in which people read its like."""
+    """Return a value [SI] as text in the unit in which people read its quantity."""
     like = next((one for one in QUANTITIES.values() if one.unit.replace("N.m", "Nm") == unit), None)
     number, unit = (value, unit) if like is None else (value * like.scale, like.display)
     return f"{number:.5g} {unit}".rstrip()
 
 
 class RunningRig:
-    """The rig in a ROS domain; a context manager. RigError when it does not answer in time."""
+    """The rig in a ROS domain, as a context manager; RigError when it does not answer in time."""
 
     def __init__(self, number: int) -> None:
         self.number = number
         rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
-        # what nobody asks of a node that lives for a second; the description of types alone costs 0.1 s
+        # not needed of a node that lives for a second; the description of types alone costs 0.1 s
         silent = [Parameter("start_type_description_service", value=False)]
         self.node = rclpy.create_node(
             f"rig_command_{os.getpid()}", enable_rosout=False, start_parameter_services=False, parameter_overrides=silent
@@ -110,7 +110,27 @@ class RunningRig:
         rclpy.shutdown()
 
     def until(self, predicate: Callable, what: str, seconds: float = PATIENCE) -> Any:
-        """The predicate's value as soon as it is true; RigError when that takes longer."""
+        """Return the predicate's value as soon as it is true.
+
+        Parameters
+        ----------
+        predicate : callable
+            It is called again and again.
+        what : str
+            What is awaited, for the error.
+        seconds : float
+            Longest time [s].
+
+        Returns
+        -------
+        object
+            The value.
+
+        Raises
+        ------
+        RigError
+            When it takes longer.
+        """
         deadline = time.monotonic() + seconds
         while not (value := predicate()):
             if time.monotonic() > deadline:
@@ -124,18 +144,18 @@ class RunningRig:
 
     @cached_property
     def configuration(self) -> dict:
-        """The record of its configuration."""
+        """The record of the rig's configuration."""
         info = self.until(lambda: self._info, RUN_INFO)[0]
         return json.loads(info.json)["configuration"]
 
     @cached_property
     def catalogue(self) -> Catalogue:
-        """Its topics and signals."""
+        """The rig's topics and signals."""
         return catalogue(self.configuration)
 
     @cached_property
     def transmission(self) -> Transmission:
-        """Its gears; RigError where there are none."""
+        """The rig's gears; RigError when it has none."""
         if COMMAND not in self.catalogue.topics:
             raise RigError(f"the rig '{self.configuration['name']}' in ROS domain {self.number} has no gears")
         return transmission_of(self.configuration)
@@ -143,14 +163,14 @@ class RunningRig:
     # ---- orders
 
     def _ask(self, asked: dict[str, tuple]) -> dict:
-        """Responses of services by name. asked: type and request, by name."""
+        """The responses of services by name; ``asked`` has their types and requests by name."""
         clients = {name: self.node.create_client(kind, name) for name, (kind, _) in asked.items()}
         for name, client in clients.items():
             self.until(client.service_is_ready, name)
         sent = {name: [] for name in clients}
 
         def answered() -> dict[str, list[Future]] | None:
-            # again after a while: a server that does not know yet where its answers go sends none
+            # repeated after a while, because a server that does not know the client yet sends no answer
             now = time.monotonic()
             for name, calls in sent.items():
                 if not calls or (now - calls[-1][1] > AGAIN and not any(future.done() for future, _ in calls)):
@@ -162,14 +182,14 @@ class RunningRig:
         return {name: futures[0].result() for name, futures in done.items()}
 
     def trigger(self, name: str) -> str:
-        """What a service of type Trigger says that it has done; RefusedByRig when it has not."""
+        """Call a service of type Trigger and return its message on what it has done; RefusedByRig when it has refused."""
         answer = self._ask({name: (Trigger, Trigger.Request())})[name]
         if not answer.success:
             raise RefusedByRig(answer.message)
         return answer.message
 
     def shift(self, gear: int) -> str:
-        """Order a gear and wait for the end of the shift; what is said of it, RefusedByRig when it failed."""
+        """Order a gear by its number, wait for the end of the shift and return its message; RefusedByRig when it failed."""
         client = ActionClient(self.node, Shift, "/alfa46/shift")
         self.until(client.server_is_ready, "shift controller")
         asked = client.send_goal_async(Shift.Goal(gear=gear))
@@ -186,11 +206,11 @@ class RunningRig:
 
     @cached_property
     def known(self) -> Settings:
-        """What this rig takes, but what a controller of its user names as its own."""
+        """The settings of this rig, without those that a user's controller has itself."""
         return settings_of(structure_of(self.configuration["structure"]), self.configuration)
 
     def settings(self, nodes: list[str] | None = None) -> dict[str, Turned]:
-        """Everything that can be set at some nodes (default: all), by ``node.name``."""
+        """Return all settings that can be changed at some nodes (default: all), by ``node.name``."""
         if nodes is None:
             nodes = sorted(self._nodes())
         lists = self._ask({f"/{node}/list_parameters": (ListParameters, ListParameters.Request()) for node in nodes})
@@ -210,7 +230,7 @@ class RunningRig:
         return {one.owner for one in self.known.values() if one.live and not one.lacking}
 
     def setting(self, name: str) -> Turned:
-        """One setting by its full name; RigError names those most like it when there is none."""
+        """Return a setting by its full name; RigError, with the names most like it, when there is none."""
         node = name.partition(".")[0]
         found = self.settings([node]) if node in self._nodes() else {}
         if name not in found:
@@ -219,7 +239,7 @@ class RunningRig:
         return found[name]
 
     def set(self, name: str, text: str) -> Turned:
-        """Set a value as a person writes it; returns the setting as it is then. RefusedByRig with the reason."""
+        """Set a value as a person writes it, and return the setting with the new value; RefusedByRig with the reason."""
         turned = self.setting(name)
         value = turned.parsed(text)
         node, _, parameter = name.partition(".")
@@ -233,7 +253,7 @@ class RunningRig:
     # ---- status
 
     def status(self) -> dict:
-        """What the rig does now, for people and programs: state, signals (SI), controller, devices, recording."""
+        """Return what the rig does now, for people and programs: state, signals [SI], controller, devices, recording."""
         heard, health = {}, {}
         self.node.create_subscription(
             DiagnosticArray,
@@ -252,7 +272,7 @@ class RunningRig:
         try:
             self.until(lambda: topics <= heard.keys() and processes <= health.keys(), "whole status", STATUS)
         except RigError:
-            pass  # what has come is told
+            pass  # what has arrived is reported
         state = heard[STATE]
         recorder = health.get("recorder")
         counts = {} if recorder is None else {value.key: value.value for value in recorder.values}

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS parameters of the rig's nodes: declared with text, unit and range, checked, refused with the reason.
+"""ROS parameters of the rig's nodes: declared with text, unit and range, checked, and refused with the reason.
 
-Used by the devices that have something to set and, through Settings, by alfa46_settings. A check answers the caller;
-what is accepted is enqueued and taken by the loop that owns the values.
+The devices that have settings use it and, through Settings, alfa46_settings. A check answers the caller; an accepted value is
+enqueued, and the loop that owns the values takes it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,17 @@ FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way 
 
 @dataclass(frozen=True)
 class Declared:
-    """A setting of the rig as a parameter of its node. value: at the start; its type stays; rule: on an array."""
+    """A setting of the rig as a parameter of its node.
+
+    Parameters
+    ----------
+    setting : Setting
+        The setting.
+    value : bool, float or list of float
+        Value at the start [SI]; its type stays.
+    rule : str
+        Rule for the values of an array.
+    """
 
     setting: Setting
     value: bool | float | list[float]
@@ -37,11 +47,11 @@ class Declared:
 
     @property
     def name(self) -> str:
-        """Of the parameter."""
+        """Name of the parameter."""
         return self.setting.key
 
     def descriptor(self) -> ParameterDescriptor:
-        """What `ros2 param describe` shows."""
+        """Return what `ros2 param describe` shows."""
         setting = self.setting
         descriptor = ParameterDescriptor(
             name=self.name,
@@ -49,12 +59,12 @@ class Declared:
             additional_constraints=self.rule,
         )
         if isinstance(self.value, float):
-            low, high = float(setting.low), float(setting.high)  # an int would go out as another number
+            low, high = float(setting.low), float(setting.high)  # an int would be sent as a different number
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
         return descriptor
 
     def refusal(self, parameter: Parameter) -> str | None:
-        """Why a value cannot be taken, or None. rclpy lets pass what is a rounding beyond the range."""
+        """Return why a value cannot be taken, or None; rclpy itself accepts a value beyond the range by a rounding error."""
         kind = Parameter.Type.from_parameter_value(self.value)
         if parameter.type_ != kind:
             return f"{self.name} must be a {kind.name}, found a {parameter.type_.name}"
@@ -67,28 +77,28 @@ class Declared:
 
 
 class Settings(ABC):
-    """Parameters of a node. Subclasses give :meth:`refusal` and :meth:`take`."""
+    """Parameters of a node; subclasses define :meth:`refusal` and :meth:`take`."""
 
     def __init__(self, node: Node, settings: list[Declared]) -> None:
         self.node = node
         self.settings = {one.name: one for one in settings}
         self._following = False
         for one in settings:
-            # an override would get past the check here: take_overrides sets it
+            # an override would not be checked here, so take_overrides sets it
             node.declare_parameter(one.name, one.value, one.descriptor(), ignore_override=True)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._accepted)
 
     @abstractmethod
     def refusal(self, changes: dict) -> str | None:
-        """Why values, each right for itself, cannot be taken now or together; None when they can."""
+        """Return why values that are right one by one cannot be taken now or together; None when they can."""
 
     @abstractmethod
     def take(self, changes: dict) -> None:
         """Enqueue values that were accepted."""
 
     def declare(self, one: Declared) -> None:
-        """One more parameter, while the node is at work."""
+        """Declare one more parameter while the node is running."""
         self.settings[one.name] = one
         self._following = True
         try:
@@ -98,8 +108,17 @@ class Settings(ABC):
         self.take_overrides([one.name])
 
     def take_overrides(self, names: list[str] | None = None) -> None:
-        """Set what command line and launch file say of these parameters (default: of all), together; RigError when it
-        is refused.
+        """Set the values of parameters from the command line and the launch file, all at once.
+
+        Parameters
+        ----------
+        names : list of str, optional
+            The parameters; by default all.
+
+        Raises
+        ------
+        RigError
+            When the values are refused.
         """
         given = [
             parameter
@@ -112,11 +131,11 @@ class Settings(ABC):
                 raise RigError(f"parameters of /{self.node.get_name()} from the command line or a launch file: {result.reason}")
 
     def may_come(self, name: str) -> bool:
-        """True for a parameter that is not there yet and may be declared later."""
+        """Say whether a parameter that does not exist yet may be declared later."""
         return False
 
     def follow(self, values: dict) -> None:
-        """Bring parameters to what the rig has already."""
+        """Set parameters to the values that the rig has already."""
         self._following = True
         try:
             self.node.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
@@ -137,25 +156,25 @@ class Settings(ABC):
 
 
 def changes_in(parameters: list[Parameter]) -> dict:
-    """Values by name; arrays as lists."""
+    """Return values by name, with arrays as lists."""
     return {p.name: p.value if isinstance(p.value, (bool, float)) else list(p.value) for p in parameters}
 
 
 class DeviceSettings(Settings):
-    """What the rig takes at a node of its container, applied at the next sample boundary in the order in which it came.
+    """What the rig takes at a node of its container; it is applied at the next sample boundary, in the order of arrival.
 
-    The parameters follow the rig: setpoint topics, trips and resets change the same values, and the last one wins.
+    The parameters follow the rig: setpoint topics, trips and resets change the same values, and the last change counts.
     """
 
     def __init__(self, node: Node, rig: Rig, commands: Commands) -> None:
-        """commands: the rig's queue; its loop writes the values and says so with an event."""
+        """Declare the parameters; the loop of the rig's queue ``commands`` writes the values and sends an event of each."""
         self.rig = rig
         super().__init__(node, [Declared(one, rig.value(one.name)) for one in rig.settings.at(node.get_name())])
         self._commands, self._sent, self._done = commands, 0, 0
         self._timer = node.create_timer(FOLLOW, self.on_follow)
 
     def refusal(self, changes: dict) -> str | None:
-        """In the safe state what drives the rig can be switched off only."""
+        """In the safe state, refuse to switch on what drives the rig."""
         for name, value in changes.items():
             setting = self.settings[name].setting
             if value is True and setting.setpoint and self.rig.refuses_drive(setting.setpoint):
@@ -163,7 +182,7 @@ class DeviceSettings(Settings):
         return None
 
     def take(self, changes: dict) -> None:
-        """Into the rig's queue."""
+        """Put the values into the rig's queue."""
         for name, value in changes.items():
             self._sent += 1
             self._commands.put(f"/{self.node.get_name()}/set_parameters", self._write, self.settings[name], value)
@@ -176,7 +195,7 @@ class DeviceSettings(Settings):
         self._commands.event(CHANGED, one.setting.sentence(value), float(value))
 
     def on_follow(self) -> None:
-        """Bring the parameters to the rig's values, unless some of ours are still on their way to it."""
+        """Set the parameters to the rig's values, unless changes of this node are still on their way to the rig."""
         if self._done == self._sent:
             now = {name: self.rig.value(one.setting.name) for name, one in self.settings.items()}
             stale = {name: value for name, value in now.items() if self.node.get_parameter(name).value != value}

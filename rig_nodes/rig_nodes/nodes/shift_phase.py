@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The phase of a shift as far as the controller's wires tell: speeds of both shafts, pressures of the clutches.
+"""The phase of a shift as far as the controller's inputs show it: speeds of both shafts, pressures of the clutches.
 
-Used by the alfa46 node for the feedback of its shift action; the law itself does not need it.
+The alfa46 node uses it for the feedback of its shift action; the law itself does not need it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from math import pi
 
 from ..transmission import NEUTRAL, Transmission
 
-SYNCHRONOUS = 0.02  # share of the input speed below which slip drowns in the speed transducers' noise
-STANDSTILL = 10.0 * pi / 30.0  # rad/s of the input shaft, below which no slip is told
+SYNCHRONOUS = 0.02  # share of the input speed; a smaller slip is lost in the noise of the speed transducers
+STANDSTILL = 10.0 * pi / 30.0  # rad/s of the input shaft; below it no slip is reported
 
 
 class ShiftPhase:
@@ -26,7 +26,7 @@ class ShiftPhase:
         self._kisses = [(transmission.clutches.index(clutch), clutch.kiss_pressure) for clutch in engaging]
 
     def slip(self, n_wej: float, n_wyj: float) -> float:
-        """Slip of the gear that is ordered as a share of the input speed; 0 in neutral and at standstill [rad/s]."""
+        """Return the slip of the ordered gear as a share of the input speed; speeds [rad/s]; 0 in neutral and at standstill."""
         return self._slip(self.new, n_wej, n_wyj)
 
     def _slip(self, gear: int, n_wej: float, n_wyj: float) -> float:
@@ -35,7 +35,20 @@ class ShiftPhase:
         return self.transmission.slip(gear, n_wej, n_wyj)
 
     def name(self, n_wej: float, n_wyj: float, pressures: Sequence[float]) -> str:
-        """fill, torque phase, inertia phase, locked or release. Speeds [rad/s], pressures of all clutches [Pa gauge]."""
+        """Return the name of the phase: fill, torque phase, inertia phase, locked or release.
+
+        Parameters
+        ----------
+        n_wej, n_wyj : float
+            Speeds of input and output shaft [rad/s].
+        pressures : (clutches,) sequence of float
+            Pressures of all clutches [Pa gauge].
+
+        Returns
+        -------
+        str
+            The name.
+        """
         if self.new == NEUTRAL:
             return "release"
         if any(pressures[k] < kiss for k, kiss in self._kisses):
