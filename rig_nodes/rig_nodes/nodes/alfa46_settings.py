@@ -1,10 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can be set at the Alfa46 while it runs: delays, gains and profiles as parameters, a profile as a whole.
+"""What can be set at the Alfa46 while it runs: delays, gains and profiles as parameters, or a whole profile by a service.
 
-Used by the node alfa46. Values are checked by the rules of alfa46.settings; the controller takes them with its next
-sample.
+The node alfa46 uses it. The rules of alfa46.settings check the values; the controller takes them with its next sample.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ COLUMNS = ("times", "currents")
 
 
 class BoxSettings(Settings):
-    """``news``: accepted changes that the controller has, as (text, value) of an event, until the node says them."""
+    """The parameters of the Alfa46; ``news`` has accepted changes (text, value) that the node has not yet sent as events."""
 
     def __init__(self, node: Node, box: Plug, rig: RigConfig) -> None:
-        """box: plug of the controller."""
+        """Declare the parameters; ``box`` is the plug of the controller."""
         self.box, self.config, self.news = box, rig.alfa46, deque()
         config = self.config
         rules = {
@@ -56,16 +55,16 @@ class BoxSettings(Settings):
         return [Declared(own_setting(f"alfa46.{OWN}{name}"), value) for name, value in self.box.settings.items()]
 
     def declare_own(self) -> None:
-        """The settings of a controller that has named them only now."""
+        """Declare the settings of a controller that has named them after the start."""
         for setting in self._own():
             self.declare(setting)
 
     def may_come(self, name: str) -> bool:
-        """A setting of a controller that has not said yet which it has."""
+        """Say whether a name may be a setting of a controller that has not named its settings yet."""
         return self.box.named_later and name.startswith(OWN)
 
     def changed(self, changes: dict) -> Alfa46Config:
-        """The settings with these changes; RigError when they are not right."""
+        """Return the settings with these changes; RigError when they are not right."""
         scalars = {name: value for name, value in changes.items() if hasattr(self.config.values, name)}
         values, profiles = replace(self.config.values, **scalars), self.config.profiles.copy()
         for k, key in enumerate(OUTPUT_KEYS):
@@ -81,7 +80,7 @@ class BoxSettings(Settings):
         return Alfa46Config(values, profiles)
 
     def refusal(self, changes: dict) -> str | None:
-        """Of the level, of the rules for profiles, then of the controller."""
+        """Return why the changes are refused, by the level, by the rules for profiles or by the controller; otherwise None."""
         own = {name.removeprefix(OWN): value for name, value in changes.items() if name.startswith(OWN)}
         try:
             check_gains(self.box.level, changes)
@@ -94,7 +93,7 @@ class BoxSettings(Settings):
         return None
 
     def take(self, changes: dict) -> None:
-        """Hand the settings to the controller, then have it said: so it is never said too early."""
+        """Give the settings to the controller first, and enqueue their events after that, so that no event comes too early."""
         if not all(name.startswith(OWN) for name in changes):
             self.config = self.changed(changes)
             self.box.change(self.config)
@@ -105,7 +104,7 @@ class BoxSettings(Settings):
             self.news.append((self.settings[name].setting.sentence(value), number))
 
     def on_set_profile(self, request: SetProfile.Request, response: SetProfile.Response) -> SetProfile.Response:
-        """A profile as a whole, through the parameters, which so stay what the controller has."""
+        """Set a whole profile through the parameters, so that these stay equal to what the controller has."""
         if not 1 <= request.output <= len(OUTPUT_KEYS):
             response.success = False
             response.message = f"there is no output {request.output}; expected 1 to {len(OUTPUT_KEYS)}"

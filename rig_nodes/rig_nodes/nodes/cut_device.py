@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A device of its own, outside the plant: answers the port of a rig that has it cut out (docs/how_to/cuts.md).
+"""A device in a separate process, outside the plant: it answers the port of a rig whose device is cut out (docs/how_to/cuts.md).
 
-Started by `rig device NAME`, `ros2 run rig_nodes device NAME` or as a module with the name. It hosts the rig's own
-physics of the device and serves one rig after the other until it is told to end.
+`rig device NAME`, `ros2 run rig_nodes device NAME` or the module with the name starts it. It contains the rig's own physics of the
+device and serves one rig after the other until it is stopped.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
     from ..testbench.configuration import RigConfig
 
-NOTICE = 3.0  # s without a rig after which that is said
-SILENCE = 1.0  # s without a port after which that is said
-MOST_TICKS = 100  # that one port may make up for
+NOTICE = 3.0  # s without a rig after which that is logged
+SILENCE = 1.0  # s without a port after which that is logged
+MOST_TICKS = 100  # ticks that one port may make up for
 
 
 class CutDevice(Node):
@@ -42,7 +42,7 @@ class CutDevice(Node):
     def __init__(self, device: str, config: RigConfig) -> None:
         super().__init__(f"{device}_device")
         self.device, self.config = device, config
-        self.heard: float | None = None  # when the newest port came, None before the first of a rig
+        self.heard: float | None = None  # time of the newest port; None before the first of a rig
         self.answered, self.missed = 0, 0
         port, answer = (config.catalogue.cut_topics[topic_of(device, end)] for end in ("port", "answer"))
         self._port, self._answer = port, answer
@@ -51,37 +51,37 @@ class CutDevice(Node):
         self.publisher = self.create_publisher(message_class(answer.ros_type), answer.name, publisher_profile(answer.qos))
         self._subscription = None
         self._side, self._last, self._seq = None, None, 0
-        OtherSide(device, config).step(Port(tick=config.cut.tick))  # compiles: the first answer is on time
+        OtherSide(device, config).step(Port(tick=config.cut.tick))  # compiles, so that the first answer is on time
 
     @property
     def rigs(self) -> int:
-        """How many rigs there are whose port this device could answer."""
+        """Number of rigs whose port this device could answer."""
         return self.count_publishers(self._port.name)
 
     def is_heard(self) -> bool:
-        """True when everybody who wants the answers is connected."""
+        """Say whether all subscribers of the answers are connected."""
         connected = self.publisher.get_subscription_count()
         return 0 < connected >= self.count_subscribers(self._answer.name)
 
     def listen(self) -> None:
-        """Take ports; called when the answers will be heard, for the rig starts when somebody listens."""
+        """Begin to receive ports; called only when the answers will arrive, because the rig then starts."""
         port = self._port
         self._subscription = self.create_subscription(
             message_class(port.ros_type), port.name, self.on_port, recorder_profile(port.qos), raw=True
         )
 
     def leave(self) -> None:
-        """Forget a rig that has gone."""
+        """Forget a rig that is gone."""
         self.destroy_subscription(self._subscription)
         self._subscription, self._side, self._last, self.heard = None, None, None, None
 
     @property
     def listens(self) -> bool:
-        """True while ports of a rig are taken."""
+        """True while ports of a rig are received."""
         return self._subscription is not None
 
     def on_port(self, data: bytes) -> None:
-        """One port in, one answer out."""
+        """Answer one port."""
         record = self._fields.of(data)
         sample, port = int(record["sample"]), Port(*(record[name].item() for name in Port._fields))
         self.heard = time.monotonic()
@@ -100,7 +100,7 @@ class CutDevice(Node):
 
 
 def work(process: Process, device: str) -> None:
-    """Serve one rig after the other, and say which there is and which is not."""
+    """Serve one rig after the other, and log which rig is there and which is missing."""
     config = rig_config(process.arguments)
     check_device(config.structure, device)
     executor = process.start_ros()
@@ -138,7 +138,7 @@ def work(process: Process, device: str) -> None:
 
 
 def main() -> int:
-    """Entry point; the first word of the command line names the device."""
+    """Run the process; the first word of the command line names the device."""
     if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
         print("name the device that the rig has cut out, e.g. device motor", file=sys.stderr)
         return RigError.exit_code

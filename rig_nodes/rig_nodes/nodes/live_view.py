@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node of the live view: receives what a running rig publishes and hands it to a bounded sender.
+"""The node of the live view: it receives what a running rig publishes and gives it to a bounded sender.
 
-Used by `rig view --live`, as a process of its own beside the rig. It subscribes best effort and runs below the rig's priority, so
+`rig view --live` uses it as a separate process beside the rig. It subscribes best effort and runs below the rig's priority, so
 that neither the rig's publishers nor its clock ever wait for it.
 """
 
@@ -33,17 +33,18 @@ from .message_class import message_class
 
 NICE = 10
 RUN_INFO, STATE = "/rig/run_info", "/rig/state"
-UNSAID = 3.0  # s after which a rig of which nobody says what it is made of is taken by its topics
-LISTEN = 0.05  # s between two looks at what else happens
-SILENT = 5.0  # s after which people are told that nobody publishes
-LAST_SEND = 0.8  # s for what is queued when the end is asked for
+UNSAID = 3.0  # s after which a rig without a record of its structure is identified by its topics
+LISTEN = 0.05  # s between two checks for other events
+SILENT = 5.0  # s after which a message says that nothing is published
+LAST_SEND = 0.8  # s for what is queued when the end is requested
 LONGEST_END = 1.8  # s from the signal to the end by force
 
 
 class LiveView(Node):
-    """Learns which rig runs, then subscribes to every topic that is shown; callbacks only enqueue.
+    """Finds out which rig runs, then subscribes to every topic that is shown; callbacks only enqueue.
 
-    ``found``: what the rig is made of, as its run says or, where nobody says it for a while, as its topics are most like.
+    ``found`` is the record of what the rig is made of. It comes from the rig's run or, when no record arrives for a while, from the
+    installed rig whose topics are most similar.
     """
 
     def __init__(self) -> None:
@@ -59,12 +60,12 @@ class LiveView(Node):
             said = json.loads(message.json)
             record = rig_record(said.get("configuration", said))
         except UNREADABLE:
-            return  # no run of ours; its topics may still be
+            return  # not a record of this project's runs; its topics may still be of such a run
         if self.found is None or record["structure"] != self.found["structure"]:
             self.found = record
 
     def look(self) -> None:
-        """Take the rig by its topics, where nobody has said for UNSAID s which it is."""
+        """Find the rig by its topics when no record has arrived for UNSAID s."""
         if self.found is not None:
             return
         topics = {name for name, _ in self.get_topic_names_and_types()}
@@ -76,7 +77,7 @@ class LiveView(Node):
             self.found = rig_record(None, topics)
 
     def show(self, sender: Sender, pages: Pages) -> None:
-        """Subscribe to what is shown of a rig, in place of what was before."""
+        """Subscribe to what is shown of a rig, in place of the earlier subscriptions."""
         # the others are latched, and a reliable reader of these could make a publisher send again
         profile = QoSProfile(depth=QOS["measurement"].depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         for one in self._inputs:
@@ -94,13 +95,28 @@ class LiveView(Node):
 
 
 class Session:
-    """One live view from its server to its last sentence, ended by SIGINT or SIGTERM within two seconds."""
+    """One live view from the start of its server to its last message; SIGINT or SIGTERM ends it within two seconds."""
 
     def __init__(self, domain: int, say: Callable[[str], None]) -> None:
         self._domain, self._say, self._over = domain, say, False
 
     def run(self, port: int | None, window: float, greet: Callable[[str], None]) -> None:
-        """Serve until ended. greet: gets the address for viewers, once. RigError when the server fails."""
+        """Serve until the end.
+
+        Parameters
+        ----------
+        port : int or None
+            Port of the server.
+        window : float
+            Time that the view shows [s].
+        greet : callable
+            It gets the address for viewers, once.
+
+        Raises
+        ------
+        RigError
+            When the server or the sender fails.
+        """
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
         os.nice(NICE)
@@ -127,7 +143,7 @@ class Session:
         self._say(f"the live view ended: {'no rig was seen' if sender is None else sender.summary()}")
 
     def _receive(self, server: Server, window: float) -> Sender | None:
-        """Send what comes until ended; the sender of the last rig that was seen."""
+        """Send what arrives until the end; return the sender of the last rig that was seen."""
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         executor = events_executor()
         node, sender, shown = LiveView(), None, None

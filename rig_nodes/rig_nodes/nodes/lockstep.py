@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig container's side of a run in lockstep: nobody goes on before everybody has done the sample.
+"""The rig container's side of a run in lockstep: no process goes on before all of them have done the sample.
 
-Used by the rig container in place of its real-time clock. The order of each sample is that of ``simulate``: sequencer
-(every tick), messages, controller, plant; so the plant's topics come out the same bit for bit at any speed.
+The rig container uses it in place of its real-time clock. The order in each sample is that of ``simulate``: sequencer (every
+tick), messages, controller, plant; so the plant's topics are the same, bit for bit, at any speed.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ if TYPE_CHECKING:
     from ..testbench.outputs import Outputs
     from .commands import Commands
 
-GRACE = 0.5  # s more for the sentence of whoever waits for a controller further away
+GRACE = 0.5  # s more, so that the process nearer to the controller can report first
 BEFORE_FIRST = 60.0  # s for the sequencer to be ready
-LOOK_UP = 0.1  # s of waiting for the controller after which an order to end is looked for
+LOOK_UP = 0.1  # s of waiting for the controller between checks for an order to end
 
 
 class RemoteController:
-    """The controller of the alfa46 process, as a plug of this one: asked through its link."""
+    """The controller of the alfa46 process as a plug of this process; it is asked through its link."""
 
     name = "alfa46"
 
     def __init__(self, link: Link, record: ControllerRecord, step_timeout: float | None, stopping: Callable[[], bool]) -> None:
-        """step_timeout: s for one sample; the process that knows its controller better may say so first.
+        """Keep the link; ``step_timeout`` [s] is for one sample, and any wait ends when ``stopping`` returns True.
 
-        ``stopping``: true when the run is to end, and with it any wait.
+        The process of the controller knows it better and may report a timeout earlier.
         """
-        self.level, self.wants = "", []  # as the process says when it is ready
+        self.level, self.wants = "", []  # the process sends them when it is ready
         self.gear, self.shifting, self.flags = 0, False, 0
         self._link, self._record, self._limit, self._stopping = link, record, step_timeout, stopping
         self._timeout = None if step_timeout is None else step_timeout + GRACE
 
     def wait(self) -> bool:
-        """Wait for the process to be ready, which itself knows how long; False when the run is to end first.
+        """Wait until the process is ready; False when the run is to end first, LinkClosed when the process has ended.
 
-        LinkClosed when it has ended.
+        The process itself limits the time.
         """
         hello = self._receive(None)
         if hello is None:
@@ -63,7 +63,7 @@ class RemoteController:
         return True
 
     def _receive(self, seconds: float | None) -> bytes | None:
-        """The next message; None when there is none within so many s, or before the run is to end."""
+        """The next message; None when none comes within these seconds, or before the run is to end."""
         until = math.inf if seconds is None else time.monotonic() + seconds
         while True:
             data = self._link.receive(LOOK_UP)
@@ -71,21 +71,21 @@ class RemoteController:
                 return data
 
     def tell(self, status: RigStatus, reason: str) -> None:
-        """Say what the rig does: a trip takes every order back."""
+        """Send the state of the rig; a trip cancels every order."""
         try:
             self._link.send(STATUS + bytes([status]) + reason.encode())
         except LinkClosed:
             pass  # answer() will say so
 
     def ask(self, sample: int, current: Sequence[float], measured: Sequence[float], others: Sequence[float]) -> None:
-        """Hand over one sample; the answer is waited for by :meth:`answer`."""
+        """Send one sample; :meth:`answer` waits for the answer."""
         try:
             self._link.send(self._frames.sample.pack(sample, *current, *measured, *others))
         except LinkClosed:
             pass  # answer() will say so
 
     def answer(self) -> Answer | None:
-        """The answer to the sample asked for, None when it was discarded; ControllerFailed when there is none."""
+        """Return the answer to the sample that was sent, None when it was discarded; ControllerFailed when there is no answer."""
         try:
             data = self._receive(self._timeout)
         except LinkClosed:
@@ -107,7 +107,7 @@ class RemoteController:
 
 
 class Lockstep:
-    """Paces and orders the samples. speed: simulated per real time, ``inf`` for as fast as it goes."""
+    """Sets the pace and the order of the samples; ``speed`` is simulated per real time, ``inf`` for as fast as possible."""
 
     def __init__(
         self,
@@ -125,21 +125,21 @@ class Lockstep:
         self._sequencer = links["sequencer"]
         self._done = False
         self._needed: list[str] = []
-        # when the sequencer wants to be asked: sample, what may come true before; status of the rig that it knows
+        # when the sequencer is to be asked: sample, condition that may be met before, rig status that it knows
         self._next, self._watch, self._told = 0, {}, rig.status
         self._controller_knows: tuple | None = None  # status and reason
         self._took = 0.0
 
     def run(self, publish: Callable[[], None], stop: Callable[[], bool]) -> None:
-        """Until ``stop()`` is true at the start of a tick."""
+        """Run until ``stop()`` is true at the start of a tick."""
         rig = self.rig
         take_core(0)
         if self.controller.wait():
             self._needed = self._hear_sequencer(BEFORE_FIRST)["need"]
-        else:  # nothing of the sequence will be done
+        else:  # no step of the sequence will be done
             self._done = True
         gc.collect()
-        gc.freeze()  # what start-up made need not be looked through again and again
+        gc.freeze()  # objects made at the start need not be scanned again and again
         began = time.monotonic()
         while True:
             if rig.sample % TICK_SAMPLES == 0:
@@ -151,7 +151,7 @@ class Lockstep:
                 if rig.status == RigStatus.TRIPPED:
                     time.sleep(TICK_SAMPLES * SAMPLE_NS * 1e-9)  # nothing to hurry for
             if self._done and rig.status != RigStatus.TRIPPED:
-                # as far as `simulate` goes; the supervisor ends the process
+                # `simulate` ends here too; the supervisor ends the process
                 publish()
                 while not stop():
                     time.sleep(0.01)
@@ -172,7 +172,7 @@ class Lockstep:
             self.controller.tell(*now)
 
     def _sample(self, publish: Callable[[], None]) -> None:
-        """One sample: the controller works on it while the messages go out and the plant moves on."""
+        """Do one sample: the controller works on it while the messages are sent and the plant moves on."""
         rig = self.rig
         sample = rig.sample
         self.controller.ask(sample, *rig.seen(), [rig.measurement(name) for name in self.controller.wants])
@@ -198,7 +198,7 @@ class Lockstep:
                 time.sleep(ahead)
 
     def _sequencer_due(self) -> bool:
-        """True when the sequencer wants to be asked: for a time, a condition, a change of the rig or an order to it."""
+        """Say whether the sequencer is to be asked: for a time, a condition, a change of the rig or an order that it received."""
         rig, watch = self.rig, self._watch
         if rig.sample >= self._next or rig.status != self._told:
             return True
@@ -209,7 +209,7 @@ class Lockstep:
         return self._sequencer.receive_json(NOT_AT_ALL) is not None
 
     def _hear_sequencer(self, seconds: float) -> dict:
-        """Its next answer; calls to wake up are over with that."""
+        """Return the sequencer's next answer; its earlier requests to be asked are dropped."""
         answer = self._sequencer.receive_json(seconds)
         while answer is not None and "wake" in answer:
             answer = self._sequencer.receive_json(seconds)
@@ -218,7 +218,7 @@ class Lockstep:
         return answer
 
     def _ask_sequencer(self) -> None:
-        """One tick of the sequence; what it has sent over DDS is waited for, so that it acts in this very tick."""
+        """Do one tick of the sequence; wait for what it has sent over DDS, so that it acts in this same tick."""
         rig = self.rig
         self._told = rig.status
         self._sequencer.send_json(
@@ -241,6 +241,6 @@ class Lockstep:
             time.sleep(2e-5)
 
     def summary(self) -> dict:
-        """As the real-time clock's, with the factor reached."""
+        """Return the same facts as the real-time clock, with the speed that was reached."""
         factor = self.rig.sample * SAMPLE_NS * 1e-9 / self._took if self._took else None
         return {"ticks": self.rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "speed_factor": factor}

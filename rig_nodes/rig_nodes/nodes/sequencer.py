@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sequencer: runs test sequences on the rig, one at once with --sequence or by the action /sequencer/run.
+"""The sequencer: it runs test sequences on the rig, one at once with --sequence, or others by the action /sequencer/run.
 
-Started by graph.supervisor. Polled on every graph tick of simulated time, as the samples bring it.
+graph.supervisor starts it. It is polled at every graph tick of simulated time, which the samples bring.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from ..testbench.configuration import RigConfig
 
-FEEDBACK_TICKS = 100  # 2 Hz beside every new step
+FEEDBACK_TICKS = 100  # feedback at 2 Hz, and at every new step
 OPTIONS = [
     *RIG_OPTIONS,
     SEQUENCE_PARAMETERS,
@@ -45,7 +45,7 @@ OPTIONS = [
 
 
 class Sequencer(Node):
-    """Publishes setpoints and /sequencer/events, serves /sequencer/run."""
+    """Publishes setpoints and /sequencer/events, and serves /sequencer/run."""
 
     def __init__(self, config: RigConfig, process: Process) -> None:
         super().__init__("sequencer")
@@ -55,25 +55,36 @@ class Sequencer(Node):
         self._samples = pace_of(config)
         self._tick = -1
         self._runner, self._goal, self._steps_told = None, None, 0
-        self._cancelled = False  # the goal, to be ended with the next tick
-        self._failed = ""  # why the newest sequence did not come to its end
-        self.outcome: dict | None = None  # of the sequence of --sequence, when it is over
+        self._cancelled = False  # True when the goal is to be ended at the next tick
+        self._failed = ""  # why the newest sequence did not reach its end
+        self.outcome: dict | None = None  # result of the sequence of --sequence, when it is over
         self.diagnostics = Diagnostics(self, self.health, lambda: self.bench.stamp_ns)
         self._server = GoalServer(self, RunSequence, "/sequencer/run", self.on_goal, self.on_cancel)
 
     def listen(self) -> None:
-        """Subscribe to the samples; called when those who receive the setpoints are there."""
+        """Subscribe to the samples; called when the receivers of the setpoints are connected."""
         self.create_subscription(
             message_class(self._samples.ros_type), self._samples.name, self.on_sample, recorder_profile(self._samples.qos), raw=True
         )
 
     def on_frame(self, frame: dict) -> dict:
-        """One graph tick in lockstep: readings in; what was sent, and whether the sequence is over, out."""
+        """Do one graph tick in lockstep.
+
+        Parameters
+        ----------
+        frame : dict
+            The frame of the container, with the readings.
+
+        Returns
+        -------
+        dict
+            What was sent, whether the sequence is over, and when the next tick is needed.
+        """
         self._tick = frame["sample"] // TICK_SAMPLES
         self.bench.stamp_ns = frame["sample"] * SAMPLE_NS
         self.bench.take(frame)
         had = self._runner is not None
-        # the run ends with a sequence of its own, not with one that a client has asked for
+        # the run ends with its own sequence, not with one that a client has started
         own = had and self._goal is None
         if had:
             self.poll(self.bench.stamp_ns * 1e-9)
@@ -85,7 +96,7 @@ class Sequencer(Node):
         }
 
     def _next_look(self) -> dict:
-        """When the container must ask again: ``next``, a sample, or earlier when ``watch`` comes true."""
+        """When the container must ask again: at the sample ``next``, or earlier when the condition ``watch`` is met."""
         told = (self._tick // FEEDBACK_TICKS + 1) * FEEDBACK_TICKS
         if self._runner is None:
             return {"next": told * TICK_SAMPLES, "watch": {}}
@@ -94,7 +105,7 @@ class Sequencer(Node):
         return {"next": max(self._tick + 1, min(told, due)) * TICK_SAMPLES, "watch": watch}
 
     def on_sample(self, data: bytes) -> None:
-        """Every graph tick: go on with the sequence."""
+        """Continue the sequence at every graph tick."""
         stamp_ns = stamp(data)
         tick = stamp_ns // (TICK_SAMPLES * SAMPLE_NS)
         if tick <= self._tick:
@@ -104,7 +115,7 @@ class Sequencer(Node):
             self.poll(self.bench.stamp_ns * 1e-9)
 
     def health(self) -> list[Health]:
-        """The sequencer's own, for /diagnostics."""
+        """Return the health of the sequencer, for /diagnostics."""
         runner = self._runner
         if runner is not None:
             step = f"step {runner.step + 1} of {runner.steps}: " if runner.step >= 0 else ""
@@ -116,7 +127,7 @@ class Sequencer(Node):
     # ---- one sequence
 
     def on_goal(self, goal: ServerGoalHandle) -> None:
-        """Start a sequence for a client, or end the goal at once with the reason why not."""
+        """Start a sequence for a client, or end the goal at once with the reason why it is refused."""
         try:
             if self._runner is not None:
                 raise RigError(f"sequence refused: '{self._runner.sequence.name}' is still running")
@@ -127,7 +138,7 @@ class Sequencer(Node):
             finish(goal, result)
 
     def on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        """The running sequence of a client ends with the next tick; another goal is on its way to its end already."""
+        """Cancel the running sequence of a client at the next tick; any other goal is ending already."""
         if goal is not self._goal:
             return CancelResponse.REJECT
         self._cancelled = True
@@ -135,7 +146,7 @@ class Sequencer(Node):
         return CancelResponse.ACCEPT
 
     def start(self, sequence: Sequence) -> None:
-        """Start a sequence with the next tick; RigError when the rig has not what it asks for."""
+        """Start a sequence at the next tick; RigError when the rig lacks something that it asks for."""
         sequence.check_rig(self._config)
         self.bench.need(sequence)
         self._steps_told, self._cancelled = 0, False
@@ -143,12 +154,12 @@ class Sequencer(Node):
         self.wake()
 
     def wake(self) -> None:
-        """In lockstep, have the container ask with its next tick, whatever was agreed."""
+        """In lockstep, make the container ask at its next tick, whatever was agreed."""
         if self.link is not None:
             self.link.send_json({"wake": True})
 
     def poll(self, t: float) -> None:
-        """One tick of the running sequence at simulated time t [s]."""
+        """Do one tick of the running sequence at simulated time t [s]."""
         runner = self._runner
         if self._cancelled:
             text = cancelled(runner)
@@ -170,7 +181,7 @@ class Sequencer(Node):
             self._goal.publish_feedback(RunSequence.Feedback(step=runner.step + 1, steps=runner.steps, text=runner.text, t=t))
 
     def _tell_steps(self, runner: SequenceRunner, t: float) -> bool:
-        """Tell /rosout and the supervisor which steps have begun since the last tick; False when none has."""
+        """Report to /rosout and the supervisor which steps have begun since the last tick; False when none has."""
         begun = runner.sequence.steps[self._steps_told : runner.step + 1]
         for step in begun:
             self._steps_told += 1
@@ -179,7 +190,7 @@ class Sequencer(Node):
         return bool(begun)
 
     def finish(self, success: bool, text: str, t: float) -> None:
-        """Tell supervisor and client that the sequence is over."""
+        """Report to supervisor and client that the sequence is over, at simulated time t [s]."""
         runner, self._runner = self._runner, None
         self._failed = "" if success else text
         self._tell_steps(runner, t)
@@ -195,7 +206,7 @@ class Sequencer(Node):
 
 
 def cancelled(runner: SequenceRunner) -> str:
-    """What a sequence that is cancelled now leaves behind, in one sentence."""
+    """Return one sentence on the state in which a sequence that is cancelled now leaves the rig."""
     if runner.step < 0:
         return f"sequence '{runner.sequence.name}' was cancelled before its first step; nothing was set"
     *others, last = runner.config.settings.steps
@@ -208,7 +219,7 @@ def cancelled(runner: SequenceRunner) -> str:
 
 
 def work(process: Process) -> None:
-    """Gate, sequence, orderly end."""
+    """Run the process: wait for the receivers, run the sequence, end in order."""
     arguments = process.arguments
     config = rig_config(arguments)
     sequence = chosen_sequence(arguments)
@@ -237,7 +248,7 @@ def work(process: Process) -> None:
 
 
 def serve_in_lockstep(process: Process, node: Sequencer, link: Link) -> None:
-    """Answer the container's ticks until one of the two leaves; ROS is served in between and while it is waited for."""
+    """Answer the container's ticks until one of the two processes ends; ROS is served while waiting."""
     try:
         while not process.stopping and not node.bench.connected():
             process.spin(0.02)
@@ -246,7 +257,7 @@ def serve_in_lockstep(process: Process, node: Sequencer, link: Link) -> None:
             frame = link.receive_json(0.01)
             if frame is not None:
                 link.send_json(node.on_frame(frame))
-            process.spin(0.0)  # goals and cancels come while the rig goes on
+            process.spin(0.0)  # goals and cancels arrive while the rig goes on
     except LinkClosed:
         pass  # the supervisor sees it too and ends this process
 
