@@ -3,7 +3,7 @@
 
 """The rig container: one process that owns the plant, moves it in real time and hosts one node per device.
 
-Started by graph.supervisor. A thread of its own steps the rig; the executor's callbacks only enqueue.
+graph.supervisor starts it. A separate thread moves the rig; the executor's callbacks only enqueue.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from .rig_node import RigNode
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-GATE_TIMEOUT = 30.0  # s that the other processes have to appear
-LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe state
+GATE_TIMEOUT = 30.0  # s in which the other processes must be connected
+LAST_TICKS = 4  # ticks recorded after an early end, so that the bag shows the safe state
 CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
     *RIG_OPTIONS,
@@ -70,7 +70,7 @@ class Container:
         if not config.structure.shifts and arguments.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
         check_delay(arguments.delay, arguments.speed)
-        if arguments.status_fd is None:  # a supervisor has seen to it
+        if arguments.status_fd is None:  # otherwise the supervisor has done this
             self._domain = from_environment(keep=True).lead(look=False)
         warm_up(config, record)
         self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
@@ -93,7 +93,7 @@ class Container:
         self.publishers = {topic: publisher for node in self.nodes for topic, publisher in node.outputs.items()}
         self._send = {topic: publisher.publish for topic, publisher in self.publishers.items()}
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
-        # not in the catalogue and not recorded: a bag that is played again brings a clock of its own
+        # not in the catalogue and not recorded, because the replay of a bag publishes its own clock
         self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
         self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands), lambda: self.rig.time_ns)
         self._seen = None
@@ -113,7 +113,7 @@ class Container:
         return nodes
 
     def obey(self, order: dict) -> None:
-        """What the supervisor knows first: a process of the graph is gone, or was started again."""
+        """Do an order of the supervisor, which knows first that a process of the graph is gone or was started again."""
         if "trip" in order:
             self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"]))
         if "event" in order:
@@ -122,7 +122,7 @@ class Container:
     # ---- before the first sample
 
     def wait_for_others(self) -> bool:
-        """True when every receiver listens and every command has a sender; False when told to stop first."""
+        """Wait until every receiver is connected and every command has a sender; False when the process is to stop first."""
         deadline = time.monotonic() + GATE_TIMEOUT
         while missing := self.missing():
             if self.process.stopping:
@@ -135,10 +135,10 @@ class Container:
         return not self.process.stopping
 
     def missing(self) -> list[str]:
-        """Sentences on what is not connected yet."""
+        """Return sentences on what is not connected yet."""
         recorder = {"recorder"} if self.process.arguments.recorded and self.tap is None else set()
         wanted = dict.fromkeys(self.publishers, recorder)
-        others = {"alfa46", "sequencer"} if self.rig.shifts else {"sequencer"}  # who waits for its samples
+        others = {"alfa46", "sequencer"} if self.rig.shifts else {"sequencer"}  # nodes that wait for its samples
         wanted[pace_of(self.rig.config).name] = recorder | (others if self.process.arguments.speed is None else set())
         inputs = {topic: subscription for node in self.nodes for topic, subscription in node.inputs.items()}
         return (
@@ -150,7 +150,7 @@ class Container:
     # ---- the loop's thread
 
     def loop(self) -> None:
-        """Run until told to stop."""
+        """Run until the process is to stop."""
         try:
             if isinstance(self.clock, Lockstep):
                 self.clock.run(self.publish, self.is_over)
@@ -164,17 +164,17 @@ class Container:
             self.process.stop()
 
     def step(self) -> None:
-        """One controller sample.
+        """Do one controller sample.
 
-        What came in since the last one is applied after the plant has moved: the answer to this sample acts from the
-        next boundary on, with the one sample of delay that the embedded controller has too.
+        Commands that arrived since the last sample are applied after the plant has moved. So the answer to this sample acts from
+        the next boundary on, with the same delay of one sample as the embedded controller.
         """
         self.rig.advance_samples(1)
         self.commands.apply()
         self.publish()
 
     def publish(self) -> None:
-        """Send what is due now, and the time at every tick; in lockstep, cut devices have answered before."""
+        """Send what is due now, and the time at every tick; in lockstep, wait first for the answers of cut devices."""
         if self.process.arguments.speed is not None:
             self.cuts.wait()
         if self.rig.sample % TICK_SAMPLES == 0:
@@ -189,12 +189,12 @@ class Container:
                 tap.put(topic, data)
 
     def is_dropped(self, topic: str) -> bool:
-        """True for the one message that must not go out."""
+        """Say whether this is the one message that must not be sent."""
         name, number = self.dropped
         return topic == name and self.outputs.counts[topic] == number + 1
 
     def is_over(self) -> bool:
-        """Asked at every tick: tells the supervisor what changed, and brings an early end into the safe state."""
+        """At every tick, report changes to the supervisor and trip the rig at an early end; True when the loop is to end."""
         rig = self.rig
         self.outputs.states.overruns = self.clock.overruns
         now = (rig.status, rig.reason)
@@ -219,7 +219,7 @@ class Container:
         return self._last_ticks < 0
 
     def _log(self, status: RigStatus, reason: str, was: RigStatus) -> None:
-        """A trip, and its end, into /rosout."""
+        """Report a trip, and its end, to /rosout."""
         if status == RigStatus.TRIPPED:
             self.nodes[0].get_logger().error(f"safe state: {printable(reason)}")
         elif was == RigStatus.TRIPPED:
@@ -228,7 +228,7 @@ class Container:
     # ---- the main thread
 
     def on_end(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """End the run in order: the supervisor does, and without one this process, with whose end the launch ends."""
+        """End the run in order, by the supervisor or, without one, by the end of this process, with which the launch ends too."""
         self.process.status("end")
         if self.process.arguments.status_fd is None:
             self.process.interrupted |= bool(self.process.arguments.sequence)
@@ -237,7 +237,7 @@ class Container:
         return response
 
     def work(self) -> None:
-        """Gate, loop, orderly end."""
+        """Wait for the other processes, run the loop, end in order."""
         if self.wait_for_others():
             if not isinstance(self.clock, Lockstep):
                 prefer_process(MESSAGES)
@@ -258,7 +258,7 @@ class Container:
             "refused": dict(self.commands.refused),
             "real_time_priority": self.clock.real_time_priority,
         }
-        if self.rig.shifts:  # no other rig has a controller that could be late
+        if self.rig.shifts:  # a rig without shifts has no controller that could be late
             facts["delay"] = self.rig.delay
         if self.tap is not None:
             self.tap.close()
@@ -268,12 +268,29 @@ class Container:
 
 
 def rig_on_the_graph(config: RigConfig, seed: int = 1, devices: str = "external", delay: int = 1) -> Rig:
-    """The rig whose controller, where it has one, is a node of its own; ``delay`` as of testbench.rig."""
+    """Return a rig whose shift controller, if it has one, is a separate node.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    seed : int
+        Seed of the run.
+    devices : str
+        "embedded" or "external", as for testbench.rig.
+    delay : int
+        Delay of the controller's answers [samples], as for testbench.rig.
+
+    Returns
+    -------
+    Rig
+        The rig at time 0.
+    """
     return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
 
 
 def warm_up(config: RigConfig, record: dict) -> None:
-    """Load compiled code and encoders on a rig that is thrown away: the first sample of the real one is on time."""
+    """Load compiled code and encoders with a rig that is then discarded, so that the first sample of the real rig is on time."""
     rig = rig_on_the_graph(config, devices="embedded")
     outputs = Outputs(rig, record)
     for _ in range(SCALAR_SAMPLES):
@@ -282,7 +299,7 @@ def warm_up(config: RigConfig, record: dict) -> None:
 
 
 def main() -> int:
-    """Entry point."""
+    """Run the process."""
     return run(lambda start: Container(start("container", "The rig container.", OPTIONS)).work())
 
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig as a test sequence sees it over ROS: setpoints and shift orders out, readings and states in.
+"""The bench of a test sequence over ROS: it sends setpoints and shift orders, and receives readings and states.
 
-Used by the sequencer node; the same interface as the in-process bench of `simulate`.
+The sequencer node uses it; its interface is that of the in-process bench of `simulate`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ STATE, EVENTS = "/rig/state", "/sequencer/events"
 
 
 def reader(signal: Signal) -> Callable[[Any], float]:
-    """Function that takes a signal's value out of a message of its topic; its field may be like ``setpoint[0]``."""
+    """Return the function that reads a signal from a message of its topic; the signal's field may be like ``setpoint[0]``."""
     name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", signal.field).groups()
     if index is None:
         return lambda message: float(getattr(message, name))
@@ -48,10 +48,10 @@ def reader(signal: Signal) -> Callable[[Any], float]:
 
 
 class RosBench:
-    """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, the newest sample's."""
+    """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, that of the newest sample."""
 
     def __init__(self, node: Sequencer, config: RigConfig, in_lockstep: bool) -> None:
-        """config: of the rig; in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
+        """Open the topics; with ``in_lockstep``, readings and state come with the ticks of the container's link, not by topic."""
         self.node, self.config = node, config
         self.stamp_ns = 0
         self.rig_state = None  # newest RigState
@@ -66,13 +66,13 @@ class RosBench:
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
         self._shift = ActionClient(node, Shift, "/alfa46/shift") if config.structure.shifts else None
-        self._setters: dict[str, Client] = {}  # of the parameters of the nodes that have settings the sequence changes
+        self._setters: dict[str, Client] = {}  # by node whose settings the sequence changes
         self._setting = None  # answer to the newest setting, when it is there
         if not in_lockstep:
             node.create_subscription(RigState, STATE, self._on_state, recorder_profile("measurement"))
 
     def need(self, sequence: Sequence) -> None:
-        """Listen to the signals that a sequence reads; ``ready`` waits for them."""
+        """Subscribe to the signals that a sequence reads; ``ready`` waits for them."""
         names = {step.condition.signal for step in sequence.steps if step.condition is not None}
         if any(step.by_torque for step in sequence.steps):
             names.add(self.config.structure.output.speed)
@@ -94,32 +94,32 @@ class RosBench:
             self.node.create_subscription(message_class(topic.ros_type), topic_name, on_message, recorder_profile(topic.qos))
 
     def connected(self) -> bool:
-        """True when orders can be sent, where there is anybody who takes them."""
+        """Say whether orders can be sent to all nodes that take them."""
         shifts = self._shift is None or self._shift.server_is_ready()
         return shifts and all(setter.service_is_ready() for setter in self._setters.values())
 
     def take(self, frame: dict) -> None:
-        """Readings and state of a tick in lockstep, where nothing may depend on when a message arrives."""
+        """Take readings and state of a tick in lockstep, where nothing may depend on the time at which a message arrives."""
         self._values.update(frame["readings"])
         self.rig_state = RigState(state=frame["status"], reason=frame["reason"])
         self._gear, self._shifting = frame["gear"], frame["shifting"]
 
     def sent(self) -> dict[str, int]:
-        """How many setpoints of each topic have gone out."""
+        """Return the number of setpoints that were sent, by topic."""
         return {topic: count for topic, count in self.counts.items() if topic != EVENTS}
 
     def _on_state(self, message: RigState) -> None:
         self.rig_state = message
 
     def trip_reason(self) -> str | None:
-        """Why the rig is in its safe state, or None when it is not."""
+        """Return why the rig is in its safe state; None when it is not."""
         state = self.rig_state
         return state.reason if state is not None and state.state == RigState.TRIPPED else None
 
     # ---- testbench.sequence.Bench
 
     def ready(self) -> bool:
-        """True when the rig runs, the controller takes orders and every needed signal has a reading."""
+        """Say whether the rig runs, the controller takes orders and every needed signal has a reading."""
         state = self.rig_state
         return (
             state is not None
@@ -129,14 +129,14 @@ class RosBench:
         )
 
     def set(self, step: str, value: float, enable: bool) -> None:
-        """A setpoint [SI] of a device, by its key in sequences."""
+        """Send a setpoint [SI] of a device, by its key in sequences; RigError when it is out of range."""
         setting = self.config.settings.steps[step]
-        setting.check(value)  # here, for a topic brings back no answer
+        setting.check(value)  # here, because a topic returns no answer
         topic = setting.setpoint.topic
         self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
 
     def order_gear(self, gear: int) -> None:
-        """Send the shift as a goal; what comes of it is told by ``shift_done``."""
+        """Send a shift as a goal; ``shift_done`` reports its result."""
         self._done, self._refusal, self._ordered = False, None, gear
         future = self._newest = self._shift.send_goal_async(Shift.Goal(gear=gear))
         future.add_done_callback(self._on_answer)
@@ -156,16 +156,16 @@ class RosBench:
 
     def _on_result(self, order: Future, future: Future) -> None:
         if order is not self._newest:
-            return  # of a sequence that was cancelled
+            return  # the order belongs to a sequence that was cancelled
         result = future.result().result
         self._done = result.success
         self._refusal = None if result.success else result.message
         self.node.wake()
 
     def shift_done(self) -> bool:
-        """True when the ordered shift is done; SequenceFailed with the controller's reason when it was refused."""
+        """Say whether the ordered shift is done; SequenceFailed with the controller's reason when it was refused."""
         if self.in_lockstep and self._refusal is None and self._gear != self._ordered:
-            # refused, or a controller that has not taken the gear yet: the reason is on its way
+            # the order was refused, whose reason is still to come, or the controller has not taken the gear yet
             self.node.process.spin(0.02)
         if self._refusal is not None:
             raise SequenceFailed(self._refusal)
@@ -174,11 +174,11 @@ class RosBench:
         return self._done
 
     def controller_says(self) -> tuple[int, bool] | None:
-        """(gear, shifting) of the controller's newest answer; in real time None, for nothing here listens to them."""
+        """Return gear and shifting of the controller's newest answer; None in real time, in which its answers are not received here."""
         return (self._gear, self._shifting) if self.in_lockstep else None
 
     def change(self, name: str, value: float) -> None:
-        """A setting [SI], the parameter of its node; ``changed`` tells what comes of it."""
+        """Send a setting [SI] as the parameter of its node; ``changed`` reports the result."""
         owner, _, key = name.partition(".")
         switch = name in self.config.settings and self.config.settings[name].dimension == SWITCH
         parameter = Parameter(key, value=value != 0.0 if switch else float(value)).to_parameter_msg()
@@ -188,7 +188,7 @@ class RosBench:
             self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
 
     def changed(self) -> bool:
-        """True when the newest setting has its value; SequenceFailed with the reason when it was refused."""
+        """Say whether the newest setting has its value; SequenceFailed with the reason when it was refused."""
         if not self._setting.done():
             return False
         (result,) = self._setting.result().results
@@ -197,7 +197,7 @@ class RosBench:
         return True
 
     def reading(self, signal: str) -> float:
-        """Newest value of a signal that the sequence needs, SI."""
+        """Return the newest value of a signal that the sequence needs [SI]."""
         return self._values[signal]
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
