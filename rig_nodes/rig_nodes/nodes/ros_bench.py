@@ -174,7 +174,7 @@ class RosBench:
         return self._done
 
     def controller_says(self) -> tuple[int, bool] | None:
-        """Return gear and shifting of the controller's newest answer; None in real time, in which its answers are not received here."""
+        """Return gear and shifting of the newest answer of the controller; None in real time, which has no such answers here."""
         return (self._gear, self._shifting) if self.in_lockstep else None
 
     def change(self, name: str, value: float) -> None:
