@@ -55,7 +55,7 @@ def printable(text: object, kept: str = "") -> str:
 
 
 def brief(value: object) -> str:
-    """Return a value from a file as text, shortened when it is long, so that an error contains no whole file."""
+    """Return a value from a file as text, shortened when it is long, so that an error does not contain a whole file."""
     from reprlib import Repr
 
     short = Repr()

@@ -78,7 +78,7 @@ class MeshConfig:
 
 @dataclass(frozen=True)
 class ClutchConfig:
-    """A clutch that is no device: what presses it is not simulated."""
+    """A clutch that is not a device: what presses it is not simulated."""
 
     ca: float = _coefficient("first")
     cb: float = _coefficient("second")
@@ -89,7 +89,7 @@ class ClutchConfig:
 
 @dataclass(frozen=True)
 class BrakeConfig:
-    """A clutch to the ground that is no device."""
+    """A clutch to the ground that is not a device."""
 
     stick: float = _stick("; left out, 1")
     stick_back: float = _stick(" as it turns backwards; left out, as stick")
