@@ -3,8 +3,8 @@
 
 """Exact CDR: messages to bytes and back, byte for byte the same on every machine.
 
-Publishers encode with it once; DDS carries the bytes and the recorder stores them. Little-endian plain CDR
-(OMG DDS-RTPS 10.2, CORBA 15.3): 4 bytes of encapsulation, then each number aligned to its own size.
+Publishers encode each message once with it; DDS carries the bytes and the recorder stores them. The format is little-endian
+plain CDR (OMG DDS-RTPS 10.2, CORBA 15.3): 4 bytes of encapsulation, then each number aligned to its own size.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HEADER = b"\x00\x01\x00\x00"
 _FRAMELESS, _FRAME = b"\x01\x00\x00\x00\x00", slice(12, 17)  # an empty frame_id, and its place in a message
-MET = 64  # lengths of messages of a type that are remembered
+MET = 64  # number of message lengths remembered per type
 _STAMP_SEQ = struct.Struct("<iI8xQ")
 _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
@@ -43,12 +43,12 @@ class Encoder:
         leaves = definition.leaves
         self._pack = struct.Struct(_struct_format(leaves)).pack
         self._fixed_fields = self._fields[: len(self._fields) - len(definition.tail)]
-        # numbers of each field, None for one that stands alone
+        # count of numbers in each field; None for a single number
         self._counts = [None if node.kind == "number" else node.count for _, node in self._fixed_fields]
         self._arrays = any(self._counts)
         self._booleans = [i for i, (_, node) in enumerate(self._fixed_fields) if node.name == "bool"]
         self._tail, self._count = definition.tail, len(self._fields)
-        # lists of real numbers that are few: struct is faster with them than an array is made
+        # short lists of real numbers, which struct packs faster than an array is made
         self._lists = (
             bool(self._tail)
             and definition.name not in _BLOCKS
@@ -58,11 +58,28 @@ class Encoder:
             self.encode = self._numbers_only
 
     def encode(self, stamp_ns: int, seq: int, *values: Any) -> bytes:
-        """The message as bytes, encapsulation included.
+        """Return the message as bytes, encapsulation included.
 
-        stamp_ns: simulated time [ns]; seq: number of the message on its topic; values: the other fields in
-        the order of the definition, arrays and sequences as lists or numpy arrays. Raises TypeError for a
-        wrong number or type of values, ValueError for a number that its field cannot hold.
+        Parameters
+        ----------
+        stamp_ns : int
+            Simulated time [ns].
+        seq : int
+            Number of the message on its topic.
+        *values
+            The other fields in the order of the definition; arrays and sequences as lists or numpy arrays.
+
+        Returns
+        -------
+        bytes
+            The encoded message.
+
+        Raises
+        ------
+        TypeError
+            When the number or the type of the values is wrong.
+        ValueError
+            When a field cannot hold its number.
         """
         if len(values) != self._count:
             raise TypeError(
@@ -71,7 +88,7 @@ class Encoder:
             )
         fixed = values[: len(self._fixed_fields)] if self._tail else values
         for i in self._booleans:
-            # struct would take anything for a bool.
+            # struct would accept any value as a bool.
             if fixed[i] is not True and fixed[i] is not False and not isinstance(fixed[i], np.bool_):
                 raise TypeError(f"{self.name}.{self._fields[i][0]} is a bool, got {fixed[i]!r}")
         try:
@@ -96,7 +113,7 @@ class Encoder:
         return bytes(out)
 
     def _numbers_only(self, stamp_ns: int, seq: int, *values: Any) -> bytes:
-        """:meth:`encode` for most of a run's messages."""
+        """Encode as :meth:`encode` does, for the message form that most of a run's messages have."""
         try:
             return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *values)
         except (struct.error, TypeError, OverflowError):
@@ -122,19 +139,19 @@ class Encoder:
             _write(bytearray(HEADER), node, value, f"{self.name}.{name}")
 
 
-_BLOCKS = ("rig_msgs/msg/SampleBlock",)  # whose list is an array already
+_BLOCKS = ("rig_msgs/msg/SampleBlock",)  # types whose list is already an array
 
 
 @lru_cache(maxsize=256)
 def _list_struct(end: int, count: int) -> struct.Struct:
-    """Length and numbers of a float64[] behind bytes that end there, modulo 8."""
+    """Return the struct of the length and numbers of a float64[] that follows bytes ending at ``end`` modulo 8."""
     gap = -end % 4
-    behind = -(end + gap) % 8 if count else 0  # numbers lie on multiples of 8 behind the encapsulation's 4 bytes
+    behind = -(end + gap) % 8 if count else 0  # numbers are aligned to 8, counted from behind the encapsulation's 4 bytes
     return struct.Struct(f"<{gap}xI{behind}x{count}d")
 
 
 def _struct_format(leaves: Iterable[Leaf]) -> str:
-    """Struct format of encapsulation and leaves, with the padding of CDR written out."""
+    """Return the struct format of encapsulation and leaves, with the padding of CDR written out."""
     text, position = "<4s", 0
     for leaf in leaves:
         text += "x" * (leaf.offset - position) + leaf.node.code * (leaf.count or 1)
@@ -144,15 +161,29 @@ def _struct_format(leaves: Iterable[Leaf]) -> str:
 
 @cache
 def encoder(ros_type: str) -> Encoder:
-    """The encoder of an installed rig message; RigError when there is no such type."""
+    """Return the encoder of an installed rig message; RigError when there is no such type."""
     return Encoder(installed(ros_type))
 
 
 def encode_any(ros_type: str, message: object) -> bytes:
-    """Any installed message type as exact CDR, for messages with a ``std_msgs/Header`` and others.
+    """Encode a message of any installed type as exact CDR, with or without a ``std_msgs/Header``.
 
-    message: an object with the fields as attributes, or a dict with all of them; a time may be given as
-    integer nanoseconds. Raises TypeError or ValueError naming the field that does not fit.
+    Parameters
+    ----------
+    ros_type : str
+        Message type.
+    message : object or dict
+        An object with the fields as attributes, or a dict with all of them; a time may be given as integer nanoseconds.
+
+    Returns
+    -------
+    bytes
+        The encoded message.
+
+    Raises
+    ------
+    TypeError or ValueError
+        When a field does not fit; the error names it.
     """
     out = bytearray(HEADER)
     _write(out, installed(ros_type).tree, message, ros_type)
@@ -160,21 +191,21 @@ def encode_any(ros_type: str, message: object) -> bytes:
 
 
 class Form:
-    """Encoder of a message whose values stand at the same place every time; some ten times faster than encode_any.
+    """Encoder of a message whose values always stand at the same place; it is some ten times faster than encode_any.
 
-    fill(*values) gives the message for encode_any; it starts with a std_msgs/Header or a stamp, and each value, a
-    float64, stands in it once.
+    ``fill(*values)`` gives the message for encode_any. The message starts with a std_msgs/Header or a stamp, and each value, a
+    float64, occurs in it once.
     """
 
     def __init__(self, ros_type: str, fill: Callable[..., object], values: int) -> None:
-        """values: how many ``fill`` takes."""
+        """Prepare the encoder; ``values`` is the number of arguments that ``fill`` takes."""
         marks = [-1.0 - number / 7.0 for number in range(values)]
         self._bytes = bytearray(encode_any(ros_type, fill(*marks)))
         places = [self._bytes.index(struct.pack("<d", mark)) for mark in marks]
         self._slots = [(struct.Struct("<d").pack_into, place) for place in places]
 
     def encode(self, stamp_ns: int, *values: float) -> bytes:
-        """The message as bytes, encapsulation included. stamp_ns: simulated time [ns]."""
+        """Return the message as bytes, encapsulation included; ``stamp_ns`` is the simulated time [ns]."""
         _STAMP.pack_into(self._bytes, len(HEADER), *divmod(stamp_ns, _SECOND))
         for (pack_into, place), value in zip(self._slots, values, strict=True):
             pack_into(self._bytes, place, value)
@@ -182,26 +213,44 @@ class Form:
 
 
 def decode(ros_type: str, data: bytes) -> Any:
-    """The message as an object with attributes, by the installed definition.
+    """Decode a message by the installed definition.
 
-    Raises ValueError when the bytes are no such message.
+    Parameters
+    ----------
+    ros_type : str
+        Message type.
+    data : bytes
+        CDR with encapsulation.
+
+    Returns
+    -------
+    object
+        The message with its fields as attributes.
+
+    Raises
+    ------
+    ValueError
+        When the bytes are not such a message.
     """
     return decode_as(installed(ros_type), data)
 
 
 def decode_as(definition: Definition, data: bytes) -> Any:
-    """Like :func:`decode` with a given definition, for example the one a bag carries."""
+    """Decode as :func:`decode` does, with a given definition, for example the one that a bag carries."""
     try:
         return definition.store.deserialize_cdr(data, definition.name)
     except Exception as error:
-        # rosbags lets several unrelated classes out for bytes that are cut or garbled.
+        # rosbags raises errors of several unrelated classes for cut or garbled bytes.
         raise ValueError(f"{len(data)} bytes are no {definition.name} ({error})") from None
 
 
 def exact(definition: Definition, data: bytes) -> bytes:
-    """The message without the bytes that DDS appends up to a multiple of 4 on its way between processes.
+    """Return the message without the bytes that DDS appends up to a multiple of 4 between processes.
 
-    Raises ValueError when the bytes are no such message.
+    Raises
+    ------
+    ValueError
+        When the bytes are not such a message.
     """
     if _met(definition, data):
         return data
@@ -231,7 +280,7 @@ def exact(definition: Definition, data: bytes) -> bytes:
 
 
 def _met(definition: Definition, data: bytes) -> bool:
-    """True for a message as long as one that was exact and whose lists are as long: most of a run's are."""
+    """Return True for a message with the length and the list lengths of an earlier exact one, as most of a run's messages have."""
     marks = definition.met.get(len(data))
     if marks is None:
         return False
@@ -242,7 +291,13 @@ def _met(definition: Definition, data: bytes) -> bool:
 
 
 def frameless(definition: Definition, data: bytes) -> bytes:
-    """A message of the rig's own form with an empty frame_id, as the rig sends it; ValueError for bytes that are none."""
+    """Return a message of the rig's own form with an empty frame_id, as the rig sends it.
+
+    Raises
+    ------
+    ValueError
+        When the bytes are not such a message.
+    """
     if data[_FRAME] == _FRAMELESS:
         return data
     message = decode_as(definition, data)
@@ -253,9 +308,9 @@ def frameless(definition: Definition, data: bytes) -> bytes:
 
 
 class Fields:
-    """Takes encoded messages of one installed type of the rig's own form apart: a numpy record of all that is a number.
+    """Decoder of one installed type of the rig's own form: a numpy record of all its numbers.
 
-    Lists of numbers are in it, where nothing else follows them; of strings and what is behind one nothing is.
+    The record holds lists of numbers when nothing else follows them. It does not hold strings or anything behind a string.
     """
 
     def __init__(self, ros_type: str) -> None:
@@ -264,8 +319,8 @@ class Fields:
         self._lists = [name for name, _ in self._definition.tail] if self._definition.lists else []
 
     def of(self, data: bytes) -> np.void:
-        """The fields of a message; ValueError for bytes that are none."""
-        if len(data) < self._plain.itemsize or data[1] != 1:  # 1: little-endian, as every DDS on this host sends
+        """Return the fields of a message; ValueError when the bytes are not such a message."""
+        if len(data) < self._plain.itemsize or data[1] != 1:  # 1: little-endian, which every DDS on this host sends
             raise ValueError(f"{len(data)} bytes are no {self._definition.name}")
         data = frameless(self._definition, data)
         if not self._lists:
@@ -282,7 +337,7 @@ class Fields:
 
 
 def stamp_and_seq(data: bytes) -> tuple[int, int]:
-    """Simulated time [ns] and sequence number of an encoded message of the rig's own form."""
+    """Return the simulated time [ns] and the sequence number of an encoded message of the rig's own form."""
     if len(data) < 28 or data[:2] != HEADER[:2]:
         raise ValueError(f"{len(data)} bytes are too few or not little-endian CDR; expected header and seq")
     seconds, nanoseconds, seq = _STAMP_SEQ.unpack_from(data, 4)
@@ -290,7 +345,7 @@ def stamp_and_seq(data: bytes) -> tuple[int, int]:
 
 
 def stamp(data: bytes) -> int:
-    """Time [ns] of an encoded message that starts with a stamp or a ``std_msgs/Header``."""
+    """Return the time [ns] of an encoded message that starts with a stamp or a ``std_msgs/Header``."""
     if len(data) < 12 or data[:2] != HEADER[:2]:
         raise ValueError(f"{len(data)} bytes are too few or not little-endian CDR; expected a stamp")
     seconds, nanoseconds = _STAMP.unpack_from(data, 4)
@@ -367,7 +422,7 @@ def _write_list(out: bytearray, node: Node, value: Any, where: str) -> None:
 
 
 def _numbers(node: Node, value: Any, where: str) -> np.ndarray:
-    """Values as a flat little-endian array; a table is taken row after row."""
+    """Return values as a flat little-endian array; a table is taken row by row."""
     wanted = np.dtype("?" if node.name == "bool" else "<" + np.dtype(node.code).str[1:])
     if isinstance(value, (bytes, bytearray)):
         value = np.frombuffer(value, np.uint8)
@@ -388,7 +443,7 @@ def _numbers(node: Node, value: Any, where: str) -> np.ndarray:
 
 
 def _number(node: Node, value: Any, where: str) -> bytes:
-    """One number as little-endian bytes, without padding."""
+    """Return one number as little-endian bytes, without padding."""
     if node.name == "bool":
         if not isinstance(value, (bool, np.bool_)):
             raise TypeError(f"{where} is a bool, got {value!r}")

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message definitions: where they come from, and where each field lies in an encoded message.
+"""Message definitions: their source, and the place of each field in an encoded message.
 
-Publishers use the definitions of the installed packages, the reader those that a bag carries itself.
+Publishers use the definitions of the installed packages; the reader uses those that a bag carries.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from . import limits
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-# Names of the .msg language -> struct code; the size of a number is its alignment in CDR.
+# Type names of the .msg language -> struct code; a number's size is also its alignment in CDR.
 CODES = {
     "bool": "?",
     "byte": "B",
@@ -48,7 +48,7 @@ _TYPE = re.compile(r"[A-Za-z]\w{0,199}(/msg)?/[A-Za-z]\w{0,199}", re.ASCII)
 
 @dataclass(frozen=True)
 class Node:
-    """One field's type: ``kind`` is number, string, message, array or sequence.
+    """The type of one field: ``kind`` is number, string, message, array or sequence.
 
     ``name`` is the base type or message type, ``count`` the length of an array or the bound of a sequence or
     string (0: none), ``item`` the element of an array or sequence, ``fields`` the members of a message.
@@ -62,7 +62,7 @@ class Node:
 
     @property
     def code(self) -> str:
-        """Struct code of a number."""
+        """The struct code of a number."""
         return CODES[self.name]
 
     @property
@@ -76,14 +76,14 @@ class Node:
 
     @property
     def many(self) -> bool:
-        """True when a sequence of messages or texts is part of it: then one byte may become an object."""
+        """True when the field contains a sequence of messages or texts, so that one byte may become an object."""
         if self.kind == "sequence":
             return self.item.kind != "number"
         return any(node.many for _, node in self.fields) if self.kind == "message" else bool(self.item and self.item.many)
 
     @property
     def size(self) -> int:
-        """Size and alignment of a number in bytes."""
+        """Size of a number, which is also its alignment [bytes]."""
         return struct.calcsize("=" + CODES[self.name])
 
 
@@ -99,11 +99,11 @@ class Leaf:
 
 @dataclass(frozen=True, eq=False)
 class Definition:
-    """One message type: text as a bag stores it, RIHS01 hash, tree of fields.
+    """One message type: its text as a bag stores it, its RIHS01 hash and its tree of fields.
 
-    ``leaves`` are the fields whose place does not depend on the content, ``tail`` the top-level fields from
-    the first of variable size on. ``size``: bytes up to the end of the leaves, encapsulation included, which
-    is the size of every message when the tail is empty.
+    ``leaves`` are the fields whose place does not depend on the content; ``tail`` holds the top-level fields from
+    the first of variable size on. ``size`` is the number of bytes up to the end of the leaves, encapsulation included; when
+    the tail is empty it is the size of every message.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Definition:
     tail: tuple[tuple[str, Node], ...]
     size: int
     store: object
-    # of messages with lists that were found exact, by their length: the bytes that say so, each with its place (cdr.exact)
+    # lengths of messages with lists that were exact -> the bytes of their lists' lengths, each with its place (cdr.exact)
     met: dict[int, tuple[tuple[slice, bytes], ...]] = field(default_factory=dict, repr=False)
 
     @property
@@ -128,9 +128,10 @@ class Definition:
         return _counted(self.tree)
 
     def sized(self, data: bytes) -> np.dtype | None:
-        """As :meth:`dtype` with the lists of the tail as long as in a message, where all of it are lists of numbers.
+        """Return :meth:`dtype` extended by the tail, with its lists as long as in the given message.
 
-        A list's length stands in the record as ``name#``. None where the tail is something else or the message too short.
+        A list's length is in the record as ``name#``. The result is None when the tail holds anything but lists of numbers or the
+        message is too short.
         """
         if (end := self.end_of(data)) is None:
             return None
@@ -153,11 +154,11 @@ class Definition:
 
     @cached_property
     def lists(self) -> bool:
-        """True when the tail is lists of numbers and nothing else."""
+        """True when the tail consists only of lists of numbers."""
         return bool(self.tail) and all(node.kind == "sequence" and node.item.kind == "number" for _, node in self.tail)
 
     def end_of(self, data: bytes) -> int | None:
-        """Bytes of a message by its lists' own lengths; None where it is shorter, or of no such type (:attr:`lists`)."""
+        """Return a message's size [bytes] by the lengths of its lists; None when it is shorter or not of such a type (:attr:`lists`)."""
         places = self._places(data)
         if not places:
             return None
@@ -166,12 +167,12 @@ class Definition:
         return end if end <= len(data) else None
 
     def lengths(self, data: bytes) -> tuple[tuple[slice, bytes], ...]:
-        """The bytes of a message that hold its lists' lengths, each with its place (:attr:`lists`)."""
+        """Return the bytes of a message that hold the lengths of its lists, each with its place (:attr:`lists`)."""
         places = [slice(at, at + 4) for at, _, _ in self._places(data)]
         return tuple((place, data[place]) for place in places)
 
     def _places(self, data: bytes) -> list[tuple[int, int, int]]:
-        """Of each list of the tail: where its length and its first number are, and how many it has; as far as they are."""
+        """Return for each list of the tail the places of its length and first number, and its count, as far as the message reaches."""
         places, end = [], self.size
         for _, node in self.tail if self.lists else ():
             at = end + -end % 4
@@ -184,7 +185,7 @@ class Definition:
         return places
 
     def dtype(self) -> np.dtype:
-        """Numpy record of the leaves; its item size is ``size``, so that joined messages can be viewed."""
+        """Return the numpy record of the leaves; its item size is ``size``, so that joined messages can be viewed."""
         return np.dtype(
             {
                 "names": [leaf.path for leaf in self.leaves],
@@ -202,9 +203,12 @@ def _numpy_format(leaf: Leaf) -> str | tuple[str, tuple[int]]:
 
 @cache
 def installed(ros_type: str) -> Definition:
-    """The definition of an installed type, e.g. ``rig_msgs/msg/Measurement``.
+    """Return the definition of an installed type, e.g. ``rig_msgs/msg/Measurement``.
 
-    Raises RigError when the package or the message is not installed.
+    Raises
+    ------
+    RigError
+        When the package or the message is not installed.
     """
     texts: dict[str, str] = {}
     _collect(ros_type, texts)
@@ -218,9 +222,24 @@ def installed(ros_type: str) -> Definition:
 
 @lru_cache(maxsize=256)
 def parse(ros_type: str, text: str) -> Definition:
-    """A definition from the text a bag stores: the message itself, then each type it needs after ``MSG:``.
+    """Parse a definition from the text that a bag stores: the message itself, then each type it needs after ``MSG:``.
 
-    Raises RigError when the text is no message definition or describes more than bags.limits allows.
+    Parameters
+    ----------
+    ros_type : str
+        Message type.
+    text : str
+        The text of the definition.
+
+    Returns
+    -------
+    Definition
+        The parsed definition.
+
+    Raises
+    ------
+    RigError
+        When the text is not a message definition or describes more than bags.limits allows.
     """
     store = get_typestore(Stores.EMPTY)
     try:
@@ -232,7 +251,7 @@ def parse(ros_type: str, text: str) -> Definition:
     except RigError:
         raise
     except Exception as error:
-        # rosbags lets several unrelated classes out, with the whole text in their words
+        # rosbags raises errors of several unrelated classes, with the whole text in their message
         why = f"{type(error).__name__}: {str(error).partition(chr(10))[0][:200]}"
         raise RigError(f"the definition of {ros_type} cannot be read ({why}); expected .msg text") from None
     leaves, tail, end = _lay_out(tree)
@@ -240,7 +259,7 @@ def parse(ros_type: str, text: str) -> Definition:
 
 
 def _said(ros_type: str, text: str) -> str:
-    """The lines of a definition that say something: over empty ones the parser takes the square of their number."""
+    """Return a definition without its empty lines, because the parser's time grows with the square of their number."""
     lines = [line for line in text.replace("\r\n", "\n").split("\n") if line.strip() and not line.lstrip().startswith("#")]
     longest = max(map(len, lines), default=0)
     if not _TYPE.fullmatch(ros_type):
@@ -254,14 +273,14 @@ def _said(ros_type: str, text: str) -> str:
 
 
 class _Size:
-    """How large a message type is with all that it contains; counted before anything is made of it."""
+    """Counter of a message type's size with everything it contains, used before the type is built."""
 
     def __init__(self, ros_type: str, types: Mapping[str, Any]) -> None:
         self._name, self._types = ros_type, types
         self._fields = self._bytes = 0
 
     def check(self) -> None:
-        """RigError when the type is larger than bags.limits allows, or contains itself."""
+        """Raise RigError when the type is larger than bags.limits allows or contains itself."""
         self._message(self._name, 0)
 
     def _message(self, name: str, depth: int) -> None:
@@ -316,12 +335,12 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
 
 @lru_cache(maxsize=256)
 def _fields_of(ros_type: str, text: str) -> Sequence[tuple[str, tuple[Nodetype, Any]]]:
-    """Fields in the words of rosbags; a time is part of every message."""
+    """Return the fields in the form of rosbags; a time is part of every message."""
     return get_types_from_msg(text, ros_type)[ros_type][1]
 
 
 def _short(ros_type: str) -> str:
-    """``package/Name``, as definitions inside a definition are headed."""
+    """Return ``package/Name``, as the heads of nested definitions give it."""
     package, _, name = ros_type.split("/")
     return f"{package}/{name}"
 
@@ -342,10 +361,10 @@ def _node(description: tuple[Nodetype, Any], types: Mapping[str, Any]) -> Node:
 
 
 def _lay_out(tree: Node) -> tuple[tuple[Leaf, ...], tuple[tuple[str, Node], ...], int]:
-    """Leaves and tail of a message, and the offset where the leaves end.
+    """Return the leaves and the tail of a message, and the offset where the leaves end.
 
-    In a message of the rig's own form frame_id counts as empty, so that what is behind it has its place: cdr.frameless
-    makes it so.
+    In a message of the rig's own form frame_id counts as empty, so that the fields behind it have fixed places;
+    cdr.frameless empties it.
     """
     leaves: list[Leaf] = []
     position, first = 0, 0
@@ -375,7 +394,7 @@ def _counted(tree: Node) -> bool:
 
 
 def _flatten(path: str, node: Node) -> list[tuple[str, Node, int]] | None:
-    """Numbers of a field in order as (path, number, array length or 0); None when its size varies."""
+    """Return the numbers of a field in order as (path, number, array length or 0); None when its size varies."""
     if node.kind == "number":
         return [(path, node, 0)]
     if node.kind == "array":

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the messages of a bag lie, so that it can be replayed from any time without being read as a whole.
+"""Index of a bag's messages, so that a bag can be replayed from any time without reading the whole file.
 
-Used by the replay. Chunks are found by the file's summary, or by walking over their heads where it has none; each is read, and
-checked, when its time comes.
+The replay uses it. Chunks are found from the file's summary, or from their heads when the file has no summary. Each chunk is
+read and checked only when its time comes.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ from .reader import Bag, find
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _STATISTICS = struct.Struct("<QHIIIIQQI")
-_PLAIN = 1 << 20  # bytes of messages outside of chunks that are taken together
+_PLAIN = 1 << 20  # bytes of messages outside of chunks that form one part
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A chunk, or records outside of chunks: bytes in the file, log times [ns], channels (None where nobody says)."""
+    """A chunk, or records outside of chunks: bytes in the file, log times [ns] and channels (None when unknown)."""
 
     start: int
     end: int
@@ -65,14 +65,30 @@ class _Part:
 
 
 class BagIndex:
-    """A bag that is read as its messages are asked for; of a damaged one what is whole.
+    """A bag whose messages are read on demand; of a damaged bag it gives the undamaged part.
 
-    ``path``: the .mcap file; ``counts``: messages per topic; ``types``: message type per topic; ``first``, ``last``: log times
-    [ns] of its messages; ``damage``: one sentence per fault met so far, each told to ``on_damage`` when it is met.
+    Attributes
+    ----------
+    path : Path
+        The .mcap file.
+    counts : dict of str to int
+        Messages per topic.
+    types : dict of str to str
+        Message type per topic.
+    first, last : int
+        Log times of the first and the last message [ns].
+    damage : list of str
+        One sentence per fault met so far; each is passed to ``on_damage`` when it is met.
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open the folder of a run or its .mcap file; BagError when there is none, it is no bag or holds no message."""
+        """Open the folder of a run or its .mcap file.
+
+        Raises
+        ------
+        BagError
+            When there is no such file, it is not a bag or it holds no message.
+        """
         self.path = find(Path(path))
         self.damage: list[str] = []
         self.on_damage: Callable[[str], None] = lambda _: None
@@ -103,21 +119,33 @@ class BagIndex:
         self._file.__exit__()
 
     def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
-        """Encoding of a topic as ``message/definition``, its definition, and the metadata of its channel."""
+        """Return a topic's encoding as ``message/definition``, its definition and the metadata of its channel."""
         stream = self._streams[topic]
         return stream.encoding, stream.text, stream.metadata
 
     @cached_property
     def catalogue(self) -> Catalogue:
-        """Topics and signals of the rig that the bag is of, as Bag.catalogue."""
+        """Topics and signals of the bag's rig, as in Bag.catalogue."""
         return self.bag([topic for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/RunInfo"]).catalogue
 
     def timeline(
         self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
     ) -> Iterator[tuple[int, tuple[str, bytes]]]:
-        """Log time [ns], and topic with bytes, of the messages from ``begin`` to before ``end``, by log time.
+        """Yield the messages of some topics in order of log time; messages of equal time keep the order of the file.
 
-        Messages of one time come as in the file. Chunks may overlap: those that do are in memory together.
+        Chunks may overlap; overlapping chunks are in memory together.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Topics to read.
+        begin, end : int
+            Log times [ns] from ``begin`` to before ``end``.
+
+        Yields
+        ------
+        (int, (str, bytes))
+            Log time [ns], and topic with bytes.
         """
         wanted = {number for number, stream in self._records.contents.streams.items() if stream.topic in topics}
         rows: list[tuple] = []
@@ -134,7 +162,7 @@ class BagIndex:
             yield time, (topic, data)
 
     def bag(self, topics: Collection[str]) -> Bag:
-        """The messages of these topics as a bag, which knows of all topics but holds no message of the others."""
+        """Return the messages of these topics as a bag; it lists all topics but holds no message of the others."""
         streams = {topic: stream.emptied() for topic, stream in self._streams.items()}
         for place, (time, (topic, data)) in enumerate(self.timeline(topics)):
             streams[topic].times.append(time)
@@ -143,7 +171,7 @@ class BagIndex:
         return Bag.of(self.path, Contents(dict(enumerate(streams.values())), list(self.damage), self._library))
 
     def _rows(self, part: _Part, topics: Collection[str], begin: int, end: int) -> list[tuple]:
-        """Messages of a part: time, place in the file, topic, bytes; none where it is damaged, which is told."""
+        """Return the messages of a part as time, place in the file, topic and bytes; report damage and return none."""
         try:
             streams = self._read(part).values()
             if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last for stream in streams):
@@ -174,7 +202,7 @@ class BagIndex:
         return self._records.take().streams
 
     def _tell(self, damage: Damage) -> None:
-        """Keep a fault and say it once; BagError where nothing after it can be trusted."""
+        """Keep a fault and report it once; raise BagError when nothing after it can be trusted."""
         sentence = damage.sentence(self._file.size)
         if damage.fatal:
             raise BagError(f"{self.path}: {sentence}; have the program that wrote the bag write it again")
@@ -183,7 +211,7 @@ class BagIndex:
             self.on_damage(sentence)
 
     def _by_summary(self) -> bool:
-        """Take everything from the summary; False when it is not there, not whole or does not say it all."""
+        """Take everything from the summary; return False when it is missing or incomplete."""
         self._records = Records(self._file)
         try:
             found = self._summary()
@@ -203,7 +231,7 @@ class BagIndex:
             self._library = library(file, start, end)
         footer = file.size - len(MAGIC) - FOOTER_BODY.size - RECORD.size
         if footer < len(MAGIC) or file.bytes_at(file.size - len(MAGIC), len(MAGIC)) != MAGIC:
-            return False  # as much as walking over the file will say
+            return False  # the walk over the file reports the same fault
         opcode, start, end = file.record(footer)
         if opcode != FOOTER or end - start != FOOTER_BODY.size:
             return False
@@ -232,7 +260,7 @@ class BagIndex:
         return statistics is not None and self._agrees(statistics)
 
     def _agrees(self, statistics: bytes) -> bool:
-        """Take the counts; False when the chunks that are known do not hold all messages, or of unknown topics."""
+        """Take the counts; return False when the known chunks do not hold all messages or the counts name unknown channels."""
         messages, *_, chunks, _, _, length = _STATISTICS.unpack_from(statistics)
         if length > len(statistics) - _STATISTICS.size:
             return False
@@ -245,7 +273,7 @@ class BagIndex:
         )
 
     def _by_walking(self) -> None:
-        """Take everything from the heads of the file's records, up to where they cannot be followed."""
+        """Take everything from the heads of the file's records, up to the first that cannot be followed."""
         self._records = Records(self._file)
         try:
             position = len(MAGIC)
@@ -281,7 +309,7 @@ class BagIndex:
             self._tell(damage)
 
     def _add_chunk(self, head: ChunkHead, position: int, end: int) -> None:
-        """A chunk by the message indices behind it; read where these are missing or name what is not known yet."""
+        """Add a chunk by the message indices behind it; read the chunk when they are missing or name unknown channels."""
         counts: dict[int, int] = {}
         after = end
         try:
@@ -293,7 +321,7 @@ class BagIndex:
                 counts[number] = length // 16
                 after = stop
         except Damage:
-            counts = {}  # cut within them
+            counts = {}  # the file ends within the indices
         if not counts or not counts.keys() <= self._records.contents.streams.keys():
             self._records.chunk(head, position)
             streams = self._records.take().streams
@@ -303,7 +331,7 @@ class BagIndex:
         self._add(_Part(position, end, head.first, head.last, frozenset(counts)), counts)
 
     def _close_plain(self, start: int, end: int) -> None:
-        """What was read outside of chunks, as a part of its own."""
+        """Add what was read outside of chunks as a separate part."""
         if not self._records.held:
             return
         streams = self._records.take().streams
@@ -319,7 +347,7 @@ class BagIndex:
 
 
 def _part_of(record: bytes, same: dict) -> tuple[_Part, int]:
-    """A chunk by its record in the summary, and its bytes unpacked. same: sets of channels met already."""
+    """Return a chunk by its record in the summary, and its unpacked size [bytes]; ``same`` holds the sets of channels met."""
     first, last, start, length, offsets = _CHUNK_INDEX.unpack_from(record)
     position = _CHUNK_INDEX.size
     channels = frozenset(number for number, _ in struct.iter_unpack("<HQ", record[position : position + offsets]))

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The MCAP container: every message of a file by topic, checked, or what can be saved of a damaged one.
+"""Reader of the MCAP container: every message of a file by topic, checked, or the undamaged part of a damaged file.
 
-Used by the bag reader. Takes whole chunks at once, several times faster than record by record, and knows the
-byte where a file is damaged. The container's records are those of the MCAP specification, version 0. The file is never in
-memory as a whole; what bags.limits says is refused before it is unpacked.
+The bag reader uses it. It reads whole chunks at once, which is several times faster than record by record, and reports the
+byte at which a file is damaged. The records are those of the MCAP specification, version 0. The file is never in memory as a
+whole; what exceeds bags.limits is refused before it is unpacked.
 """
 
 from __future__ import annotations
@@ -30,20 +30,19 @@ from .old_form import Convert, form_of_today, topic_of_today
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = 1, 2, 3, 4, 5, 6, 7, 8
 STATISTICS, DATA_END = 0x0B, 0x0F
-PRIVATE = 0x80  # opcodes from here on belong to whoever wrote the file
+PRIVATE = 0x80  # opcodes from here on are private to the program that wrote the file
 RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
 FOOTER_BODY = struct.Struct("<QQI")
-_BLOCK = 1 << 20  # bytes read at once
+_BLOCK = 1 << 20  # bytes per read
 
 
 @dataclass
 class Stream:
     """The messages of one channel in the order of the file: log times [ns], payloads, places in the file.
 
-    A message's place is its number among all messages of the file; ``metadata`` is what the channel says of
-    itself.
+    A message's place is its number among all messages of the file; ``metadata`` is the channel's own metadata.
     """
 
     topic: str
@@ -54,18 +53,19 @@ class Stream:
     times: array = field(default_factory=lambda: array("q"))
     payloads: list[bytes] = field(default_factory=list)
     places: array = field(default_factory=lambda: array("Q"))
-    convert: Convert | None = None  # brings a message of the file into the form of ``text``; None: it has it
+    convert: Convert | None = None  # converts a message of the file to the form of ``text``; None when no conversion is needed
 
     def emptied(self) -> Stream:
-        """The same channel without messages."""
+        """Return the same channel without messages."""
         return Stream(self.topic, self.ros_type, self.encoding, self.text, self.metadata, convert=self.convert)
 
 
 @dataclass
 class Contents:
-    """All channels of a file or of a part of it; ``damage`` holds one sentence per fault that recovery passed over.
+    """All channels of a file or of a part of it.
 
-    ``library``: the program that wrote the file, as it says itself.
+    ``damage`` holds one sentence per fault that recovery passed over; ``library`` is the name of the program that wrote the
+    file, as the file gives it.
     """
 
     streams: dict[int, Stream] = field(default_factory=dict)
@@ -74,32 +74,69 @@ class Contents:
 
 
 class Damage(Exception):
-    """A fault at one byte; ``cut`` when the file just ends there, ``fatal`` when nothing after it can be trusted."""
+    """A fault at one byte of a file.
+
+    ``cut`` is True when the file simply ends there, ``fatal`` when nothing after it can be trusted.
+    """
 
     def __init__(self, what: str, offset: int, cut: bool = False, fatal: bool = False) -> None:
         super().__init__(what)
         self.what, self.offset, self.cut, self.fatal = what, offset, cut, fatal
 
     def sentence(self, size: int) -> str:
-        """What is wrong and where in a file of so many bytes."""
+        """Return a sentence on what is wrong and where, in a file of ``size`` bytes."""
         return f"{self.what} at byte {self.offset} of {size}"
 
 
 def read_mcap(path: Path, recover: bool = False) -> Contents:
     """Read and check a whole file.
 
-    recover: read past damage, keeping every whole chunk whose checksum holds up to the first place where the
-    records themselves cannot be followed. Raises BagError naming the byte of the damage otherwise, and for a
-    file that cannot be read or is no MCAP file at all.
+    Parameters
+    ----------
+    path : Path
+        The .mcap file.
+    recover : bool
+        True to read past damage: every whole chunk with a valid checksum is kept, up to the first place where the records
+        themselves cannot be followed.
+
+    Returns
+    -------
+    Contents
+        All channels with their messages.
+
+    Raises
+    ------
+    BagError
+        When the file cannot be read or is not an MCAP file, and, without ``recover``, when it is damaged; the error then names
+        the byte of the damage.
     """
     (contents,) = read_pieces(path, recover, math.inf)
     return contents
 
 
 def read_pieces(path: Path, recover: bool, size: float) -> Iterator[Contents]:
-    """As :func:`read_mcap`, in the order of the file and no more than about ``size`` bytes of messages at a time.
+    """Read a file as :func:`read_mcap` does, in the order of the file and piece by piece.
 
-    What of the file is damaged behind a piece is known when the iteration comes there; the last piece tells all of it.
+    Damage behind a piece is found when the iteration reaches it; the last piece lists all damage.
+
+    Parameters
+    ----------
+    path : Path
+        The .mcap file.
+    recover : bool
+        True to read past damage.
+    size : float
+        Approximate size of a piece [bytes of messages].
+
+    Yields
+    ------
+    Contents
+        One piece of the file.
+
+    Raises
+    ------
+    BagError
+        As :func:`read_mcap` does.
     """
     with McapFile(path) as file:
         scan = _Scan(file, recover)
@@ -121,10 +158,10 @@ def read_pieces(path: Path, recover: bool, size: float) -> Iterator[Contents]:
 
 
 class McapFile:
-    """A file's bytes and the records of its container. ``size``: bytes."""
+    """The bytes of a file and the records of its container; ``size`` is its length [bytes]."""
 
     def __init__(self, path: Path) -> None:
-        """Open it. BagError for what cannot be read or is no MCAP file."""
+        """Open the file; BagError when it cannot be read or is not an MCAP file."""
         try:
             self._file = open(path, "rb", buffering=0)
             self.size = os.fstat(self._file.fileno()).st_size
@@ -149,7 +186,7 @@ class McapFile:
         self._file.close()
 
     def bytes_at(self, position: int, length: int) -> bytes:
-        """So many bytes from there; Damage when the file has become shorter or cannot be read."""
+        """Return ``length`` bytes from a position; Damage when the file has become shorter or cannot be read."""
         at = position - self._from
         if at < 0 or at + length > len(self._block):
             try:
@@ -164,7 +201,7 @@ class McapFile:
         return self._block[at : at + length]
 
     def checksum(self, start: int, end: int) -> int:
-        """CRC-32 of these bytes."""
+        """Return the CRC-32 of the bytes from ``start`` to before ``end``."""
         crc = 0
         while start < end:
             step = min(_BLOCK, end - start)
@@ -173,7 +210,7 @@ class McapFile:
         return crc
 
     def record(self, position: int) -> tuple[int, int, int]:
-        """Opcode, start and end of the content of the record at a byte of the file."""
+        """Return the opcode of the record at a byte of the file, and the start and end of its content."""
         if position + RECORD.size > self.size:
             raise Damage("the file ends without the end record of a closed bag", position, cut=True)
         opcode, length = RECORD.unpack(self.bytes_at(position, RECORD.size))
@@ -185,18 +222,24 @@ class McapFile:
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """What a chunk says of itself: log times [ns], bytes unpacked, CRC, how and where it is packed."""
+    """The head of a chunk: log times [ns], unpacked bytes, CRC, compression and place of the packed data."""
 
     first: int
     last: int
     size: int
     crc: int
     compression: str
-    packed: tuple[int, int]  # start and end in the file
+    packed: tuple[int, int]  # start and end of the packed data in the file
 
 
 def chunk_head(file: McapFile, start: int, end: int) -> ChunkHead:
-    """The head of the chunk whose content lies there; Damage when it is garbled or asks for too much."""
+    """Return the head of the chunk whose content lies from ``start`` to ``end``.
+
+    Raises
+    ------
+    Damage
+        When the head is garbled or the chunk exceeds the limits.
+    """
     at = start - RECORD.size
     head = file.bytes_at(start, min(end - start, CHUNK_HEAD.size + 64))
     try:
@@ -214,19 +257,19 @@ def chunk_head(file: McapFile, start: int, end: int) -> ChunkHead:
 
 
 class Records:
-    """Schemas, channels and messages as they come; ``contents`` gathers them."""
+    """Collector of schemas, channels and messages in the order in which they are read; ``contents`` holds them."""
 
     def __init__(self, file: McapFile) -> None:
         self.file = file
         self.contents = Contents()
         self.schemas: dict[int, tuple[str, str, str]] = {}
-        self.held = 0  # bytes of messages in ``contents``, unpacked
+        self.held = 0  # unpacked bytes of the messages in ``contents``
         self.next_place = count().__next__
         self._unzip = zstandard.ZstdDecompressor(max_window_size=limits.CHUNK)
         self._texts = 0
 
     def take(self) -> Contents:
-        """What was gathered since the last time; the channels stay."""
+        """Return the messages gathered since the last call; the channels are kept."""
         taken, self.held = self.contents, 0
         self.contents = Contents(
             {number: stream.emptied() for number, stream in taken.streams.items()}, taken.damage, taken.library
@@ -234,7 +277,7 @@ class Records:
         return taken
 
     def chunk(self, head: ChunkHead, at: int) -> None:
-        """Take the records of a chunk that begins at a byte of the file."""
+        """Read the records of the chunk that begins at byte ``at`` of the file."""
         content = self._unpacked(head, at)
         if head.crc and zlib.crc32(content) != head.crc:
             raise Damage("a chunk does not match its checksum", at)
@@ -261,7 +304,7 @@ class Records:
         return content
 
     def records(self, content: bytes, at: int) -> None:
-        """Take all records of these bytes, found at byte ``at`` of the file."""
+        """Read all records of ``content``, which was found at byte ``at`` of the file."""
         record, message, streams = RECORD.unpack_from, _MESSAGE.unpack_from, self.contents.streams
         next_place, last = self.next_place, limits.LAST
         position, end = 0, len(content)
@@ -336,7 +379,7 @@ class Records:
 
 
 def by_topic(path: Path, streams: Iterable[Stream]) -> dict[str, Stream]:
-    """One stream for each topic; BagError when a topic has several types."""
+    """Return one stream per topic; BagError when a topic has several types."""
     joined: dict[str, Stream] = {}
     for stream in streams:
         first = joined.setdefault(stream.topic, stream)
@@ -360,7 +403,7 @@ class _Scan(Records):
         self._unpacked_bytes = self._count = 0
 
     def run(self) -> Iterator[None]:
-        """Data section, end of data, summary, footer; stops after each chunk or so. Raises Damage."""
+        """Read data section, end of data, summary and footer, pausing about once per chunk; raises Damage."""
         file = self.file
         if file.size < len(MAGIC):
             raise Damage("the file ends inside its first magic bytes", file.size, cut=True)
@@ -388,7 +431,7 @@ class _Scan(Records):
         self._check_summary(end)
 
     def take(self) -> Contents:
-        """The messages gathered since the last time, which are counted too."""
+        """Return and count the messages gathered since the last call."""
         self._count += sum(len(stream.times) for stream in self.contents.streams.values())
         return super().take()
 
@@ -400,11 +443,11 @@ class _Scan(Records):
             check_expansion(self._unpacked_bytes, end, at)
             self.chunk(head, at)
         elif opcode in (SCHEMA, CHANNEL, MESSAGE):
-            # An unchunked file: the record itself is read like the content of a chunk.
+            # In a file without chunks the record itself is read like the content of a chunk.
             self.records(plain_record(self.file, start, end), at)
 
     def _check_data(self, position: int, start: int, end: int) -> None:
-        """The checksum over everything before the end-of-data record."""
+        """Check the checksum over everything before the end-of-data record."""
         if end - start != 4:
             raise Damage("the end-of-data record is garbled", position)
         (crc,) = struct.unpack("<I", self.file.bytes_at(start, 4))
@@ -412,7 +455,7 @@ class _Scan(Records):
             raise Damage("the data section does not match its checksum, which lies", position)
 
     def _check_summary(self, summary: int) -> None:
-        """The records after the data, the footer with their checksum, and the last magic bytes."""
+        """Check the records after the data, the footer with their checksum, and the last magic bytes."""
         position = summary
         counted = None
         while True:
@@ -436,14 +479,24 @@ class _Scan(Records):
 
 
 def plain_record(file: McapFile, start: int, end: int) -> bytes:
-    """A record outside of chunks, with its head; Damage when it is larger than a chunk may be."""
+    """Return a record outside of chunks, with its head; Damage when it is larger than a chunk may be."""
     if end - start > limits.CHUNK:
         raise Damage(f"a record of {end - start} bytes is larger than the {limits.CHUNK} that are read", start - RECORD.size)
     return file.bytes_at(start - RECORD.size, end - start + RECORD.size)
 
 
 def check_expansion(unpacked: int, read: int, at: int) -> None:
-    """Damage when so many bytes of the file unpack to more than any recording does."""
+    """Raise Damage when the file unpacks to more bytes than any recording does.
+
+    Parameters
+    ----------
+    unpacked : int
+        Unpacked size of the chunks read so far [bytes].
+    read : int
+        Bytes of the file that hold them.
+    at : int
+        Byte of the file that the error names.
+    """
     if unpacked > limits.CHUNK + limits.EXPANSION * read:
         raise Damage(
             f"what is packed unpacks to {unpacked} bytes, more than {limits.EXPANSION} for each byte of the file,", at, fatal=True
@@ -451,7 +504,7 @@ def check_expansion(unpacked: int, read: int, at: int) -> None:
 
 
 def library(file: McapFile, start: int, end: int) -> str:
-    """Who wrote the file, by its header; empty when that is not said."""
+    """Return the name of the program that wrote the file, from its header; empty when the header does not give it."""
     content = file.bytes_at(start, min(end - start, 4096))
     try:
         _, position = text(content, 0, len(content))
@@ -461,7 +514,7 @@ def library(file: McapFile, start: int, end: int) -> str:
 
 
 def _metadata(content: bytes, position: int, end: int) -> dict[str, str]:
-    """The pairs of texts at a byte; ValueError when they run past ``end``."""
+    """Return the pairs of texts at a byte; ValueError when they run past ``end``."""
     (length,) = struct.unpack_from("<I", content, position)
     position += 4
     stop = position + length
@@ -475,7 +528,7 @@ def _metadata(content: bytes, position: int, end: int) -> dict[str, str]:
 
 
 def text(content: bytes, position: int, end: int) -> tuple[str, int]:
-    """A length-prefixed string and the byte after it; ValueError when it runs past ``end``."""
+    """Return a length-prefixed string and the position after it; ValueError when it runs past ``end``."""
     (length,) = struct.unpack_from("<I", content, position)
     stop = position + 4 + length
     if stop > end:

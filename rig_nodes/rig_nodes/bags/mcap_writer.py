@@ -1,10 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The MCAP container, written: the bytes that mcap.writer gives with chunks, zstd and all CRCs, in a third of its time.
+"""Writer of the MCAP container: the same bytes as mcap.writer with chunks, zstd and all CRCs, in a third of its time.
 
-Used by the bag writer. Most of a run's messages are some hundred bytes long; for those the library's record by record,
-field by field costs more than all the rest of recording. Its record classes write everything but the messages.
+The bag writer uses it. Most of a run's messages are some hundred bytes long; for those, the library's writing record by
+record and field by field costs more than the rest of recording. The library's record classes write everything except
+messages.
 """
 
 from __future__ import annotations
@@ -36,39 +37,42 @@ from .mcap_file import MAGIC
 
 COMPRESSION = "zstd"
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
-_MESSAGE_OPCODE = int(Opcode.MESSAGE)  # as a plain number: an enumeration's member costs as much as all the packing
-_MESSAGE_HEAD = 2 + 4 + 8 + 8  # bytes of it that its length counts
+_MESSAGE_OPCODE = int(Opcode.MESSAGE)  # a plain number, because an enumeration's member costs as much as all the packing
+_MESSAGE_HEAD = 2 + 4 + 8 + 8  # bytes of the head that the record's length includes
 _MESSAGE_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # opcode, length, first and last time, size, CRC, compression, packed size
 _FOOTER = struct.Struct("<BQQQ")
 
 
 class McapWriter:
-    """Messages into a binary file that is at its start. The file is not closed. OSError as the file raises it."""
+    """Writer of messages into a binary file that is at its start.
+
+    It does not close the file. An OSError of the file is passed on.
+    """
 
     def __init__(self, file: BinaryIO, profile: str, library: str, chunk_bytes: int) -> None:
-        """chunk_bytes: a chunk that is larger is closed without being told."""
+        """Write the beginning of the file; a chunk larger than ``chunk_bytes`` is closed without a call of :meth:`flush`."""
         self._file, self._chunk_bytes = file, chunk_bytes
         self._compress = zstandard.ZstdCompressor().compress
         self._data_crc = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._counts: dict[int, int] = defaultdict(int)
-        self._chunks, self._chunk_count = bytearray(), 0  # their index as it will stand in the file
+        self._chunks, self._chunk_count = bytearray(), 0  # the index of the chunks as the file will hold it
         self._metadata: list[MetadataIndex] = []
-        self._first = self._last = 0  # times of all messages in closed chunks
+        self._first = self._last = 0  # first and last time of the messages in closed chunks
         self._begin_chunk()
         self._write(MAGIC)
         self._write(_bytes(Header(profile, library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Number of a new schema."""
+        """Store a new schema and return its number."""
         self._schemas.append(Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name))
         self._into_chunk(_bytes(self._schemas[-1]))
         return len(self._schemas)
 
     def register_channel(self, topic: str, encoding: str, schema: int, metadata: dict[str, str]) -> int:
-        """Number of a new channel of a schema's messages."""
+        """Store a new channel for messages of a schema and return its number."""
         self._channels.append(
             Channel(id=len(self._channels) + 1, topic=topic, message_encoding=encoding, schema_id=schema, metadata=metadata)
         )
@@ -76,7 +80,7 @@ class McapWriter:
         return len(self._channels)
 
     def add_message(self, channel: int, log_time: int, data: bytes, sequence: int) -> None:
-        """Store a message with its time [ns], which is that of its publication, too."""
+        """Store a message; ``log_time`` [ns] is also its publish time."""
         size = _MESSAGE_HEAD + len(data)
         self._indices[channel] += log_time, self._size
         self._parts += _MESSAGE.pack(_MESSAGE_OPCODE, size, channel, sequence, log_time, log_time), data
@@ -85,7 +89,7 @@ class McapWriter:
             self._end_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Store named texts, outside the chunks."""
+        """Store named texts outside the chunks."""
         record, offset = _bytes(Metadata(name=name, metadata=values)), self._file.tell()
         self._metadata.append(MetadataIndex(offset=offset, length=len(record), name=name))
         self._write(record)
@@ -96,7 +100,7 @@ class McapWriter:
         self._file.flush()
 
     def finish(self) -> None:
-        """Write the end of the file: summary, indices, magic."""
+        """Write the end of the file: summary, indices and magic."""
         self._end_chunk()
         self._write(_bytes(DataEnd(self._data_crc)))
         start, data, groups = self._file.tell(), bytearray(), []
@@ -134,7 +138,7 @@ class McapWriter:
     def _begin_chunk(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
-        self._indices: dict[int, list[int]] = defaultdict(list)  # by channel: log time and offset of each message
+        self._indices: dict[int, list[int]] = defaultdict(list)  # channel -> log time and offset of each message
 
     def _into_chunk(self, record: bytes) -> None:
         self._parts.append(record)
@@ -188,13 +192,13 @@ class McapWriter:
         self._begin_chunk()
 
     def _write(self, data: bytes) -> None:
-        """Into the part of the file that the data's CRC covers."""
+        """Write to the part of the file that the data's CRC covers."""
         self._data_crc = zlib.crc32(data, self._data_crc)
         self._file.write(data)
 
 
 def _bytes(record: McapRecord) -> bytes:
-    """A record of the library's as it stands in a file."""
+    """Return a record of the library's classes as bytes of a file."""
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a bag says about its topics: quality of service, and the metadata.yaml that rosbag2 of Jazzy reads.
+"""A bag's data about its topics: quality of service, and the metadata.yaml that rosbag2 of Jazzy reads.
 
-Written by the writer, without anything of the host or of the wall clock; profiles are read by the replay.
+The writer produces it, without anything that depends on the host or the wall clock; the replay reads the profiles.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from . import limits
 
 VERSION = 9
 _CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
-_TOPICS = "TOPICS"  # in the place of their list, until it is filled in
+_TOPICS = "TOPICS"  # placeholder until the list of topics is filled in
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
@@ -42,13 +42,13 @@ def _profile(offer: Offer) -> dict:
     }
 
 
-# Classes of the signal catalogue -> offered profile, in the words of rosbag2.
+# Class of the signal catalogue -> offered profile in rosbag2's form.
 PROFILES = {qos: _profile(offer) for qos, offer in QOS.items()}
 
 
 @dataclass(frozen=True)
 class Offered:
-    """How a topic was offered when it was recorded; deadline_ns 0: without one."""
+    """How a topic was offered when it was recorded; deadline_ns is 0 without a deadline."""
 
     reliable: bool = True
     latched: bool = False
@@ -56,10 +56,25 @@ class Offered:
 
 
 def read_profile(text: str) -> Offered:
-    """What rosbag2 keeps in a channel, of any version: words, or their numbers before Jazzy.
+    """Read the quality of service that rosbag2 stores in a channel, in the form of any version.
 
-    Of several publishers the strictest counts, so that whoever heard one of them hears the replay. Without a
-    text, reliable and not latched. Raises BagError when the text is no list of profiles.
+    Since Jazzy the values are words, before they were numbers. Of several publishers the strictest profile counts, so that every
+    subscriber that received one of them also receives the replay. An empty text means reliable and not latched.
+
+    Parameters
+    ----------
+    text : str
+        The profiles as rosbag2 stores them.
+
+    Returns
+    -------
+    Offered
+        The profile to offer.
+
+    Raises
+    ------
+    BagError
+        When the text is not a list of profiles.
     """
     if len(text) > limits.PROFILES:
         raise BagError(f"a quality of service in the bag has {len(text)} characters, more than the {limits.PROFILES} that are read")
@@ -83,15 +98,26 @@ def read_profile(text: str) -> Offered:
 
 @cache
 def profile_text(qos: str) -> str:
-    """The offered profile of a class as rosbag2 keeps it in a channel."""
+    """Return the offered profile of a quality-of-service class as rosbag2 stores it in a channel."""
     return _yaml([PROFILES[qos]])
 
 
 def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int) -> str:
-    """The ``rosbag2_bagfile_information`` of a bag of one file, as YAML.
+    """Return the ``rosbag2_bagfile_information`` of a bag of one file, as YAML.
 
-    topics: dicts with ``name``, ``type``, ``qos`` (class), ``hash`` (RIHS01) and ``count``, in the order of
-    the file; start_ns, end_ns: first and last time of the messages [ns].
+    Parameters
+    ----------
+    file_name : str
+        Name of the bag's file.
+    topics : list of dict
+        Dicts with ``name``, ``type``, ``qos`` (class), ``hash`` (RIHS01) and ``count``, in the order of the file.
+    start_ns, end_ns : int
+        First and last time of the messages [ns].
+
+    Returns
+    -------
+    str
+        The YAML text.
     """
     count = sum(topic["count"] for topic in topics)
     starting_time = {"nanoseconds_since_epoch": start_ns}
@@ -113,13 +139,13 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
         }
     )
     information = information.replace(f" {_TOPICS}\n", "\n" + "".join(_entry(topic) for topic in topics))
-    # there are few classes and many topics, and the library is slow
+    # profiles are inserted as text, because the library is slow and many topics share a few classes
     return _CLASS.sub(lambda found: found[1] + "\n" + indent(profile_text(found[3]), found[2]), information)
 
 
 @cache
 def _entry_form() -> str:
-    """What the library writes for one topic, with the names of its fields in braces."""
+    """Return what the library writes for one topic, with the names of its fields in braces."""
     about = {
         "name": "{name}",
         "type": "{type}",
@@ -131,12 +157,12 @@ def _entry_form() -> str:
 
 
 def _entry(topic: dict) -> str:
-    """One of topics_with_message_count. What is written there needs no quotes: ROS names, numbers and a digest."""
+    """Return one entry of topics_with_message_count; ROS names, numbers and a digest need no quotes."""
     return _entry_form().format(**topic)
 
 
 def metadata_file(information: str) -> str:
-    """The content of metadata.yaml from :func:`bag_metadata`."""
+    """Return the content of metadata.yaml, made from the text of :func:`bag_metadata`."""
     return "rosbag2_bagfile_information:\n" + "".join(f"  {line}\n" for line in information.splitlines())
 
 

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics, messages and records of older bags in today's form: whoever reads a bag knows one name and one form of each.
+"""Conversion of older bags' topics, messages and records to today's form, so that readers handle one name and one form of each.
 
-Used where a file's channels are read (mcap_file) and where a rig is taken from its record (rig_record). Before, messages
-began with a bare stamp, the controller's had one rig's numbers as fields, its topics were named after one controller, and a
-record held values alone: what the rig is made of was known of two kinds of rigs.
+mcap_file uses it to read a file's channels, rig_record to read a rig's record. In the older form messages began with a bare
+stamp, controller messages had one rig's numbers as fields, controller topics were named after one controller, and a record
+held only values: the structures of two kinds of rigs were fixed.
 """
 
 from __future__ import annotations
@@ -30,14 +30,26 @@ Convert = Callable[[bytes], bytes]
 
 
 def topic_of_today(name: str) -> str:
-    """The name that a topic has today."""
+    """Return the name that a topic has today."""
     return TOPICS.get(name, name)
 
 
 def form_of_today(ros_type: str, text: str) -> tuple[str, Convert | None]:
-    """The definition of a type of the rig in today's form, and what brings its messages there; None for nothing.
+    """Return a rig message type's definition in today's form, and the function that converts its messages to that form.
 
-    text: the definition that a bag holds.
+    Parameters
+    ----------
+    ros_type : str
+        Message type.
+    text : str
+        The definition that the bag holds.
+
+    Returns
+    -------
+    text : str
+        The definition in today's form.
+    convert : callable or None
+        Converts the bytes of a message; None when nothing has to be converted.
     """
     own, separator, others = text.partition(_SEPARATOR)
     if not ros_type.startswith("rig_msgs/") or not _STAMP.search(own):
@@ -50,19 +62,19 @@ def form_of_today(ros_type: str, text: str) -> tuple[str, Convert | None]:
 
 
 def _with_header(data: bytes) -> bytes:
-    """A Header in place of a stamp: everything behind it moves by 8 bytes, which keeps every number aligned."""
+    """Put a Header in place of a stamp: everything behind it moves by 8 bytes, which keeps every number aligned."""
     return data[:12] + _FRAME + data[12:]
 
 
 def _sample(data: bytes) -> bytes:
-    """ControllerSample with three currents and four fields; what is too short stays what it is."""
+    """Convert a ControllerSample with three currents and four fields; bytes that are too short stay as they are."""
     if len(data) < 84:
         return data
     return b"".join((data[:12], _FRAME, data[12:28], struct.pack("<I4x", 3), data[28:52], struct.pack("<I4x", 4), data[52:84]))
 
 
 def _command(data: bytes) -> bytes:
-    """ValveCommand with three duties and setpoints before its small numbers; what is too short stays what it is."""
+    """Convert a ValveCommand with three duties and setpoints before its small numbers; too short bytes stay as they are."""
     if len(data) < 80:
         return data
     return b"".join(
@@ -70,11 +82,11 @@ def _command(data: bytes) -> bytes:
     )
 
 
-# messages whose fields are others today: type and a field of the older form
+# messages whose fields differ today: (type, a field of the older form) -> conversion
 _SHAPES = {("rig_msgs/msg/ControllerSample", "float64 n_wej"): _sample, ("rig_msgs/msg/ValveCommand", "float64[3] duty"): _command}
 
 
-# records of before: kind -> (the installed rig that it was, what moved: section and value then -> section and value today)
+# older records: kind -> (installed rig, moved values: old section and value -> today's section and value, renamed sections)
 _GEARBOX_MOVED = {
     ("gearbox", "inertia_in"): ("w0", "inertia"),
     ("gearbox", "inertia_in_gearbox"): ("M_wej", "inertia"),
@@ -100,15 +112,29 @@ _RECORDS = {"gearbox": ("hydmag", _GEARBOX_MOVED, {}), "clutch_bench": ("clutch_
 
 
 def record_of_today(record: Mapping) -> Mapping:
-    """A rig's record as RigConfig.as_dict makes it today; as it is where it says nothing of a rig of before.
+    """Return a rig's record as RigConfig.as_dict makes it today; a record that is not of an older form is returned unchanged.
 
-    Structure, and values that there were none of then, are those of the installed rig. Raises TypeError for a record whose
-    parts are no maps.
+    The structure, and the values that older records did not have, are those of the installed rig.
+
+    Parameters
+    ----------
+    record : mapping
+        The record of a bag or a report.
+
+    Returns
+    -------
+    mapping
+        The record in today's form.
+
+    Raises
+    ------
+    TypeError
+        When a part of the record is not a map.
     """
     kind = record.get("kind") or ("gearbox" if "gearbox" in record else None)
     if "structure" in record or kind not in _RECORDS:
         return record
-    from ..testbench.configuration import load_rig  # here, as all that reads a rig stands above bags
+    from ..testbench.configuration import load_rig  # imported here, because the modules that read a rig depend on bags
 
     rig, moved, renamed = _RECORDS[kind]
     out = deepcopy(load_rig(rig).as_dict())
@@ -129,6 +155,6 @@ def record_of_today(record: Mapping) -> Mapping:
 
 
 def _header_text() -> str:
-    """What stands behind a definition with a Header, which brings its Time itself where the bag has none."""
+    """Return the definition of Header that follows a definition with a Header; it brings its own Time when the bag has none."""
     path = Path(get_package_share_directory("std_msgs")) / "msg" / "Header.msg"
     return f"{_SEPARATOR}\nMSG: std_msgs/Header\n{path.read_text(encoding='utf-8').rstrip()}\n"

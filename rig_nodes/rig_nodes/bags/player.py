@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Playing a recording again: which message is due when, with rate, start, pause, step, loop and the clock.
+"""Timing of a replay: which message is due when, with rate, start, pause, step, loop and the clock.
 
-Used by nodes.replay, which publishes what is due. Knows neither ROS nor the wall clock: the caller says what
-time it is.
+nodes.replay uses it and publishes the messages that are due. It depends neither on ROS nor on the wall clock: the caller
+passes the time.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-CLOCK = None  # in place of a message: the clock is due
-STRIDE = 0.05  # s of wall time made up for at once; 50 ms at ten times are 500 messages of a 1 kHz topic
-BATCH = 1000  # things due that are handed out at once, so that a pause never waits for more
+CLOCK = None  # stands in place of a message when the clock is due
+STRIDE = 0.05  # longest wall time [s] made up for at once; 50 ms at rate 10 are 500 messages of a 1 kHz topic
+BATCH = 1000  # largest number of due items handed out at once, so that a pause never waits for more
 
-Message = object  # whatever the caller knows it by
+Message = object  # any object that identifies the message for the caller
 Due = tuple[Message, int]
 
 
 class Player:
     """The order and the pace of one replay.
 
-    Every pass begins with the clock at its first time and with the messages of ``early``, which hold from
-    before it; then messages and clock follow each other in recorded time, the clock first. A pass of a loop
-    begins one clock period after the last message of the one before. A stall of more than 50 ms is not made
-    up for: the replay goes on from where it stood, and ``behind`` adds up such stalls [s].
+    Every pass begins with the clock at its first time and with the messages of ``early``, which were sent earlier and still
+    hold. Then messages and clock follow in recorded time; at equal times the clock comes first. In a loop, a pass begins one
+    clock period after the last message of the previous pass. A stall of more than 50 ms is not made up for: the replay
+    continues from where it stood, and ``behind`` adds up such stalls [s].
     """
 
     def __init__(
@@ -40,46 +40,61 @@ class Player:
         period: int = 5_000_000,
         early: Sequence[tuple[int, Message]] = (),
     ) -> None:
-        """messages: begins a pass: gives ascending times [ns], none before ``first``, each with its message; first: where
-        passes begin [ns]; rate: recorded seconds per second, inf for as fast as it goes; period: recorded time between
-        two clocks [ns]; early: the messages before ``first`` that are due all the same when a pass begins.
+        """Prepare a replay; it begins with the first :meth:`take`.
+
+        Parameters
+        ----------
+        messages : callable
+            Begins a pass: it returns an iterator of (time [ns], message) with ascending times, none before ``first``.
+        first : int
+            Recorded time at which passes begin [ns].
+        rate : float
+            Recorded seconds per second; inf replays as fast as possible.
+        loop : bool
+            True to begin again after the last message.
+        paused : bool
+            True to begin paused.
+        period : int
+            Recorded time between two clocks [ns].
+        early : sequence of (int, Message)
+            Messages from before ``first`` that are due at the beginning of every pass.
         """
         self.rate, self.loop, self.paused = rate, loop, paused
-        self.clock = first  # what the clock showed last [ns]
+        self.clock = first  # last time of the clock [ns]
         self.passes = 0
         self.behind = 0.0
         self._messages, self._first, self._period, self._early = messages, first, period, early
         self._rest: Iterator[tuple[int, Message]] = iter(())
-        self._ahead: tuple[int, Message] | None = None  # the next of this pass
-        self._last = first  # time of the last message taken of this pass
+        self._ahead: tuple[int, Message] | None = None  # the next message of this pass
+        self._last = first  # time of the last message taken in this pass
         self._tick = first
-        self._offset = 0.0  # recorded time since the beginning of the pass [ns], reached at ...
-        self._wall: float | None = None  # ... this time of the caller's clock [s]
+        self._offset = 0.0  # recorded time since the beginning of the pass [ns], reached at _wall
+        self._wall: float | None = None  # time of the caller's clock [s] at which _offset was reached
         self._steps = 0
 
     @property
     def finished(self) -> bool:
-        """True when nothing will be due any more."""
+        """True when nothing will become due any more."""
         return self._wall is not None and not self.loop and self._ahead is None
 
     def pause(self) -> None:
-        """Let nothing be due, and the clock stand, until resumed or stepped."""
+        """Stop the clock and make nothing due until :meth:`resume` or :meth:`step`."""
         self.paused = True
 
     def resume(self, now: float) -> None:
-        """Go on from where the pause began."""
+        """Continue from where the pause began; ``now`` is the caller's time [s]."""
         if self.paused:
             self.paused, self._steps = False, 0
             if self._wall is not None:
                 self._wall = now
 
     def step(self) -> bool:
-        """While paused, make all messages of the next recorded time due; False when not paused."""
+        """Make all messages of the next recorded time due while paused; return False when not paused."""
         self._steps += self.paused
         return self.paused
 
     def take(self, now: float) -> list[Due]:
-        """What is due by ``now`` [s] and not taken yet, in order: (message or CLOCK, ns)."""
+        """Return what became due by ``now`` [s] and was not taken yet, in order: (message or CLOCK, time [ns])."""
         due: list[Due] = []
         elapsed = now - (now if self._wall is None else self._wall)
         if self._wall is None:
@@ -101,7 +116,7 @@ class Player:
         return due
 
     def wait(self, now: float) -> float:
-        """Seconds from ``now`` until something is due: 0 when it is already, inf when paused or finished."""
+        """Return the seconds from ``now`` [s] until something is due: 0 when it is due already, inf when paused or finished."""
         if self._wall is None:
             return 0.0
         if self.finished or self.paused:
@@ -112,7 +127,20 @@ class Player:
         return max(0.0, (at - self._offset) / self.rate / 1e9 - (now - self._wall))
 
     def lateness(self, time: int, now: float) -> float:
-        """Seconds from when a message of this recorded time, taken last, was due until ``now``."""
+        """Return the seconds from when a message was due until ``now``.
+
+        Parameters
+        ----------
+        time : int
+            Recorded time of the message, which was taken last [ns].
+        now : float
+            The caller's time [s].
+
+        Returns
+        -------
+        float
+            Delay [s], never negative.
+        """
         if self.paused or math.isinf(self.rate):
             return 0.0
         due = max(time - self._first, 0)
@@ -131,13 +159,13 @@ class Player:
         self._ahead = next(self._rest, None)
 
     def _take_clock(self, due: list[Due], time: int) -> None:
-        """Make the clock due; the one after it follows on the grid of the pass."""
+        """Make the clock due; the next clock follows on the grid of the pass."""
         due.append((CLOCK, time))
         self.clock = time
         self._tick = self._first + ((time - self._first) // self._period + 1) * self._period
 
     def _collect(self, due: list[Due]) -> None:
-        """Everything up to the offset, through as many passes as it spans."""
+        """Make everything up to the offset due, over as many passes as it spans."""
         while len(due) < BATCH:
             if self._ahead is not None:
                 time = self._ahead[0]

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading a run: messages, signals, logger rows, events, and whether anything is missing.
+"""Reader of a recorded run: messages, signals, logger rows, events, and the check that nothing is missing.
 
-Used by the report, the view, replay and the tests. Decodes by the definitions that the bag carries, so that
+The report, the view, replay and the tests use it. Messages are decoded by the definitions that the bag carries, so that
 old bags stay readable.
 """
 
@@ -37,18 +37,28 @@ from .rig_record import rig_record
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
 _STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
-UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # what a record that is none may raise
+UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # exceptions that an invalid record may raise
 NOTHING = "nothing was recorded: the run was stopped before its time began"
-OWN = "rig_nodes "  # how the name of the program begins that wrote a bag of ours
+OWN = "rig_nodes "  # the project's own recorder begins its library name with this
 ENCODING = "cdr/ros2msg"
-LIFE_BITS = 32  # of a sequence number; above them, how often its publisher was started before
+LIFE_BITS = 32  # low bits count messages; the bits above count earlier starts of the publisher
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
 @dataclass(frozen=True)
 class Logger:
-    """Rows of a logger: time of row 0 [s], time between rows [s], name -> values (1-D float64, SI)."""
+    """Rows of a logger.
+
+    Attributes
+    ----------
+    t0 : float
+        Time of row 0 [s].
+    period : float
+        Time between rows [s].
+    channels : dict of str to (n,) array of float
+        Values of each column by name [SI].
+    """
 
     t0: float
     period: float
@@ -65,27 +75,64 @@ class Logger:
 
 
 class Bag:
-    """A recorded run, read and checked when it is opened; it stays in memory, about 1 MB per second of run.
+    """A recorded run that is read and checked when it is opened.
 
-    ``path``: the .mcap file; ``counts``: messages per topic; ``types``: message type per topic; ``damage``:
-    one sentence per fault that recovery passed over, empty for a sound bag.
+    It stays in memory, which takes about 1 MB per second of run.
+
+    Attributes
+    ----------
+    path : Path
+        The .mcap file.
+    counts : dict of str to int
+        Messages per topic.
+    types : dict of str to str
+        Message type per topic.
+    damage : list of str
+        One sentence per fault that recovery passed over; empty for a sound bag.
     """
 
     def __init__(self, path: str | Path, recover: bool = False) -> None:
         """Open the folder of a run or its .mcap file.
 
-        recover: read what is whole of a cut or damaged bag. Raises BagError naming the damage or what is
-        missing.
+        Parameters
+        ----------
+        path : str or Path
+            The run's folder or the .mcap file.
+        recover : bool
+            True to read the undamaged part of a cut or damaged bag.
+
+        Raises
+        ------
+        BagError
+            When the bag is damaged or missing; the error names the damage or what is missing.
         """
         self.path = find(Path(path))
         self._hold(read_mcap(self.path, recover), {})
 
     @classmethod
     def pieces(cls, path: str | Path, size: int, recover: bool = False) -> Iterator[Bag]:
-        """The bag piece after piece in the order of the file, each of about ``size`` bytes of messages.
+        """Read the bag piece by piece in the order of the file.
 
-        A piece knows the columns of loggers from the pieces before it. Raises as the constructor does, for damage when it
-        is met; with ``recover`` the last piece's ``damage`` is that of all.
+        A piece knows the columns of loggers from the pieces before it.
+
+        Parameters
+        ----------
+        path : str or Path
+            The run's folder or the .mcap file.
+        size : int
+            Approximate size of a piece [bytes of messages].
+        recover : bool
+            True to read the undamaged part of a damaged bag; the ``damage`` of the last piece then lists all damage.
+
+        Yields
+        ------
+        Bag
+            One piece of the bag.
+
+        Raises
+        ------
+        BagError
+            As the constructor does; damage is raised when the reading reaches it.
         """
         path = find(Path(path))
         columns: dict[str, list[str]] = {}
@@ -94,7 +141,17 @@ class Bag:
 
     @classmethod
     def of(cls, path: Path, contents: Contents, columns: dict[str, list[str]] | None = None) -> Bag:
-        """What of a file was read already. columns: of loggers, as far as they are known; they are added to it."""
+        """Make a bag of contents that were already read from a file.
+
+        Parameters
+        ----------
+        path : Path
+            The .mcap file.
+        contents : Contents
+            What was read from the file.
+        columns : dict of str to list of str, optional
+            Known columns of loggers by topic; newly found columns are added to it.
+        """
         bag = cls.__new__(cls)
         bag.path = path
         bag._hold(contents, {} if columns is None else columns)
@@ -112,33 +169,46 @@ class Bag:
 
     @property
     def recovered(self) -> str:
-        """One sentence on what recovery saved, empty for a sound bag."""
+        """One sentence on what recovery saved; empty for a sound bag."""
         return recovered(sum(self.counts.values()), self.last, self.damage)
 
     @property
     def last(self) -> int:
-        """Log time [ns] of the last message, 0 where there is none."""
+        """Log time [ns] of the last message, or 0 when there is no message."""
         return max((stream.times[-1] for stream in self._streams.values() if stream.times), default=0)
 
     @property
     def began(self) -> bool:
-        """Time has passed in the run: a message is stamped later than its beginning."""
+        """True when time has passed in the run: some message is stamped later than the beginning of the run."""
         return any(s.times and max(s.times) > 0 for s in self._streams.values())
 
     def check_began(self) -> None:
-        """BagError when nothing was recorded, or nothing of it is left."""
+        """Raise BagError when nothing was recorded or nothing of the recording is left."""
         if not self.began:
             raise BagError(f"{self.path}: {nothing_in(self.damage)}")
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Log time [ns] and bytes of every message of a topic, as recorded."""
+        """Return an iterator over the log time [ns] and the recorded bytes of every message of a topic."""
         stream = self._stream(topic)
         return zip(stream.times, stream.payloads)
 
     def timeline(self, topics: list[str] | None = None) -> list[tuple[int, str, bytes]]:
-        """Log time [ns], topic and bytes of all messages by log time, those of one time as in the file.
+        """Return all messages sorted by log time; messages of equal time keep the order of the file.
 
-        topics: all by default; BagError for one the bag does not hold.
+        Parameters
+        ----------
+        topics : list of str, optional
+            Topics to return; all by default.
+
+        Returns
+        -------
+        list of (int, str, bytes)
+            Log time [ns], topic and bytes of each message.
+
+        Raises
+        ------
+        BagError
+            When the bag does not hold one of the topics.
         """
         streams = [self._stream(topic) for topic in (self._streams if topics is None else topics)]
         rows = [row for s in streams for row in zip(s.times, s.places, repeat(s.topic), s.payloads)]
@@ -146,21 +216,38 @@ class Bag:
         return [(time, topic, data) for time, _, topic, data in rows]
 
     def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
-        """Encoding of a topic as ``message/definition``, its definition, and the metadata of its channel."""
+        """Return a topic's encoding as ``message/definition``, its definition and the metadata of its channel."""
         stream = self._stream(topic)
         return stream.encoding, stream.text, stream.metadata
 
     def messages(self, topic: str) -> Iterator[tuple[int, object]]:
-        """Log time [ns] and decoded message of every message of a topic, in order."""
+        """Yield the log time [ns] and the decoded message of every message of a topic, in order."""
         stream = self._stream(topic)
         definition = self._definition(stream)
         for time, data in zip(stream.times, stream.payloads):
             yield time, self._decode(definition, data, topic)
 
     def fields(self, topic: str, names: list[str]) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Time [s] of every message of a topic and the values of some of its fields.
+        """Return the time of every message of a topic and the values of some of its fields.
 
-        Each is 1-D float64, 2-D for a field that is an array. BagError when the bag does not hold the topic or a field.
+        Parameters
+        ----------
+        topic : str
+            Topic to read.
+        names : list of str
+            Names of top-level fields.
+
+        Returns
+        -------
+        times : (n,) array of float
+            Time of each message [s].
+        values : list of array of float
+            One array per name: (n,) for a number, (n, k) for a field that is an array.
+
+        Raises
+        ------
+        BagError
+            When the bag does not hold the topic or a field.
         """
         stream = self._stream(topic)
         held = dict(self._definition(stream).tree.fields)
@@ -171,12 +258,14 @@ class Bag:
 
     @cached_property
     def record(self) -> Mapping:
-        """What the rig was made of and its values (RigConfig.as_dict), in today's form: as the bag says, else those of the
-        installed rig that its topics are most like. BagError for a record that is none.
+        """The rig's structure and values (RigConfig.as_dict) in today's form.
+
+        They are taken from the bag. When the bag does not hold them, they are those of the installed rig whose topics are most like
+        the bag's. BagError is raised for an invalid record.
         """
         try:
             said = info.get("configuration", info) if (info := self.run_info()) else None
-        except BagError:  # who asks for the run's description hears of it
+        except BagError:  # run_info() itself raises this error to its callers
             said = None
         try:
             return rig_record(said, self.types)
@@ -185,7 +274,7 @@ class Bag:
 
     @cached_property
     def structure(self) -> Structure:
-        """What the rig that the bag is of is made of; BagError where its record is none."""
+        """The structure of the bag's rig; BagError is raised when the bag's record is invalid."""
         try:
             return structure_of(self.record["structure"])
         except UNREADABLE as error:
@@ -193,7 +282,7 @@ class Bag:
 
     @cached_property
     def catalogue(self) -> Catalogue:
-        """Topics and signals of the rig that the bag is of; BagError where its record is none."""
+        """Topics and signals of the bag's rig; BagError is raised when the bag's record is invalid."""
         try:
             return catalogue(self.record)
         except UNREADABLE as error:
@@ -201,21 +290,21 @@ class Bag:
 
     @cached_property
     def transmission(self) -> Transmission:
-        """Gears, clutches and shafts of the rig that the bag is of; BagError where its record is none of a rig with gears."""
+        """Gears, clutches and shafts of the bag's rig; BagError is raised when the bag does not record a rig with gears."""
         try:
             return transmission_of(self.record)
         except UNREADABLE as error:
             raise self.no_rig(error) from None
 
     def no_rig(self, error: Exception) -> BagError:
-        """What is raised where the bag's record is none."""
+        """Return the error to raise when the bag's record of its rig is invalid."""
         return BagError(
             f"{self.path}: what it says of its rig cannot be used ({type(error).__name__}: {error}); expected what "
             "`rig run` and `rig simulate` put into a bag"
         )
 
     def has_field(self, signal: Signal) -> bool:
-        """The bag's messages have the field of a signal, whether it holds any or not."""
+        """Return True when the bag's messages have the field of a signal, even if there are no messages."""
         stream = self._streams.get(signal.topic)
         try:
             return stream is not None and _FIELD.fullmatch(signal.field)[1] in dict(self._definition(stream).tree.fields)
@@ -223,16 +312,33 @@ class Bag:
             return False
 
     def columns(self, topic: str) -> list[str]:
-        """Columns of a logger, by the channel list on the same node; empty where there is none."""
+        """Return a logger's columns from the channel list on the same node; empty when there is no such list."""
         try:
             return self._channel_names(topic)
         except BagError:
             return []
 
     def series(self, signal: str | Signal) -> tuple[np.ndarray, np.ndarray]:
-        """Time [s] and value [SI] of a signal, by its name in the catalogue of the bag's rig; both 1-D float64.
+        """Return the time and value of a signal.
 
-        Raises RigError for an unknown signal, BagError when the bag does not hold its topic or field.
+        Parameters
+        ----------
+        signal : str or Signal
+            The signal, or its name in the catalogue of the bag's rig.
+
+        Returns
+        -------
+        times : (n,) array of float
+            Time of each message [s].
+        values : (n,) array of float
+            Value of the signal [SI].
+
+        Raises
+        ------
+        RigError
+            When the signal is unknown.
+        BagError
+            When the bag does not hold the signal's topic or field.
         """
         signal = self.catalogue.signal(signal) if isinstance(signal, str) else signal
         stream = self._stream(signal.topic)
@@ -248,10 +354,24 @@ class Bag:
         return _stamps(self._heads(stream)) / 1e9, np.ascontiguousarray(values, float)
 
     def logger(self, topic: str = "/instruments/hmg4000", fill: bool = False) -> Logger:
-        """All rows of a logger, its columns named by the ChannelList on the same node.
+        """Return all rows of a logger; the ChannelList on the same node names its columns.
 
-        fill: put NaN where rows are missing. Raises BagError for missing rows otherwise, and when blocks and
-        channel list do not fit each other.
+        Parameters
+        ----------
+        topic : str
+            Topic of the logger's blocks.
+        fill : bool
+            True to put NaN where rows are missing.
+
+        Returns
+        -------
+        Logger
+            The rows, with one (n,) array per column.
+
+        Raises
+        ------
+        BagError
+            When rows are missing and ``fill`` is False, or when blocks and channel list do not match.
         """
         if topic not in self._streams and topic in self.catalogue.controller_topics:
             raise BagError(f"{self.path}: has no topic {topic}; the run's controller names no signals of its own")
@@ -288,11 +408,16 @@ class Bag:
         return Logger(first * period, period, dict(zip(names, columns)))
 
     def gaps(self) -> dict[str, int]:
-        """Messages that never reached the bag, by the holes in their sequence numbers.
+        """Count the messages that never reached the bag, by the holes in their sequence numbers.
 
-        Topics without holes are left out. A topic counts from 0, and from the next multiple of 2^32 when its publisher
-        was started again, so a late start shows; where the bag begins later than the run (:attr:`recorded_from`), from the
-        first number it has. What is lost at the very end shows only in :func:`missing`.
+        Topics without holes are left out. A topic counts from 0, and from the next multiple of 2^32 after a restart of its
+        publisher, so a late start shows as a gap. Where the bag begins later than the run (:attr:`recorded_from`), the count
+        begins at the first recorded number. Messages lost at the very end show only in :func:`missing`.
+
+        Returns
+        -------
+        dict of str to int
+            Lost messages by topic.
         """
         found = {}
         for topic, stream in self._streams.items():
@@ -306,10 +431,10 @@ class Bag:
 
     @cached_property
     def recorded_from(self) -> float:
-        """Time [s] of the run from which on the bag was recorded; 0 for all that our own recorder wrote.
+        """Time of the run [s] at which the recording begins; 0 for every bag of the project's own recorder.
 
-        Other recorders may come late, and cut a bag in pieces: there it is the first stamp of the rig's own messages, less
-        those that are sent again to whoever comes.
+        Other recorders may start late and split a bag into pieces. For their bags it is the first stamp of the rig's own messages,
+        without the latched ones, which are sent again to every new subscriber.
         """
         if self._own:
             return 0.0
@@ -319,19 +444,27 @@ class Bag:
             for topic, stream in self._streams.items()
             if stream.times and self._counted(stream)
         }
-        # what users send may have no stamp, and what is latched has the run's first
+        # users' messages may have no stamp, and latched messages carry the stamp of the run's start
         measured = [first for topic, first in firsts.items() if topic in known and known[topic].qos == "measurement"]
         return max(0.0, float(min(measured or firsts.values(), default=0)) / 1e9)
 
     def gap_of_last_life(self, topic: str) -> int:
-        """As :meth:`gaps` for one topic of a run's own bag, for the last of its publishers alone."""
+        """Count lost messages of one topic as :meth:`gaps` does, but only since its publisher's last start.
+
+        The bag must be the run's own.
+        """
         lives = self._lives(self._streams[topic]) if topic in self._streams else []
         return _holes(lives[-1]) if lives else 0
 
     def distinct(self, topic: str, last_life: bool = False) -> int:
-        """Messages of a topic without repeated ones; 0 for a topic the bag does not hold.
+        """Count the messages of a topic without repeated ones; 0 for a topic that the bag does not hold.
 
-        last_life: only those of the last publisher, where one was started again.
+        Parameters
+        ----------
+        topic : str
+            Topic to count.
+        last_life : bool
+            True to count only the messages since the last start of the publisher.
         """
         stream = self._streams.get(topic)
         if stream is None or not self._counted(stream):
@@ -340,7 +473,7 @@ class Bag:
         return sum(len(np.unique(seqs)) for seqs in (lives[-1:] if last_life else lives))
 
     def _lives(self, stream: Stream) -> list[np.ndarray]:
-        """Sequence numbers of a topic, for each life of its publisher from 0 on; empty where nothing is counted."""
+        """Return a topic's sequence numbers, one array from 0 on per start of its publisher; empty for uncounted messages."""
         if not stream.times or not self._counted(stream):
             return []
         seqs = self._heads(stream)["seq"]
@@ -348,9 +481,9 @@ class Bag:
         return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life)]
 
     def check(self) -> list[str]:
-        """Everything wrong with the bag as sentences: damage, lost messages and logger rows, wrong metadata.
+        """Return every fault of the bag as sentences: damage, lost messages and logger rows, wrong metadata.
 
-        Checksums were verified when the bag was opened: a sound bag gives an empty list.
+        Checksums are verified when the bag is opened. A sound bag gives an empty list.
         """
         problems = list(self.damage)
         problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages" for topic, n in self.gaps().items()]
@@ -366,7 +499,7 @@ class Bag:
         return problems
 
     def events(self) -> list[tuple[float, str, str, str, float]]:
-        """All events in order of time: (t [s], topic, name, text, value)."""
+        """Return all events in order of time as (t [s], topic, name, text, value)."""
         found = [
             (time / 1e9, topic, message.name, message.text, float(message.value))
             for topic, ros_type in self.types.items()
@@ -376,7 +509,7 @@ class Bag:
         return sorted(found, key=lambda event: event[0])
 
     def run_info(self) -> dict:
-        """The configuration the run was made with, empty when the bag holds none."""
+        """Return the configuration that the run was made with; empty when the bag holds none."""
         for topic, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/RunInfo":
                 for _, message in self.messages(topic):
@@ -384,7 +517,7 @@ class Bag:
         return {}
 
     def _object(self, topic: str, text: str) -> dict:
-        """A JSON object from a message; BagError for anything else and for what is too large or too deep."""
+        """Parse a JSON object from a message; BagError when it is something else, too large or nested too deep."""
         if len(text) > limits.JSON:
             raise BagError(f"{self.path}: {topic} holds {len(text)} characters of JSON, more than the {limits.JSON} that are read")
         try:
@@ -401,10 +534,20 @@ class Bag:
         return found
 
     def canonical_hash(self, topics: list[str] | None = None) -> dict[str, str]:
-        """SHA-256 per topic over (sequence, stamp, payload) in the topic's order, and ``all`` over these.
+        """Return a SHA-256 per topic over (sequence, stamp, payload) in the topic's order, and ``all`` over these.
 
-        Independent of how messages of different topics interleave and of the container. topics: all by
-        default. Messages without a sequence number are numbered by their order.
+        The hash depends neither on the container nor on how messages of different topics interleave. Messages without a sequence
+        number are numbered by their order.
+
+        Parameters
+        ----------
+        topics : list of str, optional
+            Topics to hash; all by default.
+
+        Returns
+        -------
+        dict of str to str
+            Hexadecimal digest by topic, and of all topics under ``all``.
         """
         hashes = {}
         for topic in sorted(self._streams if topics is None else topics):
@@ -442,7 +585,7 @@ class Bag:
         return self._definitions[stream.ros_type]
 
     def _counted(self, stream: Stream) -> bool:
-        """The topic's messages have stamp and sequence number; those of other encodings have none that is known."""
+        """Return True when the topic's messages have a stamp and a sequence number; False for unknown encodings."""
         return stream.encoding == ENCODING and self._definition(stream).counted
 
     def _decode(self, definition: Definition, data: bytes, topic: str) -> Any:
@@ -457,21 +600,21 @@ class Bag:
             raise BagError(f"{self.path}: a message of {topic} cannot be decoded: {error}") from None
 
     def _exact(self, definition: Definition, data: bytes, topic: str) -> bytes:
-        # Other recorders keep the padding of DDS, which must not change the hash.
+        # Other recorders keep the padding of DDS. It must not change the hash.
         try:
             return exact(definition, data)
         except ValueError as error:
             raise BagError(f"{self.path}: a message of {topic} is garbled: {error}") from None
 
     def _joined(self, stream: Stream, size: int) -> bytes:
-        """The first ``size`` bytes of all messages; BagError when one is shorter."""
+        """Join the first ``size`` bytes of all messages; BagError when one is shorter."""
         joined = b"".join([data[:size] for data in self._payloads(stream)])
         if len(joined) != size * len(stream.payloads):
             raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes that {stream.ros_type} has")
         return joined
 
     def _payloads(self, stream: Stream) -> list[bytes]:
-        """The messages, of the rig's own form with an empty frame_id; users may send another."""
+        """Return the messages, those of the rig's own form with an empty frame_id; users may send another frame_id."""
         if not self._counted(stream):
             return stream.payloads
         if stream.topic not in self._plain:
@@ -483,18 +626,18 @@ class Bag:
         return self._plain[stream.topic]
 
     def _times(self, stream: Stream) -> np.ndarray:
-        """Times [ns] of all messages in the run's own time, which is the log time of our recorder only."""
+        """Return the times [ns] of all messages in the run's time, which is the log time only for the project's own recorder."""
         if self._own or not self._counted(stream):
             return np.array(stream.times, dtype=np.int64)
         return _stamps(self._heads(stream))
 
     def _heads(self, stream: Stream) -> np.ndarray:
-        """Stamp and sequence number of all messages; on topics that are not counted only the stamp."""
+        """Return the stamp and sequence number of all messages, or only the stamp on topics that are not counted."""
         head = _HEAD if self._counted(stream) else _STAMP
         return np.frombuffer(self._joined(stream, head.itemsize), head)
 
     def _field(self, stream: Stream, name: str) -> np.ndarray:
-        """One top-level field of all messages: 1-D, or 2-D for an array."""
+        """Return one top-level field of all messages: 1-D, or 2-D for an array."""
         definition = self._definition(stream)
         if any(leaf.path == name for leaf in definition.leaves):
             return np.frombuffer(self._joined(stream, definition.size), definition.dtype())[name]
@@ -507,7 +650,7 @@ class Bag:
         return np.array([getattr(message, name) for _, message in self.messages(stream.topic)])
 
     def _blocks(self, topic: str) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Heads of all sample blocks and their values, each flat."""
+        """Return the heads of all sample blocks and the flat values of each block."""
         stream = self._stream(topic)
         definition = self._definition(stream)
         if [name for name, _ in definition.tail] != ["data"]:
@@ -523,7 +666,7 @@ class Bag:
         return head, values
 
     def _channel_names(self, topic: str) -> list[str]:
-        """Columns of a logger from the channel list beside it."""
+        """Return a logger's columns from the channel list on the same node."""
         node = topic.rpartition("/")[0]
         for other, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/ChannelList" and other.rpartition("/")[0] == node:
@@ -535,33 +678,56 @@ class Bag:
 
 
 def nothing_in(damage: list[str]) -> str:
-    """Why a bag holds nothing to look at."""
+    """Return the reason why a bag holds nothing to show."""
     return f"nothing of it can be read ({'; '.join(damage)})" if damage else NOTHING
 
 
 def recovered(held: int, last: int, damage: list[str]) -> str:
-    """What recovery saved: so many messages up to a log time [ns]; empty without damage."""
+    """Return a sentence on what recovery saved: the number of messages and the last log time; empty without damage.
+
+    Parameters
+    ----------
+    held : int
+        Messages that were recovered.
+    last : int
+        Log time of the last of them [ns].
+    damage : list of str
+        One sentence per fault.
+    """
     return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(damage)})" if damage else ""
 
 
 def _stamps(head: np.ndarray) -> np.ndarray:
-    """Stamps [ns] of message heads."""
+    """Return the stamps [ns] of message heads."""
     return head["sec"].astype(np.int64) * 1_000_000_000 + head["nanosec"]
 
 
 def _holes(seqs: np.ndarray) -> int:
-    """How many of the numbers from 0 to the highest are missing."""
+    """Count the numbers from 0 to the highest that are missing."""
     return int(seqs.max()) + 1 - len(np.unique(seqs))
 
 
 def missing(counts_published: dict[str, int], bag: Bag) -> dict[str, int]:
-    """Messages that publishers counted and the bag does not hold, per topic; topics without loss left out."""
+    """Count the messages that publishers sent and the bag does not hold.
+
+    Parameters
+    ----------
+    counts_published : dict of str to int
+        Messages sent, by topic.
+    bag : Bag
+        The recording.
+
+    Returns
+    -------
+    dict of str to int
+        Lost messages by topic; topics without loss are left out.
+    """
     lost = {topic: published - bag.distinct(topic) for topic, published in counts_published.items()}
     return {topic: n for topic, n in lost.items() if n > 0}
 
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
-    """What metadata.yaml says otherwise than the file beside it."""
+    """Return one sentence per difference between metadata.yaml and the file beside it."""
     if metadata.stat().st_size > limits.YAML:
         return [f"{metadata}: is of {metadata.stat().st_size} bytes, larger than the {limits.YAML} that are read"]
     try:
@@ -580,7 +746,13 @@ def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
 
 
 def find(path: Path) -> Path:
-    """The .mcap file of a path; BagError when there is none or more than one."""
+    """Return the .mcap file of a path: the file itself, or the only one in the folder.
+
+    Raises
+    ------
+    BagError
+        When there is no such file or more than one.
+    """
     if path.is_file():
         return path
     if not path.is_dir():

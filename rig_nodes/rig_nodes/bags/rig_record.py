@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which rig a bag is of: what its record says, in today's form, or the installed rig that its topics are most like.
+"""Record of the rig that a bag is of, in today's form.
 
-Used by the readers of bags, and by reports, which hold a bag's record. Nothing here asks for the rig's own folder, which may
-be gone.
+When the bag does not record its rig, the installed rig whose topics are most like the bag's is used. The readers of bags use
+this module, and so do reports, which hold a bag's record. Nothing here needs the rig's own folder, which may no longer exist.
 """
 
 from __future__ import annotations
@@ -18,10 +18,24 @@ from .old_form import record_of_today
 
 
 def rig_record(configuration: Mapping | None, topics: Collection[str] = ()) -> Mapping:
-    """The record of a rig, with its structure.
+    """Return the record of a rig, with its structure.
 
-    configuration: what a bag or a report says, of any age; topics: of the bag, by which an installed rig is taken where that
-    says nothing of its structure. Raises TypeError or ValueError for a record that is none.
+    Parameters
+    ----------
+    configuration : mapping or None
+        The record in a bag or a report, of any age.
+    topics : collection of str
+        Topics of the bag; they select an installed rig when the record has no structure.
+
+    Returns
+    -------
+    mapping
+        The record in today's form.
+
+    Raises
+    ------
+    TypeError or ValueError
+        When the record is invalid.
     """
     record = record_of_today(configuration or {})
     if "structure" not in record:
@@ -33,19 +47,19 @@ def rig_record(configuration: Mapping | None, topics: Collection[str] = ()) -> M
 
 
 def says_rig(configuration: Mapping | None) -> bool:
-    """What a bag or a report says has a rig's structure in it, or is of a rig of before."""
+    """Return True when a bag's or a report's record has a rig's structure or is in the form of an earlier version."""
     return "structure" in record_of_today(configuration or {})
 
 
 def _like(topics: frozenset[str]) -> str:
-    """The installed rig with most of these topics, the default one among equals."""
+    """Return the installed rig with most of these topics; among equals the default rig."""
     names = [DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)]
     return max(names, key=lambda name: len(topics & _topics(name)))
 
 
 @lru_cache(maxsize=64)
 def _topics(name: str) -> frozenset[str]:
-    from ..testbench.configuration import load_rig  # here, as all that reads a rig stands above bags
+    from ..testbench.configuration import load_rig  # imported here, because the modules that read a rig depend on bags
 
     return frozenset(load_rig(name).catalogue.all_topics)
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writing a run: one MCAP file that stays readable whatever ends the process, and rosbag2's metadata.yaml.
+"""Writer of a run: one MCAP file that stays readable however the process ends, and rosbag2's metadata.yaml.
 
-Used by the headless run and the recorder; the same calls give the same bytes.
+The headless run and the recorder use it. The same calls give the same bytes.
 """
 
 from __future__ import annotations
@@ -30,42 +30,56 @@ if TYPE_CHECKING:
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
 LIBRARY = f"rig_nodes {__version__}"
-_END_OF_TIME = 1 << 63  # ns, of rosbag2
+_END_OF_TIME = 1 << 63  # ns, the limit of rosbag2
 _SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
 
 
 @dataclass(slots=True)
 class _Topic:
-    """A topic of the bag: channel number, definition, quality-of-service class, what its messages need."""
+    """A topic of the bag: channel number, definition, quality-of-service class and the properties of its messages."""
 
     channel: int
     definition: Definition
     ros_type: str
     qos: str
     counted: bool
-    own: bool  # of the catalogue: stored without padding
-    size: int  # of every message, 0 when it varies
-    count: int = 0  # of messages written
+    own: bool  # True for a topic of the catalogue: its messages are stored without padding
+    size: int  # bytes of every message, 0 when the size varies
+    count: int = 0  # messages written
 
 
 class MessageRefused(RigError):
-    """One message cannot be stored; the bag goes on."""
+    """The error for one message that cannot be stored; the bag stays open for further messages."""
 
 
 class BagWriter:
-    """One bag in one folder: ``<folder>/<name>_<piece>.mcap`` and, once closed, ``<folder>/metadata.yaml``.
+    """Writer of one bag in one folder: ``<folder>/<name>_<piece>.mcap`` and, after closing, ``<folder>/metadata.yaml``.
 
-    A number ends the name because ``ros2 bag reindex`` takes no other files for pieces of a bag.
+    The file name ends in a number because ``ros2 bag reindex`` accepts only such files as pieces of a bag.
 
     A chunk is closed and handed to the operating system when the simulated time of the messages passes a
-    multiple of 100 ms, so that a killed process loses no more than that; a chunk above 4 MiB closes earlier.
-    A recorder that runs slower than real time calls :meth:`flush` besides. Not thread-safe.
+    multiple of 100 ms, so that a killed process loses at most that much. A chunk above 4 MiB is closed earlier.
+    A recorder that runs slower than real time additionally calls :meth:`flush`. The class is not thread-safe.
     """
 
     def __init__(self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None) -> None:
-        """Create the file, and the folder if need be; RigError when it is there already or cannot be made.
+        """Create the file, and the folder when it does not exist.
 
-        topics: those of the run's rig (Catalogue.all_topics); those of the installed rigs where nobody knows whose run it is.
+        Parameters
+        ----------
+        folder : str or Path
+            Folder of the bag.
+        name : str
+            First part of the file name.
+        piece : int
+            Number at the end of the file name.
+        topics : mapping of str to Topic, optional
+            Topics of the run's rig (Catalogue.all_topics); those of the installed rigs when the rig is not known.
+
+        Raises
+        ------
+        RigError
+            When the file already exists or cannot be made.
         """
         self.folder = Path(folder)
         self.path = self.folder / f"{name}_{piece}.mcap"
@@ -88,13 +102,31 @@ class BagWriter:
     def write(
         self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement", made_here: bool = False
     ) -> None:
-        """Store one encoded message as it is, on topics of the catalogue less the padding that DDS may have appended.
+        """Store one encoded message as it is.
 
-        data: CDR with encapsulation; log_time_ns: simulated time [ns] from 0 on, stored as log and publish time; qos:
-        class of catalogue.QOS in which a topic is offered that is not in the catalogue; made_here: the message comes from an
-        encoder of bags.cdr in this process, so that it is exact and is not looked through. Raises MessageRefused when the
-        bytes are no such message, the topic changes its type or the time is none, RigError when the bag is closed or
-        the disk takes no more.
+        On topics of the catalogue the padding that DDS may have appended is removed.
+
+        Parameters
+        ----------
+        topic : str
+            Topic of the message.
+        ros_type : str
+            Message type, e.g. ``rig_msgs/msg/Measurement``.
+        data : bytes
+            CDR with encapsulation.
+        log_time_ns : int
+            Simulated time from 0 on [ns], stored as log and publish time.
+        qos : str
+            Class of catalogue.QOS in which a topic outside the catalogue is offered.
+        made_here : bool
+            True when an encoder of bags.cdr in this process made the message; it is then exact and is not checked.
+
+        Raises
+        ------
+        MessageRefused
+            When the bytes are not such a message, the topic changes its type or the time is out of range.
+        RigError
+            When the bag is closed or the disk accepts no more data.
         """
         if self._closed or self._failure:
             self._writable()
@@ -127,18 +159,18 @@ class BagWriter:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages written, by topic."""
+        """Messages written so far, by topic."""
         return {name: topic.count for name, topic in self._topics.items()}
 
     def flush(self) -> None:
-        """Close the chunk in progress and hand everything to the operating system."""
+        """Close the chunk in progress and hand all data to the operating system."""
         self._writable()
         self._guard(self._writer.flush)
 
     def close(self) -> None:
         """Write the end of the file and metadata.yaml; a second call does nothing.
 
-        After a failed write only the file is closed: what is in it stays readable in recovery.
+        After a failed write it only closes the file; what the file holds stays readable by recovery.
         """
         if self._closed:
             return
@@ -164,7 +196,7 @@ class BagWriter:
             raise RigError(f"{self.path} is closed; nothing can be added to it")
 
     def _guard(self, action: Callable[..., T], *arguments: object) -> T:
-        """Do it; a write error becomes the one sentence of this bag, repeated by every later call."""
+        """Call the action; a write error becomes this bag's error, which every later call repeats."""
         try:
             return action(*arguments)
         except OSError as error:
@@ -219,5 +251,5 @@ class BagWriter:
         self._writer.add_metadata("rosbag2", {"serialized_metadata": information})
         self._writer.finish()
         self._file.close()
-        # whole or not at all: a folder with metadata.yaml holds a finished bag
+        # an atomic write, because a folder with metadata.yaml counts as a finished bag
         atomic_write(self.folder / "metadata.yaml", metadata.metadata_file(information))
