@@ -158,7 +158,7 @@ class Definition:
         return bool(self.tail) and all(node.kind == "sequence" and node.item.kind == "number" for _, node in self.tail)
 
     def end_of(self, data: bytes) -> int | None:
-        """Return a message's size [bytes] by the lengths of its lists; None when it is shorter or not of such a type (:attr:`lists`)."""
+        """Return a message's size [bytes] by the lengths of its lists; None when it is shorter or of another form (:attr:`lists`)."""
         places = self._places(data)
         if not places:
             return None
@@ -172,7 +172,7 @@ class Definition:
         return tuple((place, data[place]) for place in places)
 
     def _places(self, data: bytes) -> list[tuple[int, int, int]]:
-        """Return for each list of the tail the places of its length and first number, and its count, as far as the message reaches."""
+        """Return for each list of the tail the places of its length and first number, and its count; empty for a cut message."""
         places, end = [], self.size
         for _, node in self.tail if self.lists else ():
             at = end + -end % 4
@@ -259,7 +259,7 @@ def parse(ros_type: str, text: str) -> Definition:
 
 
 def _said(ros_type: str, text: str) -> str:
-    """Return a definition without its empty lines, because the parser's time grows with the square of their number."""
+    """Return a definition without empty lines and comments: the parser's time grows with the square of the number of lines."""
     lines = [line for line in text.replace("\r\n", "\n").split("\n") if line.strip() and not line.lstrip().startswith("#")]
     longest = max(map(len, lines), default=0)
     if not _TYPE.fullmatch(ros_type):
