@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysis of recorded runs: shift metrics after the laboratory's definitions, energy balance, report.
+"""Analysis of recorded runs: shift metrics by the laboratory's definitions, energy balance, report.
 
-Works on arrays and bags; used by the command line, the tests and whoever opens a bag in Python.
+It works on arrays and bags. The command line, the tests and Python scripts that open a bag use it.
 """

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recipe of the laboratory's own program (thesis Annex A) on one shift, beside the plain definitions of metrics.
+"""The recipe of the laboratory's own program (thesis Annex A) for one shift, for comparison with the definitions of metrics.
 
-Used by `rig report --annex-a` and the validation. Thresholds, search windows, factors and 3.14 are the printed ones,
-with the misprints that change a result; docs/background/analysis.md lists them.
+`rig report --annex-a` and the validation use it. Thresholds, search windows, factors and 3.14 are as printed,
+including the misprints that change a result; docs/background/analysis.md lists them.
 """
 
 from __future__ import annotations
@@ -16,26 +16,34 @@ from .edges import first_true
 from .metrics import KEYS, RPM, Recording, orders_of
 
 PERIOD = 1e-4  # s; the program counts samples of 10 kHz
-BLOCK = 10  # samples in a mean of a pressure
+BLOCK = 10  # samples in the mean of a pressure
 BAR = 1e5
 PI = 3.14  # as printed
-# The program asks for these: bands of the torque after a down- and an upshift, and the rise of pressure [bar] that counts as
-# the valve's reaction. What the laboratory typed in is not printed; 1.05 is the band of metrics.SETTLED_BAND.
+# Inputs of the program: bands of the torque after a down- and an upshift, and the rise of pressure [bar] that counts as
+# the valve's reaction. The laboratory's inputs are not printed; 1.05 is the band of metrics.SETTLED_BAND.
 FACTOR_A, FACTOR_B, RISE_C = 1.05, 1.05, 0.5
-UP_FROM, UP_BELOW, UP_FALLS, UP_LATER = 20.0, 20.0, 4, 50  # bar, bar, means in a row, means later
+UP_FROM, UP_BELOW, UP_FALLS, UP_LATER = 20.0, 20.0, 4, 50  # bar, bar, successive means, means later
 DOWN_FROM, DOWN_BELOW, DOWN_FALLS, DOWN_LATER = 22.0, 15.0, 3, 100
 SLIP_UP, SLIP_DOWN = 0.05, 0.1  # %
 SPEED_UP, SPEED_DOWN = 0.99, 1.01  # shares of the set speed at which the input counts as recovered
 DIP = 0.95
 MINIMUM_SEARCH = 20000  # samples after the start, downshift
 SETTLED_AFTER, SETTLED_FOR = 5000, 1000  # samples
-CLAMPED = 20.0  # bar that the engaging clutch must have when the torque counts as settled
+CLAMPED = 20.0  # bar, least pressure of the engaging clutch when the torque counts as settled
 REST_BEFORE, REST_FOR, OPEN = 10000, 2000, 3.0  # samples, samples, bar
 VALVE_DELAY_UP, VALVE_DELAY_DOWN = 0.330576, 0.19516  # s added to t_c for the engaging valve
 
 
 def shifts_annex_a(recording: Recording, **factors: float) -> list[dict]:
-    """One row for each order that :func:`metrics.shifts` gives a row, in the same order; see the next function."""
+    """Return one row of :func:`shift_metrics_annex_a` for each row of :func:`metrics.shifts`, in the same order.
+
+    Parameters
+    ----------
+    recording : Recording
+        The logger's channels.
+    **factors : float
+        ``a``, ``b`` and ``c`` of :func:`shift_metrics_annex_a`.
+    """
     return [shift_metrics_annex_a(recording, order, end, **factors) for order, end in orders_of(recording)]
 
 
@@ -48,13 +56,35 @@ def shift_metrics_annex_a(
     b: float = FACTOR_B,
     c: float = RISE_C,
 ) -> dict:
-    """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
+    """Return the metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
-    recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch; nothing
-    after the next order is read. set_speed: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before
-    the order. a, b: factors of the torque bands after II-I and I-II; c: rise of the engaging pressure over its rest [bar]. What
-    the recipe does not give is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from
-    neutral are none of its cases. Raises RigError for a recording that is not sampled at 10 kHz, or a factor not above 1.
+    A value that the recipe does not give is None, with its reason in ``why``; overlap_s is not part of it and has no reason. The
+    recipe does not cover engagements from neutral.
+
+    Parameters
+    ----------
+    recording : Recording
+        As in metrics.shift_metrics, of a transmission of two gears that share no clutch.
+    order : (float, int, int)
+        As in metrics.shift_metrics.
+    next_order_time : float, optional
+        Time of the next order [s]; samples after it are not read.
+    set_speed : float, optional
+        The set input speed that the program asks for [rad/s]; by default the mean of 0.2 s before the order.
+    a, b : float
+        Factors of the torque bands after II-I and I-II.
+    c : float
+        Rise of the engaging pressure over its rest [bar].
+
+    Returns
+    -------
+    dict
+        One value per key.
+
+    Raises
+    ------
+    RigError
+        When the recording is not sampled at 10 kHz, or a factor is not above 1.
     """
     if abs(recording.period - PERIOD) > 1e-9:
         raise RigError(f"Annex A counts samples of 10 kHz; this recording has one every {recording.period * 1e3:g} ms")
@@ -87,7 +117,7 @@ class _Program:
         )
         self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6))
         self.box, self.up, self.row, self.why = recording.transmission, order[2] > order[1], row, row["why"]
-        # the program's gears I and II, and what presses their clutches
+        # the program's gears I and II, and the pressures of their clutches
         self.first, self.second = sorted(self.box.ratios)
         moved = self.box.shift(order[1], order[2])
         self.old_name, self.new_name = moved.releasing[0].pressure, moved.engaging[0].pressure
@@ -99,7 +129,7 @@ class _Program:
         self.set_speed = None if set_speed is None else set_speed * RPM
 
     def run(self, factor: float, c: float) -> None:
-        """Fill the row in the program's order of steps; each needs what the one before found."""
+        """Fill the row in the program's order of steps; each step needs the result of the one before."""
         row = self.row
         before = slice(max(0, self.order - REST_FOR), max(0, self.order))
         if self.order <= 0 or self.order >= self.n_in.size:
@@ -135,13 +165,13 @@ class _Program:
         if settled is None:
             return
         row["t_o_s"] = (settled - end) * PERIOD
-        # the unaveraged torque, to the end of t_o; the program makes means of 20 samples and never reads them
+        # the unaveraged torque, to the end of t_o; the program computes means of 20 samples but does not use them
         row["m_wej_max_nm"] = float(self.m_in[start : settled + 1].max())
-        # this sum takes each sample after counting on: one later than the other one
+        # this sum increments its index before it reads a sample, so it begins one sample later than the other sum
         row["e_loss_settled_j"] = self.energy(start + 1, settled + 1)
 
     def start(self) -> int | None:
-        """Last sample of the first mean from which the releasing pressure falls by the printed rule."""
+        """Return the last sample of the first mean from which the releasing pressure falls by the printed rule."""
         falls = UP_FALLS if self.up else DOWN_FALLS
         high, low, later = (UP_FROM, UP_BELOW, UP_LATER) if self.up else (DOWN_FROM, DOWN_BELOW, DOWN_LATER)
         means = self.old_p[: self.old_p.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
@@ -159,18 +189,18 @@ class _Program:
         return None
 
     def slip(self, gear: int) -> np.ndarray:
-        """(6.85) of a gear in percent."""
+        """Return (6.85) of a gear in percent."""
         ideal = np.maximum(self.n_in, 1e-3) / self.box.ratios[gear]
         return (ideal - self.n_out) * 100.0 / ideal
 
     def lowest_down(self, start: int) -> tuple[float, int]:
-        """Lowest output speed in the 2 s of a downshift, and the sample after it was first reached."""
+        """Return the lowest output speed in the 2 s of a downshift, and the sample after the one that first reached it."""
         part = self.n_out[start : start + MINIMUM_SEARCH + 1]
         at = int(part.argmin())
         return float(part[at]), start + at + (1 if at else 0)
 
     def slip_end(self, start: int, lowest: tuple[float, int]) -> int | None:
-        """Sample at which the slip has gone; None with the reason in ``why``."""
+        """Return the sample at which the slip has vanished; None with the reason in ``why``."""
         if self.up:
             end = first_true(self.slip(self.second) <= SLIP_UP, start)
         else:
@@ -181,8 +211,8 @@ class _Program:
         return end
 
     def recovered(self, end: int) -> int | None:
-        """Sample where the mean over 10 of the input speed is back at the set speed."""
-        # movmean of an even window takes one sample more before than after
+        """Return the sample at which the mean over 10 samples of the input speed is back at the set speed."""
+        # movmean of an even window uses one sample more before than after the centre
         total = np.concatenate(([0.0], np.cumsum(self.n_in)))
         index = np.arange(self.n_in.size)
         low, high = np.maximum(index - 5, 0), np.minimum(index + 5, self.n_in.size)
@@ -194,14 +224,14 @@ class _Program:
         return at
 
     def settled(self, end: int, recovered: int, factor: float) -> int | None:
-        """First sample after which 999 samples of torque lie in the band, the engaging clutch above 20 bar."""
+        """Return the first sample after which 999 samples of torque lie in the band with the engaging clutch above 20 bar."""
         late = recovered + SETTLED_AFTER
         if late + SETTLED_FOR >= self.m_in.size:
             self.why.append(
                 "the recording ends, or the next order comes, before the 0.6 s that Annex A takes for the settled torque"
             )
             return None
-        # 1001 samples by 1000, as printed
+        # 1001 samples divided by 1000, as printed
         value = float(np.sum(self.m_in[late : late + SETTLED_FOR + 1])) / SETTLED_FOR
         inside = (self.m_in < factor * value) & (self.m_in > (2.0 - factor) * value)
         outside = np.concatenate(([0], np.cumsum(~inside)))
@@ -215,7 +245,7 @@ class _Program:
         return int(at[hit])
 
     def total(self, start: int, end: int, c: float) -> float | None:
-        """t_c: from the reaction of the engaging pressure to the slip end, plus the valve's response time."""
+        """Return t_c: from the reaction of the engaging pressure to the slip end, plus the valve's response time."""
         if start < REST_BEFORE:
             self.why.append("t_c needs 1 s of recording before the releasing pressure falls")
             return None
@@ -223,8 +253,9 @@ class _Program:
         return None if rise is None else (end - rise) * PERIOD + (VALVE_DELAY_UP if self.up else VALVE_DELAY_DOWN)
 
     def rise_up(self, start: int, end: int, c: float) -> int | None:
-        """Of the engaging pressure of an upshift, backwards from the slip end: below 3 bar, then five samples in a row at most c
-        above rest.
+        """Return the reaction of the engaging pressure of an upshift.
+
+        The search goes backwards from the slip end: below 3 bar, then five successive samples that are at most c above rest.
         """
         pressure = self.new_p
         rest = float(np.mean(pressure[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
@@ -238,7 +269,10 @@ class _Program:
         return None
 
     def rise_down(self, start: int) -> int | None:
-        """Of that of a downshift: from 1 s before the start on: where three samples of it in a row are not exactly zero."""
+        """Return the reaction of the engaging pressure of a downshift.
+
+        It is the first of three successive samples that are not exactly zero, searched from 1 s before the start on.
+        """
         first = start - REST_BEFORE
         zero = self.new_p[first : start + 1] == 0.0
         near = zero[:-2] | zero[1:-1] | zero[2:]
@@ -252,7 +286,7 @@ class _Program:
         return first + at
 
     def speed_change(self, start: int, end: int) -> float | None:
-        """t_p: from the departure of the output's speed by the printed rules to the slip end."""
+        """Return t_p: from the departure of the output speed by the printed rules to the slip end."""
         n, i = self.n_out, np.arange(start, end + 1)
 
         def at(later: int) -> np.ndarray:
@@ -275,11 +309,11 @@ class _Program:
         return (end - int(i[departure])) * PERIOD
 
     def energy(self, first: int, last: int) -> float:
-        """The program's sum from ``first`` to ``last`` [J]: J_od is divided by (41/40)^2, pi is 3.14."""
+        """Return the program's sum from ``first`` to ``last`` [J]: J_od is divided by (41/40)^2, pi is 3.14."""
         last = min(last, self.m_in.size - 1)
         part, rate = slice(first, last + 1), 2.0 * PI / 60.0
         work = rate * PERIOD * float(np.sum(self.m_in[part] * self.n_in[part] - self.m_out[part] * self.n_out[part]))
-        # the differences of squares from sample to sample add up to those of the ends
+        # the differences of squares from sample to sample add up to the difference between the ends
         grown_in, grown_out = (float(n[last] ** 2 - n[first - 1] ** 2) for n in (self.n_in, self.n_out))
         inertias = self.box.inertias
         stored = 0.5 * rate**2 * (inertias.driving * grown_in + inertias.driven / inertias.reduction**2 * grown_out)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The part of a report on a run of the clutch bench: slip tests with their line, or the line of cylinder or springs.
+"""The part of a report for the clutch benches: slip tests with their line, or the line of cylinder or springs.
 
-Used by analysis.report; the evaluations are analysis.slip_tests.
+analysis.report uses it; the evaluations themselves are in analysis.slip_tests.
 """
 
 from __future__ import annotations
@@ -23,13 +23,25 @@ from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, sprin
 if TYPE_CHECKING:
     from ..bags.reader import Bag
 
-TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, of the springs' line
+TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, at which the springs' line is given
 
 
 def bench_report(bag: Bag, record: Mapping, problems: list[str]) -> dict:
-    """``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench.
+    """Return the results of a run of a bench.
 
-    record: of the run's rig; what the recording does not give becomes a sentence in ``problems``.
+    Parameters
+    ----------
+    bag : Bag
+        The recording.
+    record : mapping
+        Record of the run's rig.
+    problems : list of str
+        Receives a sentence for each result that the recording does not give.
+
+    Returns
+    -------
+    dict
+        ``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench.
     """
     structure = structure_of(record["structure"])
     press = next(iter(structure.of_role(parts.PRESS)), None)
@@ -59,7 +71,7 @@ def bench_report(bag: Bag, record: Mapping, problems: list[str]) -> dict:
 
 
 def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels: Mapping) -> dict:
-    """The channels under the names that chapter 8, and with it slip_tests, has for what they show."""
+    """Return the channels under the names of chapter 8 for the same quantities, which slip_tests uses."""
     shows = {
         f"{press.name}.pressure": "p_z",
         f"{press.name}.travel": "s",
@@ -71,13 +83,13 @@ def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels:
 
 
 def bench_lines(found: dict) -> list[str]:
-    """The part for the terminal, in MPa, mm, N and Nm."""
+    """Return the lines for the terminal, in MPa, mm, N and Nm."""
     if "springs" in found:
         return ["s mm    F_s N"] + [f"{row['s_m'] * 1e3:4.1f} {row['f_s_n']:8.1f}" for row in found["springs"]]
     if "cylinder" in found:
         return ["p_z MPa    F_p N"] + [f"{row['p_z_pa'] * 1e-6:7.3f} {row['f_p_n']:8.1f}" for row in found["cylinder"]]
     if not found:
-        return []  # the problem says why
+        return []  # the report's problems give the reason
     tests = found["slip_tests"]
     if not tests:
         return ["no pack was slipped"]

@@ -3,7 +3,7 @@
 
 """Inertia of the driving side from a coast-down (thesis 7.1.3.2, 7.3.1): parabola, tangent at its start, M = J dw/dt.
 
-Used on recordings with both clutches open in which the drive is cut off; knows nothing of bags or ROS.
+It serves recordings with both clutches open in which the drive is cut off, and depends neither on bags nor on ROS.
 """
 
 from __future__ import annotations
@@ -18,30 +18,51 @@ from .edges import first_true, odd_width, running_mean
 if TYPE_CHECKING:
     from ..arrays import Floats
 
-MEAN = 20e-3  # s over which the speed is averaged where its cut and its standstill are looked for
-BEFORE = 0.5  # s before the cut that give speed and torque
+MEAN = 20e-3  # s over which the speed is averaged in the search for the cut and the standstill
+BEFORE = 0.5  # s before the cut from which speed and torque are taken
 STANDSTILL = 0.02  # share of the speed before the cut below which the shaft counts as standing
-FALL = 0.01  # share of the speed whose loss shows that the drive is cut off; the first fall is five of it
+FALL = 0.01  # share of the speed; a loss of this size shows that the drive is cut off, and five of them are the first fall
 
 
 def coast_down(
     t: np.ndarray, w: np.ndarray, torque: float | Floats, t_cut: float | None = None, down_to: float = STANDSTILL, degree: int = 2
 ) -> dict[str, float | list[float] | None]:
-    """Coast-down by (7.7), (7.8) and (6.110).
+    """Evaluate a coast-down by (7.7), (7.8) and (6.110).
 
-    t: equally spaced times [s]; w: speed of the input shaft [rad/s], 1-D of the same length; torque: of the input noted
-    before the drive is cut off [Nm], or its channel, whose mean over 0.5 s before the cut is taken. t_cut: when the
-    drive is cut off [s]; by default the speed's start of fall, followed back along its slope. Fitted is from the cut
-    until the speed has fallen to ``down_to`` of the one before (to standstill by default, as in the thesis), counted
-    from the cut. degree: of the polynomial, 2 as in the thesis. The tangent time is the speed at time 0 of the fit by
-    its slope there; inertia = torque * tangent time / speed = torque / slope.
+    The fit spans from the cut until the speed has fallen to ``down_to`` of the speed before the cut (to standstill by default,
+    as in the thesis); its time counts from the cut. The tangent time is the speed at time 0 of the fit divided by its slope
+    there; inertia = torque * tangent time / speed = torque / slope.
 
-    A parabola over the whole run is stiff: where the losses bend the speed otherwise, its slope at the start is off.
-    ``inertia_half`` is the same from the upper half of the speed, as a measure of that.
+    A parabola over the whole run is stiff: where the losses bend the speed in another shape, its slope at the start is wrong.
+    ``inertia_half`` is the same evaluation from the upper half of the speed and measures this error.
 
-    Returns coast_down_tangent_s, coast_down_m_wej_nm, inertia [kg m2], inertia_half, coefficients [highest power
-    first], residual (root mean square, rad/s), t_cut_s, t_end_s (end of the fitted part, from the cut), w_start (mean
-    before the cut, None where nothing was recorded). Raises RigError where no coast-down is found.
+    Parameters
+    ----------
+    t : (n,) array of float
+        Equally spaced times [s].
+    w : (n,) array of float
+        Speed of the input shaft [rad/s].
+    torque : float or (n,) array of float
+        Input torque that was noted before the drive is cut off [Nm], or its channel, whose mean over 0.5 s before the cut
+        is taken.
+    t_cut : float, optional
+        Time at which the drive is cut off [s]; by default the start of the speed's fall, followed back along its slope.
+    down_to : float
+        Share of the speed before the cut at which the fit ends.
+    degree : int
+        Degree of the polynomial, 2 as in the thesis.
+
+    Returns
+    -------
+    dict
+        coast_down_tangent_s, coast_down_m_wej_nm, inertia [kg m2], inertia_half, coefficients [highest power first],
+        residual (root mean square, rad/s), t_cut_s, t_end_s (end of the fitted part, from the cut), w_start (mean before
+        the cut, None when nothing was recorded there).
+
+    Raises
+    ------
+    RigError
+        When no coast-down is found.
     """
     t, w = np.asarray(t, dtype=float), np.asarray(w, dtype=float)
     if not (t.ndim == 1 and t.shape == w.shape and t.size > 20 and np.all(np.isfinite(w)) and np.all(np.diff(t) > 0.0)):
@@ -87,7 +108,7 @@ def coast_down(
 
 
 def _tangent(fit: np.ndarray, torque: float) -> tuple[float, float]:
-    """(Time where the tangent at time 0 meets zero speed [s], inertia [kg m2])."""
+    """Return the time at which the tangent at time 0 meets zero speed [s], and the inertia [kg m2]."""
     slope, speed = float(fit[-2]), float(fit[-1])
     if slope >= 0.0:
         raise RigError(f"the fitted speed grows at the cut by {slope:.3f} rad/s2; this is no coast-down")
@@ -96,7 +117,7 @@ def _tangent(fit: np.ndarray, torque: float) -> tuple[float, float]:
 
 
 def _torque(t: np.ndarray, torque: float | Floats, before: np.ndarray) -> float:
-    """The torque before the cut: a number that was noted, or the mean of the channel."""
+    """Return the torque before the cut: the noted number, or the mean of the channel."""
     if np.ndim(torque) == 0:
         return float(torque)
     torque = np.asarray(torque, dtype=float)
@@ -111,7 +132,7 @@ def _torque(t: np.ndarray, torque: float | Floats, before: np.ndarray) -> float:
 
 
 def _cut(t: np.ndarray, smooth: np.ndarray, period: float) -> float:
-    """When the last long fall of the speed begins: a line through its first 5 %, followed back to the speed before."""
+    """Return the start of the last long fall of the speed: a line through its first 5 %, followed back to the speed before."""
     top = float(smooth.max())
     far = int(np.flatnonzero(smooth >= 0.9 * top)[-1])
     deep = first_true(smooth <= 0.8 * top, far)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines of the report that set other results beside the plain metrics: Annex A's recipe, and what the plant knows.
+"""Report lines that compare the plain metrics with Annex A's recipe and with the states of the plant.
 
-Used by analysis.report; formats only.
+analysis.report uses them. They only format results.
 """
 
 from __future__ import annotations
@@ -18,12 +18,26 @@ if TYPE_CHECKING:
 
 
 def annex_lines(columns: Sequence[tuple[str, str, float, int]], names: list[str], rows: list[dict], annex: dict) -> list[str]:
-    """For each shift a table of plain definition, Annex A and their difference, then what Annex A did not give.
+    """Return for each shift a table of plain definition, Annex A and their difference, then what Annex A did not give.
 
-    columns: (heading, key, factor, digits) of the metrics; names: of the shifts; annex: the report's part.
+    Parameters
+    ----------
+    columns : sequence of (str, str, float, int)
+        (heading, key, factor, digits) of the metrics.
+    names : list of str
+        Names of the shifts.
+    rows : list of dict
+        Plain metrics of the shifts.
+    annex : dict
+        The report's part on Annex A.
+
+    Returns
+    -------
+    list of str
+        The lines.
     """
     lines = [f"Annex A's recipe beside the plain definitions (factor {annex['factor']:g}):"]
-    shown = [column for column in columns if column[1] != "overlap_s"]  # no part of the recipe
+    shown = [column for column in columns if column[1] != "overlap_s"]  # the recipe does not contain it
     for name, row, other in zip(names, rows, annex["shifts"]):
         table = [[name, *(heading for heading, *_ in shown)]]
         table.append(["  plain", *(_cell(row[key], factor, digits) for _, key, factor, digits in shown)])
@@ -34,7 +48,7 @@ def annex_lines(columns: Sequence[tuple[str, str, float, int]], names: list[str]
 
 
 def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None], box: Transmission) -> list[str]:
-    """For each shift what the plant's states say, beside the measured value where there is one."""
+    """Return for each shift the values from the plant's states, beside the measured value where there is one."""
     lines = ["plant truth (states at 200 Hz, no transducers), measured in brackets:"]
     if not any(truths):
         return [lines[0], "  this recording holds no states of a plant that cover a shift"]

@@ -12,19 +12,38 @@ import numpy as np
 
 
 def odd_width(seconds: float, period: float) -> int:
-    """The odd number of samples nearest to a filter length, at least one."""
-    # without the noise of the division, which would decide between 49 and 51 samples for 50
+    """Return the odd number of samples nearest to a filter length, at least one.
+
+    Parameters
+    ----------
+    seconds : float
+        Filter length [s].
+    period : float
+        Time between samples [s].
+    """
+    # rounded first, because the division's rounding error would otherwise decide between 49 and 51 samples for 50
     return max(1, 2 * int(round((round(seconds / period, 6) - 1.0) / 2.0)) + 1)
 
 
 def running_mean(x: np.ndarray, width: int) -> np.ndarray:
-    """Centred mean over ``width`` samples (odd); at the ends over the samples that exist. Same shape as
-    ``x``.
+    """Return the centred mean over ``width`` samples (odd); at the ends, over the samples that exist.
+
+    Parameters
+    ----------
+    x : (n,) array of float
+        The channel.
+    width : int
+        Number of samples, odd.
+
+    Returns
+    -------
+    (n,) array of float
+        The filtered channel.
     """
     half = width // 2
     if half == 0 or x.size == 0:
         return np.array(x, dtype=float)
-    # measured from the first sample: the running sum then stays small and loses no digits
+    # values relative to the first sample, so that the running sum stays small and loses no digits
     total = np.zeros(x.size + 1)
     np.cumsum(x - x[0], out=total[1:])
     out = np.empty(x.size)
@@ -41,7 +60,7 @@ def running_mean(x: np.ndarray, width: int) -> np.ndarray:
 
 
 def mean_ahead(x: np.ndarray, width: int) -> np.ndarray:
-    """Mean over the ``width`` samples from each sample on; NaN where fewer are left."""
+    """Return the mean over the ``width`` samples from each sample on; NaN where fewer are left."""
     out = np.full(x.size, np.nan)
     if x.size >= width:
         total = np.concatenate(([0.0], np.cumsum(x)))
@@ -50,36 +69,53 @@ def mean_ahead(x: np.ndarray, width: int) -> np.ndarray:
 
 
 def all_ahead(ok: np.ndarray, width: int) -> np.ndarray:
-    """True where this sample and the ``width - 1`` next ones are all true (False where fewer are left)."""
+    """Return True where this sample and the ``width - 1`` next ones are all true, and False where fewer are left."""
     return np.nan_to_num(mean_ahead(ok.astype(float), width)) > 1.0 - 0.5 / width
 
 
 def quantum(x: np.ndarray) -> float:
-    """Smallest step between values that occur: the resolution of a quantised channel, about 0 for others."""
+    """Return the smallest step between occurring values: the resolution of a quantised channel, about 0 for others."""
     steps = np.diff(np.unique(x))
     return float(steps.min()) if steps.size else 0.0
 
 
 def white_noise(x: np.ndarray) -> float:
-    """Standard deviation of the fast part of ``x``, from its successive differences."""
+    """Return the standard deviation of the fast part of ``x``, from its successive differences."""
     return float(np.std(np.diff(x)) / np.sqrt(2.0)) if x.size > 2 else 0.0
 
 
 def first_true(mask: np.ndarray, start: int = 0) -> int | None:
-    """Index of the first true sample at or after ``start``, or None."""
+    """Return the index of the first true sample at or after ``start``, or None."""
     start = max(0, start)
     hits = np.flatnonzero(mask[start:])
     return int(hits[0]) + start if hits.size else None
 
 
 def ramp_start(rise: np.ndarray, smooth: np.ndarray, at: int, span: float, reach: int) -> float:
-    """Where a ramp that is seen at ``at`` has left its level, as a fractional index.
+    """Return the fractional index at which a ramp that is seen at ``at`` left its level.
 
-    ``rise`` is the distance from the level (unfiltered, growing), ``smooth`` the same filtered. A threshold
-    alone would find every start late by threshold / slope, so a line is fitted from ``at`` to where the
-    distance has grown by ``span`` and followed back to zero. The result is never after ``at``, at most ``reach``
-    samples before it, and never before the last sample at which ``smooth`` was still at its level: where the ramp
-    has a knee, the line across it is too flat.
+    A threshold alone would find every start late by threshold / slope. So a line is fitted from ``at`` to where the
+    distance has grown by ``span``, and is followed back to zero. The result is never after ``at``, at most ``reach``
+    samples before it, and never before the last sample at which ``smooth`` was still at its level, because the line across
+    a knee of the ramp is too flat.
+
+    Parameters
+    ----------
+    rise : (n,) array of float
+        Distance from the level, unfiltered and growing.
+    smooth : (n,) array of float
+        The same distance, filtered.
+    at : int
+        Sample at which the ramp is seen.
+    span : float
+        Growth of the distance over which the line is fitted, in the unit of ``rise``.
+    reach : int
+        Largest number of samples that the line is followed back.
+
+    Returns
+    -------
+    float
+        Fractional index of the start.
     """
     stop = first_true(smooth[: at + 5 * reach] >= smooth[at] + span, at)
     stop = min(at + 5 * reach, rise.size - 1) if stop is None else stop

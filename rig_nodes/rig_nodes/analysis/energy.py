@@ -3,7 +3,7 @@
 
 """Energy balance of a run or of one shift, from energies that the plant integrates one by one.
 
-Used by analysis.report; the tests hold the residual against the clutch heat of the same window.
+analysis.report uses it; the tests compare the residual with the clutch heat of the same window.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ Series = tuple[np.ndarray, np.ndarray]
 
 
 def signs(box: Transmission) -> dict[str, float]:
-    """Name of each energy -> its sign in the balance: + goes into the gearbox, - leaves it or stays in it; a full
-    account sums to 0.
+    """Return the sign of each energy in the balance, by its name.
+
+    Energies with + enter the gearbox; energies with - leave it or stay in it. A full account sums to 0.
     """
     return {
         "motor_work": 1.0,
@@ -38,19 +39,19 @@ def signs(box: Transmission) -> dict[str, float]:
 
 
 def needed(box: Transmission) -> tuple[str, ...]:
-    """The energies without which there is no balance."""
+    """Return the names of the energies without which there is no balance."""
     return ("motor_work", *(clutch.heat for clutch in box.clutches), "stored_kinetic")
 
 
 def fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]:
-    """Topic -> name of the energy (or speed) -> field of its message."""
+    """Return the message fields to read: topic -> name of the energy (or speed) -> field."""
     works = {
         f"/{device.name}/state": {name: shown.field}
         for role, name in ((parts.LOAD, "load_work"), (parts.SOURCE, "motor_work"))
         for device in structure.of_role(role)[:1]
         for shown in parts.part(device.part).shows
         if shown.of == "energy"
-    }  # each tells that of all of its role
+    }  # the message of each one carries the sum over all devices of its role
     return {
         **works,
         **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
@@ -61,14 +62,31 @@ def fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]
 def balance(
     energies: dict[str, Series], t_start: float, t_end: float, transmission: Transmission | None = None
 ) -> dict[str, float | None]:
-    """Energy account of a window.
+    """Return the energy account of a window.
 
-    energies: name as in :func:`signs` -> (times [s], energy since time 0 or energy stored [J]). transmission: the laboratory's by
-    default. The gearbox losses and the hydraulic energy are optional. The window is widened to the samples of motor_work around
-    it, so that a balance is taken between values that exist instead of between interpolated ones; it is cut to what was recorded.
-    Returns t_start_s, t_end_s, one ``<name>_j`` for each energy (None for one not given), residual_j (work in that is found
-    nowhere) and residual_of_heat, its share of the clutch heat in the window (None without clutch heat). Raises RigError when a
-    needed energy is missing, has no samples, or the window lies outside the recording.
+    The window is widened to the samples of motor_work around it, so that the balance is taken between existing values
+    instead of interpolated ones, and is cut to the recorded time.
+
+    Parameters
+    ----------
+    energies : dict of str to (times, values)
+        For each name of :func:`signs` the times [s] and the energy since time 0 or the stored energy [J], both (n,). The
+        gearbox losses and the hydraulic energy are optional.
+    t_start, t_end : float
+        The window [s].
+    transmission : Transmission, optional
+        The laboratory's by default.
+
+    Returns
+    -------
+    dict
+        t_start_s, t_end_s, one ``<name>_j`` for each energy (None for one not given), residual_j (work that went in and is
+        not found anywhere) and residual_of_heat, its share of the clutch heat in the window (None without clutch heat).
+
+    Raises
+    ------
+    RigError
+        When a needed energy is missing or has no samples, or the window lies outside the recording.
     """
     box = transmission or transmission_of()
     missing = [name for name in needed(box) if name not in energies or len(energies[name][0]) == 0]
@@ -80,7 +98,7 @@ def balance(
             f"the energy balance was asked for {t_start:.3f} s to {t_end:.3f} s, "
             f"but the recording has {times[0]:.3f} s to {times[-1]:.3f} s"
         )
-    # a nanosecond of grace: a window that was given on a sample stays there
+    # 1 ns of tolerance, so that a window given on a sample stays there
     first = times[max(0, np.searchsorted(times, t_start + 1e-9, side="right") - 1)]
     last = times[min(times.size - 1, np.searchsorted(times, t_end - 1e-9, side="left"))]
     account: dict[str, float | None] = {"t_start_s": float(first), "t_end_s": float(last)}
@@ -100,16 +118,28 @@ def balance(
 
 
 def clutch_heat(account: dict[str, float | None], box: Transmission) -> float:
-    """Heat of all clutches [J] in an account of :func:`balance`."""
+    """Return the heat of all clutches [J] in an account of :func:`balance`."""
     return sum(account[f"{clutch.heat}_j"] for clutch in box.clutches)
 
 
 def energies_of(bag: Bag, transmission: Transmission | None = None) -> dict[str, Series]:
-    """The energies of :func:`balance` out of a bag's state topics (200 Hz).
+    """Return the energies for :func:`balance` from a bag's state topics (200 Hz).
 
-    Kinetic energy is that of the two shafts with everything that turns with them; where something turns by itself, as in a
-    planetary set, it is what the rig's own account leaves. Topics without messages are left out, so that balance() can name
-    them. transmission: that of the bag's rig by default.
+    The kinetic energy is that of the two shafts with everything that turns with them. Where something turns separately, as in a
+    planetary set, it is the remainder of the rig's own account. Topics without messages are left out, so that balance() can
+    name them.
+
+    Parameters
+    ----------
+    bag : Bag
+        The recording.
+    transmission : Transmission, optional
+        That of the bag's rig by default.
+
+    Returns
+    -------
+    dict of str to (times, values)
+        Times [s] and energy [J] by name.
     """
     box, structure, energies = transmission or bag.transmission, bag.structure, {}
     for topic, names in fields(structure, box).items():
@@ -127,7 +157,7 @@ def energies_of(bag: Bag, transmission: Transmission | None = None) -> dict[str,
 
 
 def all_turn_with(structure: Structure) -> bool:
-    """Wheels tie everything that has inertia to the input or the output shaft."""
+    """Return True when gear wheels tie everything that has inertia to the input or the output shaft."""
     known = {end.body for end in (structure.input, structure.output)}
     while more := {body for mesh in structure.meshes for body in mesh.bodies if known & set(mesh.bodies)} - known:
         known |= more
@@ -136,7 +166,7 @@ def all_turn_with(structure: Structure) -> bool:
 
 
 def _left(bag: Bag, energies: dict[str, Series], box: Transmission) -> Series:
-    """What is stored by the rig's own account, which holds every body: works less heats and its residual."""
+    """Return the stored energy by the rig's own account, which includes every body: works less heats and its residual."""
     t, (residual,) = bag.fields("/rig/state", ["energy_residual"])
     stored = -residual
     for name, sign in signs(box).items():

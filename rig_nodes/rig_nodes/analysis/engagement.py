@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One engagement of one clutch from neutral, as in the profile series (thesis 7.1.3.3, 7.1.4, 7.3.2), on arrays.
+"""Evaluation of one engagement of one clutch from neutral, as in the profile series (thesis 7.1.3.3, 7.1.4, 7.3.2), on arrays.
 
-Used by the validation on the 37 + 10 series: time, peak torque, kiss pressure and the shape of the rising pressure.
+The validation uses it on the 37 + 10 series for time, peak torque, kiss pressure and the shape of the rising pressure.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from .hum import QUIET, without_hum
 from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, Recording, smoothed
 from .uncertainty import TORQUE_CLEAR, Instrument, instruments_of
 
-LONGEST = 3.0  # s after the order in which an engagement is looked for
+LONGEST = 3.0  # s after the order in which an engagement is searched
 SLIP = 0.01e-2  # thesis 7.3.2
-SLIP_INSTRUMENT_LIMIT = 0.5e-2  # what the encoders may add: half a step of each is 0.24 % at 500 rpm
+SLIP_INSTRUMENT_LIMIT = 0.5e-2  # largest allowance for the encoders: half a step of each is 0.24 % at 500 rpm
 CLOSED_AFTER, CLOSED_FOR = 0.2, 0.3  # s: the closed clutch, after the lock-up has rung out
-TORQUE_ERROR = 1.01  # Nm, the largest of the torque meter of tab. 7.1
-PRESSURE_ERROR = 0.1e6  # Pa, likewise of the larger transducer of pressure; where nobody says what is fitted
-CONTACT = 20e-3  # s just before and just after contact whose growths of pressure are compared
+TORQUE_ERROR = 1.01  # Nm, largest error of the torque meter of tab. 7.1
+PRESSURE_ERROR = 0.1e6  # Pa, largest error of the larger pressure transducer; used when the fitted transducer is not known
+CONTACT = 20e-3  # s before and after contact over which the growths of pressure are compared
 SHAPE_MEAN = 5e-3  # s: whole periods of a PWM of 200 Hz and more, and of a 2 ms hum to half a period
-GRID = 1e-3  # s between the values in which level stretches are looked for
+GRID = 1e-3  # s between the values in which level stretches are searched
 
-# A level stretch (docs/background/analysis.md): all shares are of the whole rise, from rest to end pressure.
+# Limits of a level stretch (docs/background/analysis.md); shares are of the whole rise, from rest to end pressure.
 LEVEL_SLOPE = 0.1  # its slope is at most this share of the mean slope of the rise
-LEVEL_SWING = 0.02  # it swings by at most this share, or by what the noise swings
-LEVEL_BELOW = 0.8  # it lies below this share, with a regulation after it, and above the rest by more than the
+LEVEL_SWING = 0.02  # it swings by at most this share, or by the swing of the noise
+LEVEL_BELOW = 0.8  # it lies below this share, with a regulation after it, and exceeds the rest by more than the
 # transducer's largest error, with a fill before it
-HOLD_SHORTEST = 20e-3  # s, one period of the mains hum: a shorter one cannot be told from it on the traces
-RISEN, RISE_LEVEL = 0.05, 0.004  # shares at which the pressure has certainly risen, and left its rest
+HOLD_SHORTEST = 20e-3  # s, one period of the mains hum, from which a shorter hold cannot be distinguished on the traces
+RISEN, RISE_LEVEL = 0.05, 0.004  # shares at which the pressure has certainly risen, and at which it has left its rest
 REACHED = 0.95  # share at which the end pressure counts as reached
-RISE_REACH = 30e-3  # s that the first rise is followed back at most
-NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip counts above this many swings of the quiet pressure and this share
+RISE_REACH = 30e-3  # s, longest time that the first rise is followed back
+NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip must exceed this many swings of the quiet pressure and this share
 
-# one row of engagement_metrics; times in s after the order, SI
+# keys of a row of engagement_metrics; times in s after the order, values in SI
 KEYS = (
     "gear",
     "t_order_s",
@@ -82,21 +82,37 @@ def engagement_metrics(
     next_order_time: float | None = None,
     instruments: dict[str, Instrument] | None = None,
 ) -> dict:
-    """The engagement of one clutch by one order from neutral, under :data:`KEYS`; never raises for a bad one.
+    """Return the metrics of the engagement of one clutch by one order from neutral; a bad engagement does not raise an error.
 
-    recording: of a logger; order: (time [s], 0, gear), as in Recording.orders; next_order_time: where the engagement
-    ends at the latest, 3 s after the order by default; instruments: of the rig, by signal, of the default one by default.
-    Values are SI (rad/s, Pa, Nm); times count from the order. What cannot be found is None, with its reason in ``why``.
+    A value that cannot be found is None, with its reason in ``why``. Values are SI (rad/s, Pa, Nm); times count from the order.
 
-    engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added what the
-    encoders show for the closed clutch (docs/background/analysis.md). engagement_peak_nm: highest input torque (mean over 2 ms)
-    in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where the output torque (the
-    input's where that does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase, whichever
-    is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa] in the 20 ms before
-    and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the longest level stretch, also
-    where it is too short for a hold: what repeats should be averaged over. pressure_rise: "three phases" or "no hold". dip:
-    largest fall of the pressure between first rise and the end pressure [Pa], from disturbance_start_s to disturbance_end_s;
-    disturbed: "dips" or "monotone".
+    * engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which the slip that the
+      encoders show for the closed clutch is added (docs/background/analysis.md).
+    * engagement_peak_nm: highest input torque (mean over 2 ms) in that time. m_wej_mean_nm: its mean from 0.2 to 0.5 s after that
+      time, or as far as recorded.
+    * p_kiss: pressure at which the output torque (or the input torque when that does not grow) begins to rise clearly.
+    * fill: from the first rise to contact or to the hold phase, whichever is first; fill_r2: of the straight line through it.
+    * growth_fill, growth_contact: growth of pressure [Pa] in the 20 ms before and after contact.
+    * hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the longest level stretch, even when it is too short
+      for a hold; averages over repeats should use it. pressure_rise: "three phases" or "no hold".
+    * dip: largest fall of the pressure between first rise and the end pressure [Pa], from disturbance_start_s to
+      disturbance_end_s; disturbed: "dips" or "monotone".
+
+    Parameters
+    ----------
+    recording : Recording
+        The logger's channels.
+    order : (float, int, int)
+        (time [s], 0, gear), as in Recording.orders.
+    next_order_time : float, optional
+        Time at which the engagement ends at the latest [s]; 3 s after the order by default.
+    instruments : dict of str to Instrument, optional
+        Instruments of the rig by signal; those of the default rig by default.
+
+    Returns
+    -------
+    dict
+        One value per key of :data:`KEYS`.
     """
     row = dict.fromkeys(KEYS)
     row.update(gear=int(order[2]), t_order_s=float(order[0]), valid=False, why=[])
@@ -108,12 +124,21 @@ def engagement_metrics(
 
 
 def engagement_ranks(rows: list[dict]) -> list[str | None]:
-    """ "dominated" or "not dominated" for each of a valve's series (7.3.2), None for one without all three values.
+    """Return "dominated" or "not dominated" for each series of a valve (7.3.2), or None without all three values.
 
-    A series is dominated when another one with a hold phase is better in peak torque (by more than 1.01 Nm, the torque
-    meter's largest error), engagement time and length of the hold (each shorter by more than 0.01 s). A hold was asked
-    for, so one that is missing (hold_s 0) is worse than any. rows: of :func:`engagement_metrics`, or any with
-    engagement_peak_nm, engagement_s, hold_s.
+    A series is dominated when another series with a hold phase is better in peak torque (by more than 1.01 Nm, the torque
+    meter's largest error), engagement time and length of the hold (each shorter by more than 0.01 s). A hold was
+    requested, so a missing hold (hold_s 0) is worse than any.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Rows of :func:`engagement_metrics`, or any with engagement_peak_nm, engagement_s, hold_s.
+
+    Returns
+    -------
+    list of (str or None)
+        One rank per row.
     """
     ranks: list[str | None] = []
     for row in rows:
@@ -145,7 +170,7 @@ class _Engagement:
     raw: dict[str, np.ndarray]
     smooth: dict[str, np.ndarray]
     why: list[str]
-    pressure_error: float  # Pa, largest of the clutch's transducer
+    pressure_error: float  # Pa, largest error of the clutch's transducer
 
     @classmethod
     def cut(
@@ -156,7 +181,7 @@ class _Engagement:
         why: list[str],
         instruments: dict[str, Instrument],
     ) -> _Engagement | None:
-        """The samples around the order, or None with the reason in ``why``."""
+        """Return the samples around the order, or None with the reason in ``why``."""
         t_order, from_gear, gear = order
         box = recording.transmission
         if from_gear in box.ratios or gear not in box.ratios:
@@ -182,7 +207,7 @@ class _Engagement:
             why.append(f"{', '.join(bad)} has values that are no numbers")
             return None
         if (at - first) * recording.period >= QUIET - 1e-9:
-            # as the valves' response: hum on a level stretch would hide it
+            # removed as for the valves' response, because hum would hide a level stretch
             t = recording.period * np.arange(last - first)
             raw[pressure] = without_hum(t, raw[pressure], at - first)[0]
         smooth = smoothed(box, raw, recording.period)
@@ -190,15 +215,15 @@ class _Engagement:
         return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smooth, why, error or PRESSURE_ERROR)
 
     def samples(self, seconds: float) -> int:
-        """How many samples a time [s] takes, at least one."""
+        """Return the number of samples in a time [s], at least one."""
         return max(1, int(round(seconds / self.period)))
 
     def since(self, sample: float) -> float:
-        """Seconds after the order."""
+        """Return the seconds from the order to a sample."""
         return float((sample - self.order) * self.period)
 
     def fill_row(self, row: dict) -> None:
-        """Every value that can be found, a reason for every one that cannot."""
+        """Put every value that can be found into the row, and a reason for every other one."""
         row["n_wej_before"] = float(np.mean(self.raw[self.box.input.speed][: self.order]))
         if row["n_wej_before"] < 1.0:
             self.why.append("the input shaft did not turn when the engagement was ordered")
@@ -227,14 +252,14 @@ class _Engagement:
         self.dip(row, p, int(start), reached)
 
     def levels(self, p: np.ndarray) -> tuple[float, float]:
-        """Pressure at rest before the order, and the end pressure: what the last tenth of the samples keeps."""
+        """Return the pressure at rest before the order, and the end pressure, which the last tenth of the samples keeps."""
         return float(np.median(p[: self.order])), float(np.median(p[-max(1, (p.size - self.order) // 10) :]))
 
     def first_rise(self, name: str, p: np.ndarray, rest: float, end: float) -> float | None:
-        """First rise of the pressure, as a fractional sample.
+        """Return the first rise of the pressure as a fractional sample.
 
-        The last passing of a level just above the rest before 5 % of the rise are reached, so that a sag or a spike
-        before is none, followed back along its slope.
+        It is the last crossing of a level just above the rest before 5 % of the rise are reached, so that an earlier sag or
+        spike does not count; the crossing is followed back along its slope.
         """
         size, noise = end - rest, float(np.std(p[: self.order]))
         if size < max(20.0 * noise, 1e5):
@@ -249,11 +274,11 @@ class _Engagement:
         return max(float(self.order), start)
 
     def locking(self, row: dict, start: float) -> None:
-        """Slip end, engagement time, peak torque and the torque of the closed clutch."""
+        """Determine slip end, engagement time, peak torque and the torque of the closed clutch."""
         n_in, n_out, torque = self.box.input.speed, self.box.output.speed, self.box.input.torque
         ratio = self.box.ratios[self.gear]
         slip = self.box.slip(self.gear, np.maximum(self.smooth[n_in], 1.0), self.smooth[n_out])
-        # what the instruments show for the closed clutch, at the end of the recording
+        # the slip that the instruments show for the closed clutch, at the end of the recording
         tail = slip[-self.samples(BEFORE) :]
         speed = row["n_wej_before"]
         half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
@@ -279,15 +304,16 @@ class _Engagement:
             row["m_wej_mean_nm"] = float(np.mean(closed))
 
     def kiss(self, row: dict, start: float) -> int | None:
-        """Where the transmitted torque begins to rise clearly: sample, and its pressure into the row.
+        """Return the sample at which the transmitted torque begins to rise clearly, and put its pressure into the row.
 
-        The last passing of the torque meter's largest error above the torque before (or 4 standard deviations) before
-        10 Nm are added, followed back along its slope. Drag of the open pack grows slowly and does not count.
+        It is the last crossing, before 10 Nm are added, of a level above the torque before; the distance of the level is the torque
+        meter's largest error (or 4 standard deviations). The crossing is followed back along its slope. Drag of the open pack grows
+        slowly and does not count.
         """
         output, into = self.box.output.torque, self.box.input.torque
         for name in (output, into):
             before = self.smooth[name][: self.order]
-            # the torque may drift until the clutch fills; the level is that at the first rise
+            # the torque may drift until the clutch fills, so the level is taken at the first rise
             near = self.smooth[name][max(0, int(start) - self.samples(20e-3)) : int(start) + 1]
             grown = self.smooth[name] - float(np.mean(near))
             clear = first_true(grown >= TORQUE_CLEAR, int(start))
@@ -304,10 +330,10 @@ class _Engagement:
         return None
 
     def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int, reached: int) -> tuple[float, float, float] | None:
-        """(Start, end, pressure) of the longest level stretch of the rise, None without one.
+        """Return (start, end, pressure) of the longest level stretch of the rise, or None without one.
 
-        Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end
-        pressure. Its ends are where the pressure leaves the level, followed back along the slopes.
+        In a level stretch, swing and slope are within their limits. It lies between fill and regulation: neither near the rest nor
+        near the end pressure. Its ends are where the pressure leaves the level, followed back along the slopes.
         """
         size, step = end - rest, self.samples(GRID)
         limit = LEVEL_SLOPE * size / max((reached - start) * self.period, GRID)
@@ -322,7 +348,7 @@ class _Engagement:
         part = p[first : last + 1]
         level = float(np.median(part))
         reach, span = self.samples(20e-3), 2.0 * swing
-        # forwards the rise from the level, backwards the fall below it
+        # the rise from the level is searched forwards, the fall below it backwards
         up = ramp_start(p - level, p - level, self.leaving(p - level, last, swing), span, reach)
         turned = level - p[::-1]
         down = p.size - 1 - ramp_start(turned, turned, self.leaving(turned, p.size - 1 - first, swing), span, reach)
@@ -330,17 +356,17 @@ class _Engagement:
 
     @staticmethod
     def leaving(rise: np.ndarray, near: int, swing: float) -> int:
-        """First sample beyond the swing around a level, from inside the level on."""
+        """Return the first sample beyond the swing around a level, counted from inside the level."""
         at = first_true(rise > 0.5 * swing, near - 1)
         return near if at is None else at
 
     def quiet_swing(self, p: np.ndarray) -> float:
-        """Largest swing of the filtered pressure while nothing moves it: before the order and at the end."""
+        """Return the largest swing of the filtered pressure while the clutch is at rest: before the order and at the end."""
         tail = p[-self.samples(BEFORE) :]
         return max(float(np.ptp(part)) for part in (p[: self.order], tail))
 
     def filling(self, row: dict, start: float, kiss: int | None, hold: tuple[float, float, float] | None) -> None:
-        """Fill phase with its straight line, and the growth of pressure around contact."""
+        """Determine the fill phase with its straight line, and the growth of pressure around contact."""
         p = self.smooth[self.clutch.pressure]
         ends = [e for e in (kiss, None if hold is None else int(hold[0])) if e is not None]
         first = int(round(start))
@@ -358,9 +384,9 @@ class _Engagement:
             row["growth_contact"] = float(p[kiss + self.samples(CONTACT)] - p[kiss])
 
     def dip(self, row: dict, p: np.ndarray, start: int, reached: int) -> None:
-        """Largest fall of the pressure from a peak after the first rise, and when it is made good again.
+        """Determine the largest fall of the pressure from a peak after the first rise, and when the pressure has recovered from it.
 
-        Looked for until 0.2 s after the end pressure is reached: an overshoot over it may come down only then.
+        The search ends 0.2 s after the end pressure is reached, because an overshoot may come down only then.
         """
         part = p[start : reached + self.samples(BEFORE)]
         highest = np.maximum.accumulate(part)
@@ -376,10 +402,12 @@ class _Engagement:
 
 
 def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: float) -> tuple[int, int] | None:
-    """First and last index of the longest stretch inside ``middle`` that swings by at most ``swing`` and whose fitted
-    slope is at most ``slope`` per step; None where not even three values in a row are level.
+    """Return the first and last index of the longest level stretch inside ``middle``.
+
+    It swings by at most ``swing``, and its fitted slope is at most ``slope`` per step. The result is None when not even three
+    successive values are level.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # here: 0.1 s that most reports do not need
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # imported here: it takes 0.1 s that most reports do not need
 
     index, away = np.arange(grid.size), grid - grid[0]
     total, moment = (np.concatenate(([0.0], np.cumsum(x))) for x in (away, index * away))
@@ -387,7 +415,7 @@ def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: fl
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate(([0], middle.astype(int), [0])))))[::2]
     for length in range(int(runs.max()) if runs.size else 0, 2, -1):
         shift, count = length // 2, grid.size - length + 1
-        # value i of a filter, moved so that it belongs to the stretch that begins at i
+        # the filter's values are shifted so that value i belongs to the stretch that begins at i
         highest = maximum_filter1d(grid, length)[shift : shift + count]
         lowest = minimum_filter1d(grid, length)[shift : shift + count]
         first, last = index[:count], index[:count] + length

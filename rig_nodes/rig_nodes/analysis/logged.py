@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A logger's channels of one run, of whatever rig.
+"""A logger's channels of one run of any rig.
 
-Base of analysis.metrics.Recording and input of analysis.slip_tests.
+It is the base of analysis.metrics.Recording and the input of analysis.slip_tests.
 """
 
 from __future__ import annotations
@@ -17,17 +17,29 @@ from ..errors import RigError
 
 @dataclass(frozen=True)
 class Logged:
-    """t0: time of row 0 [s]; period: time between rows [s]; channels: name -> 1-D float array, all of one length, SI.
+    """A logger's channels of one run.
 
-    RigError when a channel of ``needed`` is missing or the shapes do not fit.
+    Attributes
+    ----------
+    t0 : float
+        Time of row 0 [s].
+    period : float
+        Time between rows [s].
+    channels : dict of str to (n,) array of float
+        Values by name [SI], all of the same length.
+
+    Raises
+    ------
+    RigError
+        When a channel of ``needed`` is missing or the shapes do not fit.
     """
 
     t0: float
     period: float
     channels: dict[str, np.ndarray]
 
-    needed = ()  # channels without which it is of no use
-    use = "the results"  # for which they are needed
+    needed = ()  # channels that must be present
+    use = "the results"  # what they are needed for, as the error names it
 
     def __post_init__(self) -> None:
         missing = [name for name in self.needed if name not in self.channels]

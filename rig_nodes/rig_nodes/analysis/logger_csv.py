@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A logger's CSV as a Recording, so that real measurements are analysed by the same code as the rig's.
+"""Reader of a logger's CSV as a Recording, so that the same code analyses real measurements and the rig's.
 
-Used by `rig report FILE.csv`. Columns carry their unit in the header, as "torque [Nm]"; names are the catalogue's.
+`rig report FILE.csv` uses it. Column headers carry their unit, as "torque [Nm]"; names are those of the catalogue.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .metrics import Recording
 
 TIME_NAMES = ("t", "time", "czas")
 ORDER_NAMES = ("gear_ordered", "order")
-# what loggers and people write for a unit of config.units
+# other spellings of units of config.units, by loggers and people
 ALIASES = {
     "N.m": "Nm",
     "N m": "Nm",
@@ -50,18 +50,41 @@ def read_logger_csv(
 ) -> Recording:
     """Read a logger's CSV.
 
-    Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the header are
-    passed over. A column is named as in the rig's signals (by default the default rig's) and has its unit in brackets (any unit
-    of config.units of that quantity, rpm also as 1/min); those of the transmission (by default the default rig's) must be there,
-    pressures gauge; columns that the catalogue does not know are passed over. Times from a column "t [s]" (time, czas), which
-    must grow in equal steps, or from ``period`` [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one,
-    from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
+    The separator is ";", tab or ","; the decimal sign is a point, or with the first two separators also a comma. Lines that begin
+    with # before the header are skipped. A column is named as in the rig's signals and has its unit in brackets (any unit of
+    config.units of that quantity, rpm also as 1/min). The columns of the transmission must be present, with gauge pressures;
+    columns that the catalogue does not contain are skipped. Times come from a column "t [s]" (time, czas), which must grow in
+    equal steps, or from ``period``. Orders come from ``orders`` or else from a column gear_ordered [-] with numbers of gears, where
+    each change is an order from the gear before.
+
+    Parameters
+    ----------
+    path : str or Path
+        The CSV file.
+    period : float, optional
+        Time between rows [s].
+    orders : list of (float, int, int), optional
+        Orders as Recording has them; they take precedence over the column.
+    transmission : Transmission, optional
+        That of the default rig by default.
+    signals : mapping of str to Signal, optional
+        The rig's signals; those of the default rig by default.
+
+    Returns
+    -------
+    Recording
+        The channels with the orders.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be used; the error is one sentence.
     """
     path, box = Path(path), transmission or transmission_of()
     header, lines, number, separator = _lines(path)
     names, factors = _columns(path, header, catalogue().signals if signals is None else signals)
     table = _table(path, lines, number, separator, len(header))
-    # a heading that was passed over has the name ""
+    # a skipped heading has the name ""
     columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
     missing = [name for name in box.channels if name not in columns]
     if missing:
@@ -77,10 +100,24 @@ def read_logger_csv(
 
 
 def parse_orders(text: str, transmission: Transmission | None = None) -> list[tuple[float, int, int]]:
-    """Orders from the command line, ``"3.845:I-II, 8.32:II-I"``: time in the recording [s], gear before, gear ordered.
+    """Parse orders of the command line such as ``"3.845:I-II, 8.32:II-I"``.
 
-    Gears are named as people name them (Transmission.number), 0 is neutral; the laboratory's by default. Raises
-    RigError with an example.
+    Parameters
+    ----------
+    text : str
+        Time in the recording [s], gear before and gear ordered of each order.
+    transmission : Transmission, optional
+        Gives the names of the gears (Transmission.number), where 0 is neutral; the laboratory's by default.
+
+    Returns
+    -------
+    list of (float, int, int)
+        Time [s], gear before, gear ordered.
+
+    Raises
+    ------
+    RigError
+        When the text is not in this form; the error shows an example.
     """
     box, orders = transmission or transmission_of(), []
     first, second = list(box.ways())[:2]
@@ -106,7 +143,7 @@ def parse_orders(text: str, transmission: Transmission | None = None) -> list[tu
 
 
 def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
-    """Fields of the header, the lines below it, the number of the first of these, the separator."""
+    """Return the fields of the header, the lines below it, the number of the first of these, and the separator."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -114,7 +151,7 @@ def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = data.decode("cp1250", errors="replace")  # what a Polish logger's program writes
+        text = data.decode("cp1250", errors="replace")  # the encoding of Polish loggers' programs
     lines = text.splitlines()
     at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
     if at is None:
@@ -134,7 +171,7 @@ def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
 
 
 def _columns(path: Path, header: list[str], signals: Mapping[str, Signal]) -> tuple[list[str], list[float]]:
-    """Name in the catalogue ("" for a column that is passed over) and factor to SI of every column."""
+    """Return the catalogue name ("" for a skipped column) and the factor to SI of every column."""
     names, factors = [], []
     for heading in header:
         match = _HEADING.match(heading)
@@ -164,7 +201,7 @@ def _columns(path: Path, header: list[str], signals: Mapping[str, Signal]) -> tu
 
 
 def _table(path: Path, lines: list[str], number: int, separator: str, columns: int) -> np.ndarray:
-    """The numbers, (rows, columns)."""
+    """Return the numbers, (rows, columns)."""
     text = "\n".join(lines)
     if separator != ",":
         text = text.replace(",", ".")
@@ -179,7 +216,7 @@ def _table(path: Path, lines: list[str], number: int, separator: str, columns: i
 
 
 def _first_fault(path: Path, lines: list[str], number: int, separator: str, columns: int) -> str:
-    """The sentence about the first line that is no row of numbers."""
+    """Return a sentence on the first line that is not a row of numbers."""
     for i, line in enumerate(lines):
         fields = line.split(separator)
         if len(fields) < columns:
@@ -194,7 +231,7 @@ def _first_fault(path: Path, lines: list[str], number: int, separator: str, colu
 
 
 def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -> tuple[float, float]:
-    """Time of the first row and period."""
+    """Return the time of the first row and the period."""
     if t is None:
         if period is None:
             raise RigError(f"{path}: has no time column; add one, e.g. 't [s]', or give --period, e.g. '0.1 ms'")
@@ -203,7 +240,7 @@ def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -
         return float(t[0]), period
     step = float(t[-1] - t[0]) / (len(t) - 1)
     steps = np.diff(t)
-    # times with few digits repeat themselves, missing rows jump
+    # times with few digits repeat, and missing rows make a jump
     if not (step > 0.0 and np.all(steps > 0.0) and np.all(steps <= 1.5 * step)):
         at = int(np.argmax(~(steps > 0.0) | (steps > 1.5 * step)))
         raise RigError(
@@ -215,7 +252,7 @@ def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -
 
 
 def _orders(path: Path, gear: np.ndarray, t0: float, period: float, number: int, box: Transmission) -> list[tuple[float, int, int]]:
-    """Orders from the changes of the ordered gear."""
+    """Return the orders from the changes of the ordered gear."""
     wrong = ~np.isin(gear, list(box.names))
     if wrong.any():
         at = int(np.argmax(wrong))

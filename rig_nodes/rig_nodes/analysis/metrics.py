@@ -3,22 +3,22 @@
 
 """Shift metrics by the laboratory's definitions (thesis 7.1.5, (6.85), (6.108), (7.3), (7.4)), on arrays.
 
-Used by analysis.report and by whoever wants the numbers of one shift; knows nothing of bags or ROS.
+analysis.report uses them, and so can any script that needs the numbers of one shift; they depend neither on bags nor on ROS.
 
-Filters, all symmetric in time:
+All filters are symmetric in time:
 
 * pressures: mean over 1 ms, as the laboratory did (10 samples of 10 kHz). A class 0.25 transducer of 40 MPa
-  then scatters by about 0.015 MPa, which at the 13 MPa/s of an emptying clutch is 1 ms.
+  then scatters by about 0.015 MPa, which at the 13 MPa/s of an emptying clutch corresponds to 1 ms.
 * pressures against the kiss pressure: mean over 5 ms. A released clutch empties slowly there, 0.5 MPa/s, and
   scatter would lengthen the overlap by counting a pressure that is above the kiss point by chance.
 * torques and speeds: mean over 2 ms, the laboratory's 20 samples for torque. Lock-up leaves a corner in the
   speeds; 2 ms move the 0.05 % crossing of a 0.1 s speed change by less than 1 ms, and reduce scatter to less
   than a quarter.
 * slip thresholds: the encoder resolves 0.017 rev/s, 0.07 % of 1500 rpm, which is more than the thresholds. So
-  what the instruments show for a locked clutch is added to the threshold: the 99th percentile of the old
-  gear's filtered slip before the order, or half a quantum of each encoder, or 2.6 standard deviations of the
-  filtered noise, whichever is most, but no more than 0.3 %. And the mean slip of the next 20 ms must meet the
-  threshold too, so that a crossing by chance or in passing does not end a shift.
+  the slip that the instruments show for a locked clutch is added to the threshold. It is the largest of the 99th percentile
+  of the old gear's filtered slip before the order, half a quantum of each encoder, and 2.6 standard deviations of the
+  filtered noise, but no more than 0.3 %. In addition the mean slip of the next 20 ms must meet the
+  threshold, so that a crossing by chance or in passing does not end a shift.
 """
 
 from __future__ import annotations
@@ -52,33 +52,43 @@ KEYS = (
     "why",
 )
 RPM = 30.0 / pi
-STANDSTILL = 1.0  # rad/s below which a shaft counts as standing
+STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
 
-BEFORE = 0.2  # s before the order that give the state the shift starts from
-LONGEST = 3.0  # s after the order in which a shift is looked for; untuned ones took over 1 s
+BEFORE = 0.2  # s before the order from which the initial state of the shift is taken
+LONGEST = 3.0  # s after the order in which a shift is searched; untuned shifts took over 1 s
 PRESSURE_MEAN = 1e-3  # s
 KISS_MEAN = 5e-3  # s
 TORQUE_SPEED_MEAN = 2e-3  # s
 HOLD = 20e-3  # s for which the mean slip must stay within the threshold
 SLIP_UP, SLIP_DOWN = 0.05e-2, 0.1e-2  # thesis 7.1.5
 SLIP_INSTRUMENT_LIMIT = 0.3e-2
-SLIP_OLD_GEAR = 1e-2  # above it a gear is taken as not engaged before an order
+SLIP_OLD_GEAR = 1e-2  # above it the gear counts as not engaged before the order
 DIP = 0.05  # the minimum counts as a dip below 0.95 of the input speed over i1 (Annex A)
-DIP_SEARCH = 2.0  # s in which Annex A looks for the minimum of a downshift
-# Annex A leaves its factor open; 2 Nm is twice the torque meter's largest error
+DIP_SEARCH = 2.0  # s in which Annex A searches the minimum of a downshift
+# Annex A does not give its factor; 2 Nm is twice the torque meter's largest error
 SETTLED_BAND, SETTLED_BAND_NM = 0.05, 2.0
 SETTLED_FOR = 0.1  # s; Annex A: 1000 samples
-SETTLED_AFTER = 0.5  # s after the input speed has recovered, where Annex A takes the settled torque
+SETTLED_AFTER = 0.5  # s after the input speed has recovered, at which Annex A takes the settled torque
 
 
 @dataclass(frozen=True)
 class Recording(Logged):
-    """A logger's channels of one run of a transmission with the gear orders given in it.
+    """A logger's channels of one run of a transmission, with the gear orders of the run.
 
-    As Logged (rad/s, Nm, Pa gauge, A); orders: (time [s], gear before, gear ordered), 0 is neutral. The
-    order's time is when the controller accepted it, whichever valve is switched first. transmission: what was shifted,
-    the laboratory's by default. Raises RigError when a channel of the shift metrics is missing or the shapes do not
-    fit.
+    Channels are as in Logged (rad/s, Nm, Pa gauge, A).
+
+    Attributes
+    ----------
+    orders : list of (float, int, int)
+        Time [s], gear before, gear ordered; 0 is neutral. The time is when the controller accepted the order, whichever valve
+        is switched first.
+    transmission : Transmission
+        The transmission that was shifted; the laboratory's by default.
+
+    Raises
+    ------
+    RigError
+        When a channel of the shift metrics is missing or the shapes do not fit.
     """
 
     orders: list[tuple[float, int, int]] = field(default_factory=list)
@@ -93,16 +103,16 @@ class Recording(Logged):
 
 
 def shifts(recording: Recording) -> list[dict]:
-    """One row of metrics for each order of a gear that drives; neutral only ends the shift before it.
+    """Return one row of metrics for each order of a driving gear; an order of neutral only ends the shift before it.
 
-    A gear laid in while the input shaft stands still is no shift and gets no row.
+    A gear that is engaged while the input shaft stands still is not a shift and gets no row.
     """
     return [shift_metrics(recording, order, end) for order, end in orders_of(recording)]
 
 
 def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float | None]]:
-    """The orders that are shifts, each with the time of the order after it (None for the last)."""
-    orders = sorted(order for order in recording.orders if order[1] != order[2])  # the same again is no shift
+    """Return the orders that are shifts, each with the time of the order after it (None for the last)."""
+    orders = sorted(order for order in recording.orders if order[1] != order[2])  # an order of the same gear is not a shift
     ends = [order[0] for order in orders[1:]] + [None]
     return [
         (order, end)
@@ -112,21 +122,35 @@ def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float 
 
 
 def stands(recording: Recording, t: float) -> bool:
-    """The input shaft stands still around a time [s]."""
+    """Return True when the input shaft stands still around a time [s]."""
     at = int((t - recording.t0) / recording.period)
     around = recording.channels[recording.transmission.input.speed][max(0, at - 100) : at + 100]
     return len(around) > 0 and bool(np.nanmax(np.abs(around)) < STANDSTILL)
 
 
 def shift_metrics(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None) -> dict:
-    """The metrics of one shift; see :data:`KEYS`. Never raises for a bad shift.
+    """Return the metrics of one shift under :data:`KEYS`; a bad shift does not raise an error.
 
-    What cannot be found is None, with its reason in ``why``; ``valid`` says that the shift was completed, all was
-    found and the output never stood still: a shift under load does not interrupt the drive, and k of an output that
-    stood says nothing of it. A dip that is none leaves a shift valid, ``k`` shows it. An engagement from neutral
+    A value that cannot be found is None, with its reason in ``why``. ``valid`` is True when the shift was completed, everything
+    was found and the output never stood still: a shift under load does not interrupt the drive, and k has no meaning for an
+    output that stood still. A missing dip does not make a shift invalid; ``k`` shows it. An engagement from neutral
     releases no clutch: there t_dt starts with the rise of the engaging pressure, and k and overlap_s are None
-    without a reason. Of several clutches that are let go the one that falls first begins the shift. A clutch that stays
-    engaged is no part of it.
+    without a reason. When several clutches are released, the one whose pressure falls first begins the shift. A clutch that stays
+    engaged is not considered.
+
+    Parameters
+    ----------
+    recording : Recording
+        The logger's channels.
+    order : (float, int, int)
+        Time [s], gear before, gear ordered.
+    next_order_time : float, optional
+        Time of the next order [s], where the search ends at the latest.
+
+    Returns
+    -------
+    dict
+        One value per key.
     """
     t_order, from_gear, to_gear = order
     row = dict.fromkeys(KEYS)
@@ -140,22 +164,22 @@ def shift_metrics(recording: Recording, order: tuple[float, int, int], next_orde
 
 @dataclass
 class _Shift:
-    """One shift cut out of a recording: raw and filtered channels, sample 0 is BEFORE ahead of the order."""
+    """One shift cut out of a recording: raw and filtered channels; sample 0 lies BEFORE ahead of the order."""
 
     box: Transmission
     shift: Shift
     period: float
-    order: int  # sample of the order
+    order: int  # index of the order
     raw: dict[str, np.ndarray]
     smooth: dict[str, np.ndarray]
-    over: str  # what ends the time in which the shift is looked for, as a sentence
+    over: str  # a sentence on what ends the search for the shift
     why: list[str]
 
     @classmethod
     def cut(
         cls, recording: Recording, order: tuple[float, int, int], next_order_time: float | None, why: list[str]
     ) -> _Shift | None:
-        """The samples around an order, or None with the reason in ``why``."""
+        """Return the samples around an order, or None with the reason in ``why``."""
         t_order, from_gear, to_gear = order
         at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
         first = max(0, at - int(round(BEFORE / recording.period)))
@@ -195,15 +219,15 @@ class _Shift:
         return shift
 
     def before(self, name: str) -> float:
-        """Mean of a channel before the order."""
+        """Return the mean of a channel before the order."""
         return float(np.mean(self.raw[name][: self.order]))
 
     def samples(self, seconds: float) -> int:
-        """How many samples a time [s] takes, at least one."""
+        """Return the number of samples in a time [s], at least one."""
         return max(1, int(round(seconds / self.period)))
 
     def slip(self, gear: int, source: dict[str, np.ndarray]) -> np.ndarray:
-        """Slip of a gear (6.85) as a share of the input speed, not in percent."""
+        """Return the slip of a gear (6.85) as a share of the input speed, not in percent."""
         return self.box.slip(gear, np.maximum(source[self.box.input.speed], 1.0), source[self.box.output.speed])
 
     @property
@@ -213,12 +237,12 @@ class _Shift:
 
     @property
     def old(self) -> int | None:
-        """The gear that drove before; None from neutral."""
+        """The gear that drove before the order; None from neutral."""
         return self.shift.from_gear if self.shift.from_gear in self.box.ratios else None
 
     @property
     def down(self) -> bool:
-        """To a slower output."""
+        """True for a shift to a slower output."""
         return self.shift.to_gear < self.shift.from_gear
 
     @property
@@ -227,7 +251,7 @@ class _Shift:
         return self.box.names[self.new]
 
     def fill(self, row: dict) -> None:
-        """Put every metric that can be found into ``row``, and a reason for every one that cannot."""
+        """Put every metric that can be found into ``row``, and a reason for every other one."""
         row["n_wej_rpm"] = self.before(self.box.input.speed) * RPM
         row["m_wyj_nm"] = self.before(self.box.output.torque)
         if self.was_in():
@@ -257,7 +281,7 @@ class _Shift:
         lowest = float(self.smooth[self.box.output.speed][first : end + 1].min())
         row["n_wyj_min_rpm"] = lowest * RPM
         if self.old is not None:
-            # the input speed is the one before the order, the laboratory's nominal one
+            # the input speed is that before the order, which is the laboratory's nominal speed
             row["k"] = lowest / self.before(self.box.input.speed) * self.box.slower_ratio(self.old, self.new)
             self.check_standstill(first, end)
         row["e_loss_j"] = self.energy_loss(first, end)
@@ -265,12 +289,12 @@ class _Shift:
             row["e_loss_settled_j"] = self.energy_loss(first, settled)
 
     def was_in(self) -> bool:
-        """A gear was in where one was ordered from neutral, which is a reason."""
+        """Return True, and add a reason, when a gear was engaged although the order was given as one from neutral."""
         if self.old is not None:
             return False
         for gear in self.box.ratios:
             mean = abs(float(np.mean(self.slip(gear, self.raw)[: self.order])))
-            # the output may coast at the ratio of the gear that is not ordered
+            # the output may coast at the ratio of a gear that is not ordered
             if mean <= SLIP_OLD_GEAR and (
                 gear == self.new or all(self.before(clutch.pressure) > clutch.kiss_pressure for clutch in self.box.engaged(gear))
             ):
@@ -281,7 +305,7 @@ class _Shift:
         return False
 
     def check_old_gear(self) -> float | None:
-        """Mean slip of the old gear before the order; None, with the reason, when that gear was not in."""
+        """Return the mean slip of the old gear before the order; None, with the reason, when that gear was not engaged."""
         if self.old is None:
             return None
         mean = float(np.mean(self.slip(self.old, self.raw)[: self.order]))
@@ -291,18 +315,18 @@ class _Shift:
         return None
 
     def pressure_start(self) -> float | None:
-        """Start of the first releasing pressure's fall, or without one of the first engaging one's rise [sample]."""
+        """Return the start [sample] of the first releasing pressure's fall, or without one of the first engaging one's rise."""
         falling = bool(self.shift.releasing)
         starts = [self.start_of(clutch, falling) for clutch in (self.shift.releasing if falling else self.shift.engaging)]
         return None if None in starts else min(starts, default=None)
 
     def start_of(self, clutch: Clutch, falling: bool) -> float | None:
-        """Start of a pressure's fall or rise [sample], None with the reason where it has none.
+        """Return the start of a pressure's fall or rise [sample]; None, with the reason, when it has none.
 
-        The fall is the last passing of a level a little under the old pressure before half of it is reached,
-        so that a short sag before does not count, followed back along its slope to the old pressure. The
-        laboratory asked for four falling means in a row and the pressure to be gone 50 to 100 ms later: the
-        same intention, but dependent on noise and on the pressures of that rig.
+        The fall starts at the last crossing of a level a little under the old pressure before half of it is reached,
+        so that a short sag before does not count; the crossing is followed back along its slope to the old pressure. The
+        laboratory required four falling means in a row and that the pressure has vanished 50 to 100 ms later. The
+        intention is the same, but that rule depends on noise and on the pressures of that rig.
         """
         name, kiss = clutch.pressure, clutch.kiss_pressure
         sign = -1.0 if falling else 1.0
@@ -312,7 +336,7 @@ class _Shift:
             self.why.append(f"{name} was not up before the order, so it could not fall")
             return None
         size = rest if falling else kiss
-        # half way down; the kiss point on the way up
+        # half of the fall; the kiss point for a rise
         distance = 0.5 * size if falling else max(kiss - rest, 0.0)
         far = first_true(sign * (smooth - rest) >= distance, self.order)
         if far is None:
@@ -320,7 +344,7 @@ class _Shift:
             return None
         if falling and first_true(smooth < kiss, far) is None:
             self.why.append(f"{name} did not fall below {kiss / 1e6:.2f} MPa")
-        # the level may drift between order and fall: take it up to the fall, which is short against that
+        # the level may drift between order and fall, so it is taken up to the fall, which is short in comparison
         rest = float(np.median(smooth[max(0, self.order - self.samples(BEFORE)) : far]))
         rise, moved = sign * (raw - rest), sign * (smooth - rest)
         noise = float(np.std(smooth[: self.order]))
@@ -330,7 +354,7 @@ class _Shift:
         return ramp_start(rise, moved, at, 0.1 * size, self.samples(20e-3))
 
     def threshold(self) -> tuple[float, float]:
-        """Slip threshold of the definition and what the instruments add to it (module docstring)."""
+        """Return the slip threshold of the definition and the slip that the instruments add to it (module docstring)."""
         n_in, n_out = self.box.input.speed, self.box.output.speed
         ratio, speed = self.box.ratios[self.new], self.before(n_in)
         half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
@@ -348,11 +372,11 @@ class _Shift:
         return limit, min(max(half_steps, noise, shown), SLIP_INSTRUMENT_LIMIT)
 
     def slip_end(self, start: float | None) -> int | None:
-        """End of the shift: slip of the new gear below its threshold and staying there [sample], or None.
+        """Return the end of the shift [sample], when the new gear's slip is below its threshold and stays there, or None.
 
-        Upshifts: below +0.05 %. Downshifts: within +-0.1 %, and if the output dips below 0.95 of the input speed over i of the
-        new gear (taken at the input speed of the moment, so that a slowing input is no dip) only after the deepest point of the
-        dip.
+        Upshifts: below +0.05 %. Downshifts: within +-0.1 %. When the output dips below 0.95 of the input speed over i of the
+        new gear, only samples after the deepest point of the dip count. The dip is measured at the input speed of the moment, so
+        that a slowing input is not a dip.
         """
         slip = self.slip(self.new, self.smooth)
         limit, shown = self.threshold()
@@ -372,16 +396,16 @@ class _Shift:
         return end
 
     def check_standstill(self, first: int, end: int) -> None:
-        """A reason where the output stood still between two samples of the shift: the drive was interrupted."""
+        """Add a reason when the output stood still between two samples of the shift, because the drive was interrupted."""
         stood = self.smooth[self.box.output.speed][first : end + 1] < STANDSTILL
         if stood.any():
             self.why.append(f"the output stood still for {np.count_nonzero(stood) * self.period:.3f} s, the drive was interrupted")
 
     def check_slipping(self) -> None:
-        """A reason where the new gear's clutches are steadily pressed and slip: what they carry, and what was asked.
+        """Add a reason when the new gear's clutches are steadily pressed and slip: the torque they carry and the torque demanded.
 
-        Behind the clutches the torque meter at the output shows what they carry, and the output's inertia what of it
-        the load did not get: output torque + J dw/dt. Asked is the one from before the order.
+        The clutches' torque follows from the torque meter at the output and the output's inertia: output torque + J dw/dt. The
+        demanded torque is the one before the order.
         """
         tail = slice(-self.samples(SETTLED_FOR), None)
         mean = {name: float(np.mean(values[tail])) for name, values in self.raw.items()}
@@ -392,7 +416,7 @@ class _Shift:
         for clutch in self.shift.engaging:
             pressure, earlier = (self.raw[clutch.pressure][part] for part in (tail, slice(2 * tail.start, tail.start)))
             if pressure.mean() < clutch.kiss_pressure or abs(pressure.mean() - earlier.mean()) > 0.05 * pressure.mean():
-                return  # it is open, and overlap() says so, or its pressure still moves
+                return  # the clutch is open, which overlap() reports, or its pressure still moves
         speed = self.smooth[self.box.output.speed][tail]
         growth = float(speed[-1] - speed[0]) / ((speed.size - 1) * self.period)
         carried = torque + self.box.inertias.on_output * growth
@@ -410,11 +434,11 @@ class _Shift:
         )
 
     def speed_departure(self, old_slip: float | None) -> float | None:
-        """First departure of the output speed from its old value [sample].
+        """Return the first departure of the output speed from its old value [sample].
 
         The old value is the input speed of the moment over the old ratio: while the old clutch still holds, a tie-up
         slows input and output together and the speed change has not begun. The level of 0.2 % of speed (or 4
-        standard deviations) must be held for 5 ms; its lateness is taken back along the slope. From neutral:
+        standard deviations) must be held for 5 ms; the delay of this detection is corrected along the slope. From neutral it is
         the first turn of the output.
         """
         if self.old is not None:
@@ -434,11 +458,11 @@ class _Shift:
         return ramp_start(sign * raw, sign * smooth, at, 2e-2, self.samples(20e-3))
 
     def settled(self, end: int) -> int | None:
-        """When the input torque has settled after the end of the shift [sample], or None with the reason.
+        """Return when the input torque has settled after the end of the shift [sample], or None with the reason.
 
-        As Annex A: the input speed back above 99 % (up) or below 101 % (down) of its value before the order, settled
-        torque = mean over 0.1 s, 0.5 s after that (or the last 0.1 s there is, if there is less); settled is
-        where the torque stays in a band around it for 0.1 s. The band of 5 %, at least 2 Nm, is ours.
+        As in Annex A, the input speed must be back above 99 % (up) or below 101 % (down) of its value before the order. The settled
+        torque is the mean over 0.1 s, 0.5 s after that (or the last 0.1 s of a shorter recording). The torque has settled when
+        it stays in a band around this value for 0.1 s. The band of 5 %, at least 2 Nm, is this project's choice.
         """
         name = self.box.input.torque
         speed, torque = self.smooth[self.box.input.speed], self.smooth[name]
@@ -458,10 +482,9 @@ class _Shift:
         return settled
 
     def energy_loss(self, first: int, last: int) -> float:
-        """(6.108): work in minus work out minus growth of kinetic energy between two samples [J].
+        """Return (6.108): work in minus work out minus growth of kinetic energy between two samples [J].
 
-        The powers are integrated unfiltered (the integral is a mean already); the speeds at both ends are
-        filtered.
+        The powers are integrated unfiltered, because an integral averages already; the speeds at both ends are filtered.
         """
         part, into, out = slice(first, last + 1), self.box.input, self.box.output
         power = self.raw[into.torque][part] * self.raw[into.speed][part] - self.raw[out.torque][part] * self.raw[out.speed][part]
@@ -470,14 +493,15 @@ class _Shift:
         return work - float(stored[1] - stored[0])
 
     def pressed(self, clutches: tuple[Clutch, ...]) -> np.ndarray:
-        """Where all of some clutches carry more than their kiss pressure, from the order on."""
+        """Return where all of some clutches have more than their kiss pressure, from the order on."""
         width = odd_width(KISS_MEAN, self.period)
         smooth = [running_mean(self.raw[clutch.pressure], width)[self.order :] for clutch in clutches]
         return np.logical_and.reduce([p > clutch.kiss_pressure for p, clutch in zip(smooth, clutches)])
 
     def overlap(self) -> float | None:
-        """Time in which both the releasing and the engaging clutches carry more than their kiss pressure [s]; negative:
-        in which neither do.
+        """Return the time in which both the releasing and the engaging clutches have more than their kiss pressure [s].
+
+        It is negative when there is a time in which neither have it.
         """
         open_ones = [clutch for clutch in self.shift.engaging if not self.pressed((clutch,)).any()]
         self.why += [f"{clutch.pressure} never rose above {clutch.kiss_pressure / 1e6:.2f} MPa" for clutch in open_ones]
@@ -489,7 +513,17 @@ class _Shift:
 
 
 def smoothed(box: Transmission, raw: dict[str, np.ndarray], period: float) -> dict[str, np.ndarray]:
-    """The channels of shift metrics through their filters (module docstring)."""
+    """Return the channels of the shift metrics after their filters (module docstring).
+
+    Parameters
+    ----------
+    box : Transmission
+        Gives the role of each channel.
+    raw : dict of str to (n,) array of float
+        The channels.
+    period : float
+        Time between samples [s].
+    """
     pressures = {clutch.pressure for clutch in box.clutches}
     lengths = {name: PRESSURE_MEAN if name in pressures else TORQUE_SPEED_MEAN for name in box.channels}
     return {name: running_mean(raw[name], odd_width(length, period)) for name, length in lengths.items()}

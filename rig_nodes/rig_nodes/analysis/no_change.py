@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a run without a change between gears measured: a valve at standstill, an engagement from neutral, a coast-down.
+"""Measurements of a run without a change between gears: a valve at standstill, an engagement from neutral, a coast-down.
 
-Used by analysis.report, which has no shift to show for such a run; the evaluations are those of the measuring
+analysis.report uses it for such a run, which has no shift to show. The evaluations are those of the measuring
 procedures: valve_response, engagement, coast_down.
 """
 
@@ -26,14 +26,27 @@ if TYPE_CHECKING:
     from ..bags.reader import Bag
 
 COMMAND, MOTOR = "/controller/command", "/motor/command"
-BEFORE = 0.5  # s before the order in which rest and hum of the pressure are looked for
+BEFORE = 0.5  # s before the order from which rest and hum of the pressure are determined
 
 
 def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag | None = None) -> dict:
-    """``valve_responses`` and ``engagements`` (rows, each with ``why`` something was not found) and ``coast_down``.
+    """Return what a run without a change between gears measured.
 
-    bag: the recording's, with the commands to valves and motor, without which there is neither a valve's response nor
-    a coast-down. ``coast_down`` is None where the drive was not switched off with both clutches open.
+    Parameters
+    ----------
+    recording : Recording
+        The logger's channels.
+    instruments : dict of str to Instrument
+        Instruments of the rig by signal.
+    bag : Bag, optional
+        The recording's bag with the commands to valves and motor; without it there is neither a valve's response nor a
+        coast-down.
+
+    Returns
+    -------
+    dict
+        ``valve_responses`` and ``engagements`` (rows, each with ``why`` something was not found) and ``coast_down``, which is
+        None when the drive was not switched off with both clutches open.
     """
     responses = (
         []
@@ -55,7 +68,7 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag 
 
 
 def measured_lines(found: dict, box: Transmission) -> list[str]:
-    """The part for the terminal, in ms, Nm, MPa and rpm."""
+    """Return the lines for the terminal, in ms, Nm, MPa and rpm."""
     lines = []
     for row in found["valve_responses"]:
         gear, t, clutches = row["gear"], row["t_order_s"], box.engaged(row["gear"])
@@ -102,7 +115,7 @@ def _error(row: dict, key: str, factor: float, digits: int) -> str:
 
 
 def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> dict:
-    """The row of a valve whose clutch was closed at standstill."""
+    """Return the row of a valve whose clutch was closed at standstill."""
     t_order, _, gear = order
     row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None, "why": []}
     try:
@@ -111,7 +124,7 @@ def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> 
             raise RigError("the gear engages several clutches, and this is about one valve")
         t, (duty, setpoint) = bag.fields(COMMAND, ["duty", "setpoint"])
         on_coil = duty[:, clutch.output]
-        coil = on_coil if on_coil.any() else setpoint[:, clutch.output]  # at level current no duty is sent
+        coil = on_coil if on_coil.any() else setpoint[:, clutch.output]  # with a constant current no duty is sent
         on = t[(t >= t_order) & (coil > 0.0)]
         if not on.size:
             raise RigError("its coil got no pulse")

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shift metrics from what the plant itself knows, beside those of the transducers: state topics of a simulated bag.
+"""Shift metrics from the plant's own states in a simulated bag, for comparison with those of the transducers.
 
-Used by `rig report --truth`. The states come at 200 Hz without noise, so each metric is marked by what that allows.
+`rig report --truth` uses it. The states come at 200 Hz without noise; the rate limits the accuracy of each metric.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .metrics import RPM
 if TYPE_CHECKING:
     from ..bags.reader import Bag
 
-# the fields of the messages that are read
+# the message fields that are read
 GEARBOX, SHAFTS = "/gearbox/state", ("m_wej", "w_wej", "w_wyj")
 CLUTCH = ("mode", "heat", "torque")
 LOCKED = 2
@@ -32,7 +32,7 @@ States = dict[str, dict[str, np.ndarray]]
 
 
 def states_of(bag: Bag, transmission: Transmission | None = None) -> States | None:
-    """Topic -> {t [s], fields} of a bag's state topics; None where it holds no plant's states (a real recording)."""
+    """Return the state topics of a bag as topic -> {t [s], fields}; None when it has no plant states (a real recording)."""
     found: States = {}
     box = transmission or bag.transmission
     for topic, names in {GEARBOX: SHAFTS, **{clutch.state: CLUTCH for clutch in box.clutches}}.items():
@@ -46,14 +46,28 @@ def states_of(bag: Bag, transmission: Transmission | None = None) -> States | No
 def metrics_of_states(
     states: States, row: dict, next_order_time: float | None = None, transmission: Transmission | None = None
 ) -> dict | None:
-    """What the plant says of one shift; None where it does not cover the shift or it never locked.
+    """Return the metrics of one shift by the plant's states.
 
-    row: of metrics.shift_metrics. t_lock_s: from the order to the first state in which all engaging clutches have
-    locked (up to 5 ms late; the laboratory's slip threshold may come before it or after). m_wej_max_nm, n_wyj_min_rpm, k: peak
-    torque in the input shaft, lowest output speed and k in the window of the measured t_dt that ends there, from the
-    order without one; extremes of 200 Hz, so that a peak of a few ms may be higher. heat_<clutch>_j and
-    torque_<clutch>_max_nm: of every clutch, from the order to the settled torque or, without one, to the lock-up; the
-    heats are integrals, exact but for 5 ms at the ends.
+    Parameters
+    ----------
+    states : States
+        Result of :func:`states_of`.
+    row : dict
+        The shift's row of metrics.shift_metrics.
+    next_order_time : float, optional
+        Time of the next order [s].
+    transmission : Transmission, optional
+        The laboratory's by default.
+
+    Returns
+    -------
+    dict or None
+        None when the states do not cover the shift or the clutches never locked. t_lock_s: from the order to the first state in
+        which all engaging clutches have locked (up to 5 ms late; the laboratory's slip threshold may be reached before or
+        after it). m_wej_max_nm, n_wyj_min_rpm, k: peak torque in the input shaft, lowest output speed and k in the window of
+        the measured t_dt that ends there, or from the order without a t_dt. They are extremes at 200 Hz, so a peak of a few ms
+        may be higher. heat_<clutch>_j and torque_<clutch>_max_nm: of every clutch, from the order to the settled torque or, without
+        it, to the lock-up; the heats are integrals, exact except for 5 ms at the ends.
     """
     box, order = transmission or transmission_of(), row["t_order_s"]
     until = np.inf if next_order_time is None else next_order_time
@@ -89,7 +103,7 @@ def metrics_of_states(
 
 
 def _lock(clutch: dict[str, np.ndarray], order: float, until: float) -> float | None:
-    """When an engaging clutch was first locked after an order; one that was still locked then has to open before."""
+    """Return when an engaging clutch was first locked after an order; one that was still locked at the order must open first."""
     opened = np.flatnonzero((clutch["mode"] != LOCKED) & (clutch["t"] >= order))
     locked = (clutch["mode"] == LOCKED) & (clutch["t"] >= order) & (clutch["t"] < until)
     hits = np.flatnonzero(locked[opened[0] :]) if opened.size else np.array([], dtype=int)

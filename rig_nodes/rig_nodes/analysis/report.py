@@ -3,8 +3,8 @@
 
 """The report of a run: run data, shift metrics with errors, energy balance, as JSON and as a table for the terminal.
 
-Used by `rig run`, `rig simulate` and `rig report`; everything but the run data is computed from the bag. What stands
-beside the metrics on request (Annex A, plant truth) is written by analysis.comparison.
+`rig run`, `rig simulate` and `rig report` use it. Everything except the run data is computed from the bag. The optional
+comparisons (Annex A, plant states) are formatted by analysis.comparison.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ORDERS_TOPIC, ORDER_EVENT = "/controller/events", "shift_ordered"
 
 
 def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
-    """Columns of the tables of shifts: heading, key of a shift, factor to the people's unit, digits."""
+    """Return the columns of the tables of shifts: heading, key of a shift, factor to the displayed unit, digits."""
     into, out = box.input, box.output
     return (
         (f"{into.speed} rpm", "n_wej_rpm", 1.0, 0),
@@ -56,21 +56,39 @@ def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
 
 
 def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
-    """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
+    """Return the report of a bag.
 
-    bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent ones become None,
-    ``lost`` is then counted from the gaps of a whole bag). ``run["recorded_from_s"]`` stands there for a bag that does not hold
-    the start of its run. Inertias and instruments are those of its configuration. ``uncertainty`` holds for each shift the
-    largest error of each of its metrics, ``basis`` with whose inertias, ratios and instruments all that was computed. A run
-    without a change between gears has ``measured`` (no_change.measured). annex_a: the factor of Annex A's torque band; adds
-    ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the plant's states say, None
-    where the bag does not hold them.
+    It is ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``. ``uncertainty`` holds for each
+    shift the largest error of each of its metrics; ``basis`` holds the inertias, ratios and instruments used, which are those of
+    the bag's configuration. ``run["recorded_from_s"]`` is there for a bag that does not hold the start of its run. A run
+    without a change between gears has ``measured`` (no_change.measured). A run of a rig without gears has no shifts; its results
+    are under ``"bench"`` (analysis.bench_report).
 
-    A run of a rig without gears has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
+    The energy of a shift covers the time from its order until its torque has settled; it is None when that was not found. When a
+    bag is too damaged or too short for a part, that part is empty (or a shift's energy None) and a sentence on it is
+    in ``run["problems"]``. Missing numbers are None, never NaN.
 
-    The energy of a shift is taken from its order until its torque has settled, None where that was not found. A
-    bag that is too damaged or too short for a part leaves that part empty (or a shift's energy None) and its
-    sentence in ``run["problems"]``; numbers that are missing are None, never NaN.
+    Parameters
+    ----------
+    bag : Bag
+        An open :class:`rig_nodes.bags.reader.Bag`.
+    run : dict
+        What only the runner knows (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
+        of an undamaged bag.
+    annex_a : float, optional
+        Factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``.
+    truth : bool
+        True to add ``"truth"``: for each shift the metrics by the plant's states, None when the bag does not hold them.
+
+    Returns
+    -------
+    dict
+        The report.
+
+    Raises
+    ------
+    RigError
+        When the bag's record of its rig is invalid.
     """
     if not bag.began:
         return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []})
@@ -112,7 +130,7 @@ def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool 
 
 
 def _record_of(bag: Bag, run: dict) -> Mapping:
-    """What the rig of a run was made of, in today's form; RigError for a record that is none."""
+    """Return the record of the rig of a run in today's form; RigError when it is invalid."""
     try:
         record = rig_record(run["configuration"], bag.types) if run.get("configuration") else bag.record
         record["structure"]["gears"]
@@ -129,18 +147,18 @@ def _no_rig(error: Exception) -> RigError:
 
 
 def info_of(bag: Bag) -> dict:
-    """What a bag itself says about its run, for the run part of a report."""
+    """Return the information in a bag about its run, for the run part of a report."""
     info = bag.run_info()
     return info if "configuration" in info else {"configuration": info or None}
 
 
 def is_of(bag: Bag, run: dict) -> bool:
-    """The run part of a report is of the run that the bag holds, as far as both say."""
+    """Return True when the run part of a report and the bag are of the same run, as far as both identify it."""
     return all(value is None or run.get(key) in (None, value) for key, value in plain(info_of(bag)).items())
 
 
 def _run_data(bag: Bag, run: dict) -> dict:
-    """What the runner knows; where it knows no lost messages they are counted from the bag, if that is whole."""
+    """Return the runner's data; unknown lost messages are counted from an undamaged bag."""
     data = {key: run.get(key) for key in RUN_KEYS}
     if data["lost"] is None and not run.get("recovered"):
         data["lost"] = sum(bag.gaps().values())
@@ -151,11 +169,28 @@ def _run_data(bag: Bag, run: dict) -> dict:
 
 
 def report_of_recording(recording: Recording, annex_a: float | None = None, record: Mapping | None = None) -> dict:
-    """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
+    """Return the report of a recording that is not a bag (a logger's CSV).
 
-    Instruments are those of ``record``, as a bag holds it, or of the default rig, and the recording's transmission
-    should be that of the same (transmission_of); ``run`` knows nothing. Raises RigError for a recording without an
-    order.
+    It is as that of :func:`build_report`, without energy balance and with empty ``run`` data.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording; its transmission should be that of ``record`` (transmission_of).
+    annex_a : float, optional
+        Factor of Annex A's torque band.
+    record : mapping, optional
+        Record of the rig, as a bag holds it, which gives the instruments; that of the default rig by default.
+
+    Returns
+    -------
+    dict
+        The report.
+
+    Raises
+    ------
+    RigError
+        When the recording has no order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
@@ -175,7 +210,7 @@ def _metrics(
     problems: list[str],
     bag: Bag | None = None,
 ) -> dict:
-    """Everything that comes from the logger's channels, and what of a run without a change of gear needs its commands."""
+    """Return everything that comes from the logger's channels; a run without a change of gear also needs the bag's commands."""
     rows = [] if recording is None else shifts(recording)
     found = {
         "shifts": rows,
@@ -192,7 +227,7 @@ def _metrics(
 
 
 def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrument]) -> dict:
-    """With whose values a report was computed, SI; ``taken`` stands beside them where the bag does not say its rig."""
+    """Return the values with which a report was computed [SI]; ``taken`` is added when the bag does not record its rig."""
     pressures = [clutch.pressure for clutch in box.clutches if clutch.pressure]
     return {
         "rig": record.get("name", "without a name"),
@@ -210,7 +245,7 @@ def _truth(bag: Bag, rows: list[dict], box: Transmission) -> list[dict | None]:
 
 
 def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> dict:
-    """The parts in their order, as plain JSON values."""
+    """Return the parts in their order, as plain JSON values."""
     if problems:
         run["problems"] = problems
     rest = {key: metrics[key] for key in ("uncertainty", "basis", "measured", "annex_a", "truth") if key in metrics}
@@ -218,14 +253,22 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
 
 
 def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recording:
-    """The bag's 10 kHz channels and its orders; transmission: of its rig, the laboratory's by default."""
-    # rows that are missing become NaN: they spoil the shifts they lie in, not the others
+    """Return the bag's 10 kHz channels and its orders.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag.
+    transmission : Transmission, optional
+        That of the bag's rig; the laboratory's by default.
+    """
+    # missing rows become NaN, so that they affect only the shifts in which they lie
     logger = bag.logger(fill=True)
     return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()), transmission or transmission_of())
 
 
 def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tuple[float, int, int]]:
-    """Orders among the events of a bag: (time [s], gear before, gear ordered), neutral before the first."""
+    """Return the orders among the events of a bag as (time [s], gear before, gear ordered); the first gear before is neutral."""
     orders, before = [], NEUTRAL
     for t, topic, name, _, value in events:
         if topic == ORDERS_TOPIC and name == ORDER_EVENT:
@@ -240,14 +283,14 @@ def _whole(energies: Mapping[str, Series]) -> tuple[float, float]:
 
 
 def _window(row: dict) -> tuple[float, float] | None:
-    """Order to settled torque; None for a shift that did not get there."""
+    """Return the times of the order and of the settled torque; None for a shift whose torque did not settle."""
     if not row["t_c_s"] or row["t_o_s"] is None:
         return None
     return row["t_order_s"], row["t_order_s"] + row["t_c_s"] + row["t_o_s"]
 
 
 def plain(value: object) -> Any:
-    """Only what JSON knows: dicts, lists, text, booleans, finite numbers, None."""
+    """Return a value reduced to what JSON can hold: dicts, lists, text, booleans, finite numbers, None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
@@ -264,7 +307,7 @@ def plain(value: object) -> Any:
 def write_report(folder: str | Path, report: dict) -> Path:
     """Write ``report.json`` into a run's folder and return its path.
 
-    Written beside and then renamed: a reader finds the old report or the new one, never half of one.
+    The file is written under another name and then renamed, so that a reader finds either the old or the new report.
     """
     path = Path(folder) / REPORT_FILE
     atomic_write(path, json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
@@ -272,7 +315,13 @@ def write_report(folder: str | Path, report: dict) -> Path:
 
 
 def read_report(folder: str | Path) -> dict | None:
-    """The report in a run's folder, None when there is none. Raises RigError when the file is no report."""
+    """Return the report in a run's folder, or None when there is none.
+
+    Raises
+    ------
+    RigError
+        When the file is not a report.
+    """
     path = Path(folder) / REPORT_FILE
     if not path.exists():
         return None
@@ -290,9 +339,9 @@ def read_report(folder: str | Path) -> dict | None:
 
 
 def format_report(report: dict) -> str:
-    """The report as a table in rpm, Nm, ms and J with a line each on losses, lateness, energy and the end.
+    """Return the report as a table in rpm, Nm, ms and J with one line each on losses, lateness, energy and the end.
 
-    Under each shift stands the largest error of each metric, after "+-". Annex A and plant truth follow where the
+    The largest error of each metric follows under each shift after "+-". Annex A and the plant's states follow when the
     report holds them.
     """
     if "bench" in report:
@@ -315,25 +364,25 @@ def format_report(report: dict) -> str:
 
 
 def _shown(lines: list[str]) -> str:
-    """One line each, whatever stands in it of a bag."""
+    """Return each text as one line, whatever characters of a bag it contains."""
     return "\n".join(map(printable, lines))
 
 
 def no_shift(report: dict) -> str:
-    """The sentence in place of the table of a run without a row of it."""
+    """Return the sentence that replaces the table when a run has no row for it."""
     run = report["run"]
     if "measured" not in report:
-        return "no shifts: there is nothing to look for them in"  # the problem says why
+        return "no shifts: there is nothing to look for them in"  # the report's problems give the reason
     what = f"{run['sequence']} ({run['description']})" if run.get("sequence") and run.get("description") else "this run"
     return f"no shift: {what} changes no gear while the input shaft turns"
 
 
 def shown_transmission(report: dict) -> Transmission:
-    """The transmission whose gears and clutches a report names."""
+    """Return the transmission whose gears and clutches a report names."""
     try:
         return transmission_of(rig_record(report["run"].get("configuration")))
     except UNREADABLE:
-        return transmission_of()  # the run's record is not what a rig says of itself
+        return transmission_of()  # the run's record is not a valid record of a rig
 
 
 def _gears(row: dict, box: Transmission) -> str:
@@ -379,7 +428,7 @@ def _energy_lines(report: dict, box: Transmission) -> list[str]:
 def _basis_lines(report: dict) -> list[str]:
     basis = report.get("basis")
     if basis is None or not (report["shifts"] or any(report.get("measured", {}).values())):
-        return []  # nothing was computed with it
+        return []  # no result was computed
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
@@ -397,7 +446,7 @@ def _bounded(run: dict) -> bool:
 
 def _run_lines(run: dict) -> list[str]:
     if all(run[key] is None for key in RUN_KEYS):
-        return [f"problem: {problem}" for problem in run.get("problems", [])]  # no run of the rig: a logger's file
+        return [f"problem: {problem}" for problem in run.get("problems", [])]  # a logger's file, which is not a run of the rig
     since = f" (recorded from {run['recorded_from_s']:.3f} s on)" if run.get("recorded_from_s") else ""
     lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
     late = run["lateness_ms"]

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the clutch bench measures (thesis 8.1.6, 8.2.3, (8.3)-(8.6)): torque at slip, its line, k_kor and M_rest.
+"""Evaluation of the clutch bench (thesis 8.1.6, 8.2.3, (8.3)-(8.6)): torque at slip, its line, k_kor and M_rest.
 
-Used by analysis.report and by the validation; from the logger's channels alone, as the laboratory had them. With it
-stand the evaluations of the spring and the cylinder bench (8.2.1, 8.2.2).
+analysis.report and the validation use it. It needs only the logger's channels, as the laboratory did. The
+evaluations of the spring and the cylinder bench (8.2.1, 8.2.2) are here, too.
 """
 
 from __future__ import annotations
@@ -19,21 +19,36 @@ from ..plant.friction.geometry import PackGeometry
 from .edges import running_mean
 from .logged import Logged
 
-CLAMPED = 0.3e6  # Pa of p_z above which the pack is taken as clamped
+CLAMPED = 0.3e6  # Pa, p_z above which the pack counts as clamped
 SLIPS = 0.2  # rad/s, two steps of the speed sensor
 TORQUE_MEAN = 2e-3  # s; the laboratory's 20 samples (Annex A)
 PRESSURE_MEAN = 20e-3  # s
-BEFORE = 0.1  # s before the slip from which p_z and s are taken
-AFTER = 20e-3  # s after the speed shows a slip in which its peak of torque may still lie: the speed sensor's gate
+BEFORE = 0.1  # s before the slip over which p_z and s are averaged
+AFTER = 20e-3  # s, the speed sensor's gate: the torque peak may lie up to this time after the speed shows the slip
 MODELS = ("thesis", "osinski", "traditional")
-LEAST_TESTS = 3  # for a line
+LEAST_TESTS = 3  # smallest number of tests for a line
 
 
 def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
-    """One row for each clamping in which the pack slipped: ``t_slip_s, p_z_pa, s_m, clamp_n, pressure_pa, m_eks_nm``.
+    """Return one row for each clamping in which the pack slipped.
 
-    m_eks_nm: largest torque before the slip; clamp_n: F_p(p_z) - F_s(s), (8.3), of the mean p_z and s of the 100 ms
-    before it; pressure_pa: on the ring. RigError when a channel is missing.
+    Parameters
+    ----------
+    logged : Logged
+        The logger's channels.
+    pack : PackGeometry
+        The clutch pack.
+
+    Returns
+    -------
+    list of dict
+        ``t_slip_s, p_z_pa, s_m, clamp_n, pressure_pa, m_eks_nm``. m_eks_nm: largest torque before the slip; clamp_n: F_p(p_z) -
+        F_s(s), (8.3), of the mean p_z and s of the 100 ms before it; pressure_pa: pressure on the friction ring.
+
+    Raises
+    ------
+    RigError
+        When a channel is missing.
     """
     lacking = [name for name in ("M_e", "n", "p_z", "s") if name not in logged.channels]
     if lacking:
@@ -50,7 +65,7 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
     for first, end in edges.reshape(-1, 2):
         slipping = np.flatnonzero(speed[first:end] > SLIPS)
         if not len(slipping):
-            continue  # clamped, but the torque did not reach the pack's
+            continue  # clamped, but the torque did not reach the pack's capacity
         peak = first + int(np.argmax(torque[first : min(end, first + slipping[0] + rows_in["after"])]))
         before = slice(max(first, peak - rows_in["before"]), peak + 1)
         p_z, s = float(np.mean(logged.channels["p_z"][before])), float(np.mean(travel[before]))
@@ -69,15 +84,31 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
 
 
 def ring_area(pack: PackGeometry) -> float:
-    """A [m2] of one friction surface, (6.28)."""
+    """Return the area A [m2] of one friction surface, (6.28)."""
     return pi * (pack.outer_radius**2 - pack.inner_radius**2)
 
 
 def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_spline: float) -> dict:
-    """M_eks = a p + M_rest by least squares, (8.4), and k_kor against each of MODELS, (8.5), (8.6).
+    """Fit M_eks = a p + M_rest by least squares, (8.4), and compute k_kor for each of MODELS, (8.5), (8.6).
 
-    friction, friction_spline: that the models are computed with. Gives ``tests, slope_nm_per_pa, m_rest_nm, r_squared,
-    k_kor`` (model -> number). RigError for fewer than three tests, which make no line.
+    Parameters
+    ----------
+    tests : list of dict
+        Rows of :func:`slip_tests`.
+    pack : PackGeometry
+        The clutch pack.
+    friction, friction_spline : float
+        Friction coefficients of the models.
+
+    Returns
+    -------
+    dict
+        ``tests, slope_nm_per_pa, m_rest_nm, r_squared, k_kor`` (model -> number).
+
+    Raises
+    ------
+    RigError
+        When there are fewer than three tests, which do not give a line.
     """
     if len(tests) < LEAST_TESTS:
         raise RigError(f"{len(tests)} tests in which the pack slipped; a line needs at least {LEAST_TESTS}")
@@ -95,10 +126,27 @@ def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_s
 
 
 def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
-    """(p_z [Pa], F_p [N]) at the steps of a rising pressure of the cylinder bench, 8.2.2.
+    """Return pressure and force at the steps of a rising pressure of the cylinder bench, 8.2.2.
 
-    A step is a time of ``stay`` s in which p_z stays within 0.02 MPa, ``settle`` s after it has come; those of a
-    falling pressure, where seals and guide rings hold the other way, are left out: (8.2) is read as the rising one.
+    A step is a time of ``stay`` in which p_z stays within 0.02 MPa, beginning ``settle`` after p_z has reached it. Steps of a
+    falling pressure, where seals and guide rings hold in the other direction, are left out: (8.2) is read as the line of rising
+    pressure.
+
+    Parameters
+    ----------
+    logged : Logged
+        The logger's channels.
+    settle : float
+        Time between the change of pressure and the step [s].
+    stay : float
+        Length of a step [s].
+
+    Returns
+    -------
+    p_z : (n,) array of float
+        Pressure [Pa].
+    force : (n,) array of float
+        F_p [N].
     """
     rows, wide = round(stay / logged.period), round(settle / logged.period)
     pressure = running_mean(logged.channels["p_z"], max(1, round(PRESSURE_MEAN / logged.period)))
@@ -117,9 +165,24 @@ def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tup
 
 
 def spring_line(logged: Logged, travels: np.ndarray) -> np.ndarray:
-    """F_s [N] at these travels [m] while the springs are pressed, mean of the series, 8.2.1.
+    """Return F_s at some travels while the springs are pressed, as the mean of the series, 8.2.1.
 
-    RigError when the springs were not pressed so far.
+    Parameters
+    ----------
+    logged : Logged
+        The logger's channels.
+    travels : (n,) array of float
+        Travels [m].
+
+    Returns
+    -------
+    (n,) array of float
+        F_s [N].
+
+    Raises
+    ------
+    RigError
+        When the springs were not pressed that far.
     """
     s = running_mean(logged.channels["s"], max(1, round(PRESSURE_MEAN / logged.period)))
     force = running_mean(logged.channels["F_ps"], max(1, round(PRESSURE_MEAN / logged.period)))

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Largest errors of the laboratory's instruments by (7.1) (thesis tab. 7.1), carried into what is taken from them.
+"""Largest errors of the laboratory's instruments by (7.1) (thesis tab. 7.1), carried over to the results computed from them.
 
-Used by the report, which shows them beside each metric, and by whoever compares with the laboratory; needs nothing but
-the results: a row of shift metrics, of a single engagement, or of a coast-down.
+The report shows them beside each metric, and comparisons with the laboratory use them. They need only the
+results: a row of shift metrics, of a single engagement, or of a coast-down.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from ..clocks import ROW
 from ..transmission import Transmission, transmission_of
 from .metrics import RPM, TORQUE_SPEED_MEAN
 
-STEEP_RISE = 45e-3  # s in which chapter 9's steeper pressure, and with it the torque, rises from contact to its end
-TORQUE_CLEAR = 10.0  # Nm that certainly are a rise of torque
+STEEP_RISE = 45e-3  # s in which the steeper pressure of chapter 9, and with it the torque, rises from contact to its end
+TORQUE_CLEAR = 10.0  # Nm, a change that is certainly a rise of torque
 KISS_RATE = 0.5e6  # Pa/s at which a released clutch passes its kiss pressure
 
 
@@ -40,11 +40,20 @@ READABILITY = {"torque": 0.01}  # Nm, tab. 7.1
 
 
 def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
-    """Torque meter, transducers of the clutches' pressures and encoder [SI] of a rig, by the signals of the pressures.
+    """Return the torque meter, the pressure transducers of the clutches and the encoder of a rig [SI].
 
-    configuration: its record with its structure, as its bag holds it, or None for the installed rig that is taken where none
-    is named. Range, class and the encoder's step are the rig's, 0.01 Nm of reading those of tab. 7.1; nothing is wrong with true
-    values (effects.transducers off).
+    Range, class and the encoder's step are the rig's; the readability of 0.01 Nm is that of tab. 7.1. True values
+    (effects.transducers off) have no error.
+
+    Parameters
+    ----------
+    configuration : mapping or None
+        Record of the rig with its structure, as its bag holds it; None for the default installed rig.
+
+    Returns
+    -------
+    dict of str to Instrument
+        ``torque``, ``speed``, and the transducers by the signals of the pressures.
     """
     if configuration is None:
         return _default()
@@ -61,34 +70,49 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
 
 @lru_cache(maxsize=1)
 def _default() -> dict[str, Instrument]:
-    from ..testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+    from ..testbench.configuration import load_rig  # imported here, because the modules that read a rig depend on this one
 
     return instruments_of(load_rig().as_dict())
 
 
 def temperature_error(t_oil: float) -> float:
-    """Largest error of the PT100 [K] at an oil temperature [degC], (7.2)."""
+    """Return the largest error of the PT100 [K] at an oil temperature [degC], (7.2)."""
     return 0.3 + 0.005 * abs(t_oil)
 
 
 def uncertainty(
     row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None, period: float = ROW
 ) -> dict[str, float]:
-    """Largest error of each metric of a row, under the metric's own key and in its unit; those that are None have none.
+    """Return the largest error of each metric of a row, under the metric's own key and in its unit.
 
-    row: of metrics.shift_metrics. instruments: torque, speed and each clutch's pressure; those of the default rig by default, as
-    the transmission. These are bounds, no standard deviations: all errors are taken at their largest
-    and added (first order); where several clutches are let go the largest counts.
+    Metrics that are None have no error. The errors are bounds, not standard deviations: all errors are taken at their largest
+    and added (first order). When several clutches are released, the largest error counts.
 
     * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque
-      meter's, and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
-      breaks down (it only reads low).
-    * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
-      crosses a threshold there. Slip ends with both encoders' resolution by the slip's rate, which is the change of
-      ratio by t_p. The releasing pressure falls as chapter 9 fitted it; its error counts in full although a constant
+      meter's error, plus the amount by which a mean over 2 ms, or a sample of a slower logger, lowers the peak of a torque that
+      rises to it in 45 ms and then breaks down (this part only reads low).
+    * Times: one sample period, half the filter (1 ms), and at each end the instrument's error divided by the slope of the signal
+      that crosses a threshold there. Slip ends count both encoders' resolution divided by the slip's rate, which is the change of
+      ratio over t_p. The releasing pressure falls as fitted in chapter 9; its error counts in full although a constant
       part of it would cancel. t_c starts at the order, which is known. Torque settles from its peak within t_o.
-    * Energies: torques by w t, speeds by M t and J w at both ends, and the times' errors by the power they cut off; the
+    * Energies: torques by w t, speeds by M t and J w at both ends, and the times' errors by the power that they cut off; the
       torque over the shift is taken as its peak, the output speed as its lowest.
+
+    Parameters
+    ----------
+    row : dict
+        Row of metrics.shift_metrics.
+    instruments : dict of str to Instrument, optional
+        Torque, speed and each clutch's pressure; those of the default rig by default.
+    transmission : Transmission, optional
+        That of the default rig by default.
+    period : float
+        Time between the logger's samples [s].
+
+    Returns
+    -------
+    dict of str to float
+        Largest error by key.
     """
     use = instruments_of(None) if instruments is None else instruments
     box = transmission or transmission_of()
@@ -98,7 +122,7 @@ def uncertainty(
         found["m_wej_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["m_wej_max_nm"]) / STEEP_RISE
     w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
     if row["k"] is not None:
-        # the lowest speed may be 0
+        # not divided by the lowest speed, which may be 0
         ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
         found["k"] = ratio * speed * RPM / row["n_wej_rpm"] * (1.0 + abs(row["n_wyj_min_rpm"]) / row["n_wej_rpm"])
     if w_in:
@@ -108,13 +132,13 @@ def uncertainty(
 
 
 def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission, period: float) -> dict[str, float]:
-    """Errors of the times; those that lack what they are estimated from are left out."""
+    """Return the errors of the times; those whose inputs are missing are left out."""
     ends = period + 0.5 * TORQUE_SPEED_MEAN
     new, old = row["to_gear"], row["from_gear"]
     moved, found = box.shift(old, new), {}
     slip_end = None
     if row["t_p_s"]:
-        # from neutral the slip of the new gear goes from 1 to 0
+        # from neutral, the slip of the new gear goes from 1 to 0
         change = abs(1.0 - box.ratios[new] / box.ratios[old]) if old in box.ratios else 1.0
         resolution = use["speed"].error * (1.0 + box.ratios[new]) / w_in
         slip_end = ends + resolution * row["t_p_s"] / change
@@ -126,13 +150,13 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
     if slip_end is not None and row["t_o_s"] is not None and row["m_wej_max_nm"]:
         found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["m_wej_max_nm"]
     if old in box.ratios and moved.releasing:
-        # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other
+        # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other one's
         found["overlap_s"] = ends + max(use[clutch.pressure].error for clutch in moved.releasing) / KISS_RATE
     return found
 
 
 def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, box: Transmission) -> dict[str, float]:
-    """Errors of both energy losses; empty where the row lacks what they need."""
+    """Return the errors of both energy losses; empty when the row lacks their inputs."""
     needed = ("m_wej_max_nm", "n_wyj_min_rpm", "t_dt_s", "m_wyj_nm")
     if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
         return {}
@@ -145,7 +169,7 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
         ("e_loss_settled_j", row["t_dt_s"] + (row["t_o_s"] or 0.0), errors["t_dt_s"] + errors.get("t_o_s", 0.0)),
     ):
         if row[key] is not None and span > 0.0:
-            # what the window's error cuts off: the mean power of the loss
+            # the error of the window cuts off the mean power of the loss
             found[key] = rate * span + ends + abs(row[key]) / span * error
     return found
 
@@ -153,11 +177,24 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
 def engagement_uncertainty(
     row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None, period: float = ROW
 ) -> dict[str, float]:
-    """Largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty`; only of what was found.
+    """Return the largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty` does.
 
-    Pressures have the transducer's; the kiss pressure also what the pressure grows while the torque rises by the torque
-    meter's error (to 10 Nm in the 20 ms after contact, at the least). Times: a sample and half a filter at each end;
-    the engagement also the transducer's error by the fill's slope, and both encoders' resolution by the slip's rate.
+    Only values that were found have an error. Pressures have the transducer's error. The kiss pressure also has the growth of the
+    pressure while the torque rises by the torque meter's error; the torque is taken to rise by no more than 10 Nm in the 20 ms
+    after contact. Times have a sample and half a filter at each end; the engagement time also has the transducer's error divided
+    by the fill's slope, and both encoders' resolution divided by the slip's rate.
+
+    Parameters
+    ----------
+    row : dict
+        Row of engagement.engagement_metrics.
+    instruments, transmission, period
+        As for :func:`uncertainty`.
+
+    Returns
+    -------
+    dict of str to float
+        Largest error by key.
     """
     use = instruments_of(None) if instruments is None else instruments
     box = transmission or transmission_of()
@@ -178,7 +215,10 @@ def engagement_uncertainty(
 
 
 def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument] | None = None) -> dict[str, float]:
-    """Largest errors of coast_down.coast_down: torque; tangent, by two encoder steps over its first second; inertia."""
+    """Return the largest errors of coast_down.coast_down: torque, tangent time, inertia.
+
+    The error of the tangent time is that of two encoder steps over its first second.
+    """
     use = instruments_of(None) if instruments is None else instruments
     torque, tangent = result["coast_down_m_wej_nm"], result["coast_down_tangent_s"]
     slope = -result["coefficients"][-2]

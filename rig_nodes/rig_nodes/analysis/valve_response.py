@@ -3,7 +3,7 @@
 
 """Response time of a valve: from the first PWM pulse on its coil to the first rise of the clutch pressure (thesis 7.2).
 
-Used on the valve-response tests, 125 kHz for 5 s (7.1.3.1); knows nothing of bags or ROS.
+It serves the valve-response tests, 125 kHz for 5 s (7.1.3.1), and depends neither on bags nor on ROS.
 """
 
 from __future__ import annotations
@@ -19,32 +19,46 @@ from .hum import QUIET, without_hum
 if TYPE_CHECKING:
     from ..arrays import Floats
 
-PULSE = 8e-6  # s that a pulse must last, one sample at 125 kHz: the first ones are short
-COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
-LONGEST_PERIOD = 20e-3  # s: slower pulses are no PWM
+PULSE = 8e-6  # s, shortest pulse: one sample at 125 kHz, because the first pulses are short
+COARSE_MEAN = 1e-3  # s, filter when no PWM frequency is found
+LONGEST_PERIOD = 20e-3  # s; slower pulses do not count as PWM
 CLEAR_RISE = 0.05  # share of the whole rise at which the pressure has certainly risen
-LEVEL = 0.01  # share of the whole rise that counts as left its rest, at least 5 standard deviations
-SPAN, REACH = 0.05, 20e-3  # ramp that is followed back to the rest: share of the whole rise, s
+LEVEL = 0.01  # share of the whole rise, at least 5 standard deviations, at which the pressure has left its rest
+SPAN, REACH = 0.05, 20e-3  # the ramp that is followed back to the rest: share of the whole rise, s
 
 
 def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[str, float | None]:
-    """Delay of a valve by (7.5), (7.6).
+    """Return the delay of a valve by (7.5), (7.6).
 
-    t: equally spaced times [s]; coil: voltage or duty of the coil; pressure: of the clutch, in any unit; 1-D of one
-    length. The thesis reads both moments by eye on the unfiltered trace. Here:
+    The thesis reads both moments by eye on the unfiltered trace. Here:
 
-    * first pulse: the coil signal passes half of its height for at least 8 us and again within 20 ms, counted at the sample
+    * first pulse: the coil signal is above half of its height for at least 8 us and again within 20 ms; the moment is the sample
       before;
-    * hum: 50 Hz and its harmonics are fitted to the pressure before the first pulse and taken off everywhere;
-    * pickup: a centred mean over whole PWM periods, the period being that of the coil signal, leaves nothing of it and
-      moves no edge;
-    * first rise: the last passing of a level just above the rest (1 % of the whole rise or 5 standard deviations)
-      before the pressure has clearly risen (5 %), followed back along its slope to the rest. A sag or a spike before
-      is no rise. The rest is that of the 60 ms before, after the pulse: pickup may shift it.
+    * hum: 50 Hz and its harmonics are fitted to the pressure before the first pulse and subtracted everywhere;
+    * pickup: a centred mean over whole periods of the coil signal's PWM removes it completely and moves no edge;
+    * first rise: the last crossing of a level just above the rest (1 % of the whole rise or 5 standard deviations)
+      before the pressure has clearly risen (5 %), followed back along its slope to the rest. An earlier sag or spike
+      is not a rise. The rest is that of the 60 ms before the rise, after the pulse, because pickup may shift it.
 
-    Returns valve_delay_s, t_pulse_s, t_rise_s, pwm_hz (None for a constant coil voltage), hum_hz and hum (amplitude
-    of the fitted hum), noise (standard deviation that is left before the pulse), rest and end (levels of the pressure).
-    Raises RigError when the signals do not fit, there is no pulse or no rise, or less than 0.1 s before the pulse.
+    Parameters
+    ----------
+    t : (n,) array of float
+        Equally spaced times [s].
+    coil : (n,) array of float
+        Voltage or duty of the coil.
+    pressure : (n,) array of float
+        Pressure of the clutch, in any unit.
+
+    Returns
+    -------
+    dict
+        valve_delay_s, t_pulse_s, t_rise_s, pwm_hz (None for a constant coil voltage), hum_hz and hum (amplitude
+        of the fitted hum), noise (standard deviation that remains before the pulse), rest and end (levels of the pressure).
+
+    Raises
+    ------
+    RigError
+        When the signals do not fit, there is no pulse or no rise, or less than 0.1 s before the pulse.
     """
     t, coil, pressure = (np.asarray(x, dtype=float) for x in (t, coil, pressure))
     period = _period(t, coil, pressure)
@@ -88,7 +102,7 @@ def _period(t: Floats, coil: Floats, pressure: Floats) -> float:
 
 
 def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
-    """Sample of the first pulse and the frequency of the pulses."""
+    """Return the sample of the first pulse and the frequency of the pulses [Hz]."""
     low, high = np.percentile(coil, [0.1, 99.9])
     early = np.median(coil[: max(3, coil.size // 100)])
     on = coil > 0.5 * (low + high)
@@ -96,7 +110,7 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
         raise RigError("the coil signal has no first pulse: it is constant or switched on from the start")
     length = max(1, int(round(PULSE / period)))
     run = np.convolve(on, np.ones(length), "valid") > length - 0.5
-    # a pulse that nothing follows is a spike
+    # a pulse without a following pulse is a spike
     starts, reach = np.flatnonzero(run), int(LONGEST_PERIOD / period)
     followed = np.searchsorted(starts, starts + reach, "right") - np.arange(starts.size) > length
     if not followed.any():
@@ -105,14 +119,14 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
     edges = np.flatnonzero(run[1:] & ~run[:-1]) + 1
     gaps = np.diff(edges[edges >= first]) * period
     gaps = gaps[gaps < LONGEST_PERIOD]
-    # the sample before is the last without a pulse
+    # the sample before it is the last one without a pulse
     return max(0, first - 1), float(1.0 / np.median(gaps)) if gaps.size >= 3 else None
 
 
 def _rise(clean: Floats, smooth: Floats, pulse: int, noise: float, period: float) -> tuple[float, float, float]:
-    """Fractional sample of the first rise, pressure at rest and at the end of the rise."""
+    """Return the fractional sample of the first rise, and the pressure at rest and at the end of the rise."""
     rest = float(np.median(smooth[:pulse]))
-    # what the pressure keeps, not a spike on it
+    # the level that the pressure keeps, without spikes
     end = float(np.percentile(smooth[pulse:], 90.0))
     size = end - rest
     if size < 20.0 * noise:
@@ -122,7 +136,7 @@ def _rise(clean: Floats, smooth: Floats, pulse: int, noise: float, period: float
         level = min(max(5.0 * noise, LEVEL * size), CLEAR_RISE * size)
         below = np.flatnonzero(smooth[pulse:clear] - rest < level)
         at = pulse + (int(below[-1]) + 1 if below.size else 0)
-        # once more from the rest just before the rise: pickup grows with the duty
+        # repeated with the rest just before the rise, because pickup grows with the duty
         quiet = smooth[max(pulse, at - int(4.0 * REACH / period)) : at - int(REACH / period)]
         if quiet.size < int(REACH / period):
             break

@@ -158,7 +158,7 @@ class Definition:
         return bool(self.tail) and all(node.kind == "sequence" and node.item.kind == "number" for _, node in self.tail)
 
     def end_of(self, data: bytes) -> int | None:
-        """Return a message's size [bytes] by the lengths of its lists; None when it is shorter or of another form (:attr:`lists`)."""
+        """Return a message's size [bytes] by the lengths of its lists; None when it is shorter or of another form."""
         places = self._places(data)
         if not places:
             return None
