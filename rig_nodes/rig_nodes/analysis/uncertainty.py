@@ -180,7 +180,7 @@ def engagement_uncertainty(
     """Return the largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty` does.
 
     Only values that were found have an error. Pressures have the transducer's error. The kiss pressure also has the growth of the
-    pressure while the torque rises by the torque meter's error; the torque is taken to rise by no more than 10 Nm in the 20 ms
+    pressure while the torque rises by the torque meter's error; the torque rises by at least 10 Nm in the 20 ms
     after contact. Times have a sample and half a filter at each end; the engagement time also has the transducer's error divided
     by the fill's slope, and both encoders' resolution divided by the slip's rate.
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag as a Rerun file: all signals in the units people read, states, events, report and layout.
+"""Conversion of a bag to a Rerun file: all signals in display units, states, events, report and layout.
 
-Used by `rig view`; the file is made beside the bag, and only when what it is made from has changed.
+`rig view` uses it. The file is written beside the bag, and only when one of its sources has changed.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
 PIECE = 1 << 24  # bytes of messages in memory at a time, some 15 s of a run
-SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # what is wanted of the whole run
+SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # message types that are read of the whole run
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 
 
 @dataclass(frozen=True)
 class View:
-    """The view of a run: its file, whether it was written anew, sentences on what the bag lacks."""
+    """The view of a run: its file, whether it was written anew, and sentences on what the bag lacks."""
 
     path: Path
     written: bool
@@ -49,11 +49,26 @@ class View:
 
 
 def make_view(run: str | Path, window: tuple[float, float] | None = None) -> View:
-    """Write ``view.rrd`` beside the bag of a run, unless it is there and made from the same.
+    """Write ``view.rrd`` beside the bag of a run, unless it exists and was made from the same sources.
 
-    run: folder of a run or its .mcap file; a cut bag is shown as far as it goes. window: start and end [s]
-    that the plots open with. Raises BagError for a bag of which nothing can be read or that nothing was recorded
-    into, and RigError when rerun-sdk is missing, the file cannot be written or the window lies outside the run.
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a run or its .mcap file; a cut bag is shown as far as it reaches.
+    window : (float, float), optional
+        Start and end with which the plots open [s].
+
+    Returns
+    -------
+    View
+        The file and what the bag lacks.
+
+    Raises
+    ------
+    BagError
+        When nothing of the bag can be read, or nothing was recorded into it.
+    RigError
+        When rerun-sdk is missing, the file cannot be written or the window lies outside the run.
     """
     with BagIndex(run) as index:
         if not index.last:
@@ -67,7 +82,7 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
 
 
 def _make(index: BagIndex, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
-    """Write the file whole or not at all; what the bag lacks."""
+    """Write the file completely or not at all, and return what the bag lacks."""
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
     except OSError as error:
@@ -75,7 +90,7 @@ def _make(index: BagIndex, path: Path, key: str, window: tuple[float, float] | N
     os.close(handle)
     try:
         notes = _write(index, Path(name), key, window)
-        os.chmod(name, 0o644)  # mkstemp makes it private
+        os.chmod(name, 0o644)  # mkstemp makes the file private
         os.replace(name, path)
     except OSError as error:
         raise RigError(f"{path}: cannot be written ({error.strerror})") from None
@@ -87,7 +102,21 @@ def _make(index: BagIndex, path: Path, key: str, window: tuple[float, float] | N
 def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: Path, tab: str | None = None) -> None:
     """Write the layout of one tab of a run's view, without the viewer's own bars, for a picture of it.
 
-    tab: one of layout.TABS, the one that the view opens with unless told otherwise; RigError when the run has none.
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a run or its .mcap file.
+    window : (float, float) or None
+        Start and end with which the plots open [s].
+    path : Path
+        File of the layout.
+    tab : str, optional
+        One of layout.TABS; by default the tab with which the view opens.
+
+    Raises
+    ------
+    RigError
+        When the run has no such tab.
     """
     with BagIndex(run) as index:
         small = _small(index)
@@ -103,7 +132,7 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
 
 
 def import_rerun() -> ModuleType:
-    """The rerun module; RigError with the way out when this environment has none."""
+    """Return the rerun module; RigError with the remedy when this environment has none."""
     try:
         import rerun
         import rerun.blueprint
@@ -117,7 +146,7 @@ def import_rerun() -> ModuleType:
 
 
 def _key(bag: Path, window: tuple[float, float] | None) -> str:
-    """Changes whenever the file would: with bag, report, catalogue, the code that makes it, and window."""
+    """Return a key that changes with everything the file depends on: bag, report, catalogue, the code that makes it, window."""
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window}".encode())
     package = Path(__file__).parents[1]
@@ -133,28 +162,30 @@ def _key(bag: Path, window: tuple[float, float] | None) -> str:
 
 
 def _key_of(path: Path) -> str | None:
-    """The key a file was made with, None for one that is missing or damaged."""
+    """Return the key with which a file was made, or None for a missing or damaged file."""
     if not path.exists():
         return None
     from rerun.chunk import RrdReader
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # a file that is cut is only warned about
+            warnings.simplefilter("error")  # rerun only warns about a cut file
             return RrdReader(path).recordings()[0].recording_id
     except (OSError, ValueError, RuntimeError, IndexError, Warning):
         return None
 
 
 def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
-    """Fill the file piece by piece of the bag; returns what the bag lacks, which is shown with the report, too."""
+    """Fill the file piece by piece of the bag; return what the bag lacks, which is also shown with the report."""
     rr = import_rerun()
     small = _small(index)
     pages = _pages(small)
     names, own = _names(pages, index, small)
     events = small.events()
     shifts = layout.shifts_of(orders_in(events), pages.box)
-    rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # no wall clock
+    rec = rr.RecordingStream(
+        APPLICATION, recording_id=key, send_properties=False
+    )  # no properties, because they hold the wall clock
     rec.save(path, default_blueprint=layout.blueprint(pages, set(names), layout.choose(shifts), window, own=own))
     rec.send_recording_name(index.path.stem)
     curves = Curves(rr, rec, pages, names, shifts)
@@ -181,7 +212,7 @@ def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | 
 
 
 def _pages(small: Bag) -> Pages:
-    """What is shown of the rig that a bag is of; BagError where its record is none."""
+    """Return the pages of the bag's rig; BagError when the bag's record is invalid."""
     try:
         return Pages(small.record)
     except UNREADABLE as error:
@@ -189,12 +220,12 @@ def _pages(small: Bag) -> Pages:
 
 
 def _small(index: BagIndex) -> Bag:
-    """Events, columns of loggers and description of the whole run."""
+    """Return a bag with the events, columns of loggers and description of the whole run."""
     return index.bag([topic for topic, ros_type in index.types.items() if ros_type in SMALL])
 
 
 def _names(pages: Pages, index: BagIndex, small: Bag) -> tuple[list[str], tuple[str, ...]]:
-    """Signals of the catalogue that the bag holds, and those that the controller names as its own; none in most runs."""
+    """Return the catalogue's signals that the bag holds, and the controller's own named signals, which most runs lack."""
     logged = small.columns(LOGGER_TOPIC) if index.counts.get(LOGGER_TOPIC) else []
     own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
     return [
@@ -211,9 +242,9 @@ def _check_window(window: tuple[float, float], curves: Curves) -> None:
 
 
 def _report(bag: Bag, notes: list[str]) -> dict:
-    """The report beside the bag, or one made from the bag alone: also where what lies there is of another run.
+    """Return the report beside the bag, or one made from the bag alone, also when the one beside it is of another run.
 
-    bag: with the description of the run; what a report is made from is read from its file.
+    ``bag`` has the description of the run; the sources of a new report are read from the bag's file.
     """
     try:
         report = read_report(bag.path.parent)
@@ -234,7 +265,7 @@ def _report(bag: Bag, notes: list[str]) -> dict:
 
 
 def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
-    """What the list of events shows of one, and its level. t: time [s]."""
+    """Return the text that the list of events shows for an event, and its level; ``t`` is its time [s]."""
     level = next((level for part, level in LEVELS if part in name), "INFO")
     return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The curves and states of a run, sent to Rerun piece by piece of its bag, and the upright lines at its orders.
+"""The curves and states of a run, sent to Rerun piece by piece of its bag, and the vertical lines at its orders.
 
-Used by view.convert; names, units and colours of a curve by view.live, too.
+view.convert uses it; view.live also uses the names, units and colours of curves.
 """
 
 from __future__ import annotations
@@ -29,41 +29,60 @@ LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
 
 def times(rr: ModuleType, t: Sequence[float] | np.ndarray) -> TimeColumn:
-    """Times [s] as the time column of every view."""
+    """Return times [s] as the time column of every view."""
     return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
 
 
 def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
-    """Name with unit and colour of a curve."""
+    """Log the name with unit and the colour of a curve."""
     name = f"{signal.name} [{signal.display_unit}]"
     line = rr.SeriesLines(names=name, colors=pages.colour(signal.name), widths=pages.width(signal.name))
     rec.log(layout.entity(signal), line, static=True)
 
 
 def log_state_styles(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
-    """Labels and colours of the states of a signal."""
+    """Log the labels and colours of the states of a signal."""
     labels = list(signal.states.values())
     colours = [pages.state_colour(signal.name, label) for label in labels]
     rec.log(layout.entity(signal), rr.StateConfiguration(values=labels, colors=colours), static=True)
 
 
 class Curves:
-    """Sends what each piece of a bag adds.
+    """Sender of the curves of each piece of a bag.
 
-    ``ends``: first and last time [s] of all so far; ``problems``: sentences on what could not be drawn.
+    Attributes
+    ----------
+    ends : (float, float)
+        First and last time of everything sent so far [s].
+    problems : list of str
+        Sentences on what could not be drawn.
     """
 
     def __init__(
         self, rr: ModuleType, rec: RecordingStream, pages: Pages, names: Collection[str], shifts: Sequence[layout.Shift]
     ) -> None:
-        """pages: of the rig; names: the signals of it to draw; shifts: as of layout.shifts_of."""
+        """Prepare a recording.
+
+        Parameters
+        ----------
+        rr : module
+            The rerun module.
+        rec : RecordingStream
+            The recording that receives the curves.
+        pages : Pages
+            The pages of the rig.
+        names : collection of str
+            Signals of the rig to draw.
+        shifts : sequence of Shift
+            Shifts of layout.shifts_of.
+        """
         self._rr, self._rec, self._pages, self._names, self._shifts = rr, rec, pages, names, shifts
         self.ends = (np.inf, -np.inf)
         self.problems: list[str] = []
         self._styled: set[str] = set()
-        self._states: dict[str, float] = {}  # what a state was last
+        self._states: dict[str, float] = {}  # last value of each state
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
-        self._heights = {}  # (plot, number of the shift) -> lowest and highest value during the shift
+        self._heights = {}  # (plot, index of the shift) -> lowest and highest value during the shift
 
     def add(self, piece: Bag) -> None:
         """Send all signals of the next piece."""
@@ -73,7 +92,7 @@ class Curves:
             if name in logged:
                 t, values = logged[name]
             elif LOGGER_TOPIC in self._due and name in piece.columns(LOGGER_TOPIC):
-                continue  # the logger draws it, only not in this piece
+                continue  # the logger draws it, although not in this piece
             else:
                 t, values = self._series(piece, signal)
             if len(t):
@@ -98,7 +117,7 @@ class Curves:
             self.problems.append(problem)
 
     def _rows(self, piece: Bag, topic: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Time [s] and values of a logger's columns, broken where rows are missing, also between two pieces."""
+        """Return time [s] and values of a logger's columns, broken where rows are missing, also between two pieces."""
         if not piece.counts.get(topic):
             return {}
         try:
@@ -114,7 +133,7 @@ class Curves:
         return {name: (t, np.append(np.nan, values)) for name, values in logger.channels.items()}
 
     def _first(self, entity: str) -> bool:
-        """True once for each."""
+        """Return True at the first call for an entity."""
         known = entity in self._styled
         self._styled.add(entity)
         return not known
@@ -128,7 +147,7 @@ class Curves:
         self._send(layout.entity(signal), t, signal.shown(values))
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """One row for each change of state."""
+        """Send one row for each change of state."""
         if self._first(signal.name):
             log_state_styles(self._rr, self._rec, self._pages, signal)
         change = np.flatnonzero(np.diff(values, prepend=self._states.get(signal.name, np.nan)) != 0)
@@ -138,7 +157,7 @@ class Curves:
             self._rec.send_columns(layout.entity(signal), [times(self._rr, t[change])], self._rr.StateChange.columns(state=states))
 
     def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """How high the plots with upright lines are during each shift."""
+        """Measure the height of the plots with vertical lines during each shift."""
         for title, names in self._pages.marked_plots:
             if signal.name not in names:
                 continue
@@ -153,7 +172,7 @@ class Curves:
                     self._heights[title, number] = min(low, seen.min()), max(high, seen.max())
 
     def send_marks(self) -> None:
-        """An upright line at the order of each shift, as high as the curves of the plot during the shift."""
+        """Send a vertical line at the order of each shift, as high as the curves of the plot during the shift."""
         for title, _ in self._pages.marked_plots:
             rows = [
                 (shift.order, value)
@@ -164,7 +183,7 @@ class Curves:
             if rows:
                 t, values = np.array(rows).T
                 path = layout.mark_entity(title)
-                # both ends lie at one time: averaged, they would be a point
+                # both ends lie at the same time; averaging would reduce them to a point
                 line = self._rr.SeriesLines(names="shift ordered", colors=OTHER, widths=1.0, aggregation_policy="Off")
                 self._rec.log(path, line, static=True)
                 self._send(path, t, values)

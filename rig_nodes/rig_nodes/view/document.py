@@ -3,7 +3,7 @@
 
 """The report of a run as a markdown document, for the text panel of the view.
 
-Used by view.convert; keys, headings and units are those of the report (analysis.report).
+view.convert uses it; keys, headings and units are those of the report (analysis.report).
 """
 
 from __future__ import annotations
@@ -14,13 +14,18 @@ from ..analysis.no_change import measured_lines
 from ..analysis.report import columns_of, no_shift, shown_transmission
 from ..transmission import Transmission
 
-WIDEST = 4  # shifts side by side before the table is turned
+WIDEST = 4  # largest number of shifts side by side; with more, the table is transposed
 
 
 def report_document(report: dict, problems: list[str]) -> str:
-    """Tables of the shifts, or the results of the clutch bench, and of the run.
+    """Return tables of the shifts, or the results of the clutch bench, and of the run.
 
-    problems: sentences on what is wrong with the bag, shown first.
+    Parameters
+    ----------
+    report : dict
+        The report of analysis.report.
+    problems : list of str
+        Sentences on what is wrong with the bag; they come first.
     """
     run, box = report["run"], shown_transmission(report)
     parts = [f"# {run.get('sequence') or 'Run'}"]

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a view is laid out: the shifts that it shows, tabs of plots and the window in time they open with.
+"""The layout of a view: the shifts that it shows, the tabs of plots, and the time window with which they open.
 
-Used by view.convert for a recorded run and by view.live for a running rig; what the plots show says view.pages.
+view.convert uses it for a recorded run and view.live for a running rig; view.pages defines the contents of the plots.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 TIMELINE = "t"
-BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak and the torque settling again
+BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift, for profiles, torque peak and the settling of the torque
 
-LEGEND = 0.3  # of a window, shown after it: there the legend covers nothing that matters
+LEGEND = 0.3  # share of a window that is shown after it, where the legend covers no relevant curve
 
-TABS = ("shifts", "run", "other", "controller")  # as the command line names them
+TABS = ("shifts", "run", "other", "controller")  # names on the command line
 
 # The viewer keeps the range that linked time axes share under this fixed view id. The view with this id hands
-# it the window the linked plots open with; without it they would open with the whole run.
+# it the window with which the linked plots open; without it they would open with the whole run.
 SHARED_AXIS = uuid.UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
 
 
 @dataclass(frozen=True)
 class Shift:
-    """A shift to be shown: time of its order [s], gear before and after, end of its window [s]; box: what was shifted."""
+    """A shift to be shown: time of its order [s], gear before and after, end of its window [s], and its transmission ``box``."""
 
     order: float
     before: int
@@ -52,15 +52,20 @@ class Shift:
 
     @property
     def title(self) -> str:
-        """What people call it, e.g. ``I → II at 3.835 s``."""
+        """The displayed name of the shift, e.g. ``I → II at 3.835 s``."""
         names = self.box.names
         return f"{names.get(self.before, '?')} → {names.get(self.after, '?')} at {self.order:.3f} s"
 
 
 def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) -> list[Shift]:
-    """The shifts of a run; the window of each ends before the next one's.
+    """Return the shifts of a run; the window of each ends before the next shift's.
 
-    orders: (t [s], gear before, gear after) of every order; box: what was shifted, None for a rig without gears.
+    Parameters
+    ----------
+    orders : list of (float, int, int)
+        Time [s], gear before and gear after of every order.
+    box : Transmission or None
+        The transmission; None for a rig without gears.
     """
     shifts = []
     if box is None:
@@ -72,15 +77,15 @@ def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) ->
 
 
 def with_room(window: tuple[float, float]) -> tuple[float, float]:
-    """The window that plots open with, so that their legends lie behind what is to be seen [s]."""
+    """Return the window [s] with which plots open, extended so that their legends lie behind the relevant part."""
     start, end = window
     return start, end + LEGEND * (end - start)
 
 
 def choose(shifts: list[Shift]) -> list[Shift]:
-    """The first upshift and the first downshift under way, at most two, in order of time.
+    """Return at most two shifts in order of time: the first upshift and the first downshift under way.
 
-    Engaging from neutral is chosen only when there is nothing else.
+    An engagement from neutral is chosen only when there is no other shift.
     """
     under_way = [s for s in shifts if s.box.changes(s.before, s.after)] or shifts
     first = {}
@@ -90,17 +95,17 @@ def choose(shifts: list[Shift]) -> list[Shift]:
 
 
 def entity(signal: Signal) -> str:
-    """Where a signal lies in the view's file: its quantity, then its name, e.g. ``torque/NAME``."""
+    """Return the place of a signal in the view's file: its quantity, then its name, e.g. ``torque/NAME``."""
     return f"{signal.quantity.replace(' ', '_')}/{signal.name}"
 
 
 def mark_entity(title: str) -> str:
-    """Where the marks of the orders in a plot lie, e.g. ``orders/shaft_torque``."""
+    """Return the place of the marks of the orders in a plot, e.g. ``orders/shaft_torque``."""
     return f"orders/{title.lower().replace(',', '').replace(' ', '_')}"
 
 
 def own_entity(name: str) -> str:
-    """Where a signal of the controller's own is in the file."""
+    """Return the place in the file of a signal of the controller's own."""
     return f"controller/{name}"
 
 
@@ -112,13 +117,29 @@ def blueprint(
     only: str | None = None,
     own: tuple[str, ...] = (),
 ) -> rrb.Blueprint:
-    """The layout of a recorded run as a Rerun blueprint.
+    """Return the layout of a recorded run as a Rerun blueprint.
 
-    pages: of the rig. present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
-    in the first tab. window: start and end [s] the linked plots open with, whose tab then shows; without it
-    they open with the time of the shifts, or with the whole run when there is none. only: this one of TABS, or of the rig's pages,
-    alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's. own: names
-    of the signals of the controller's own, a plot each in a tab of theirs.
+    Parameters
+    ----------
+    pages : Pages
+        The pages of the rig.
+    present : set of str
+        Names of the signals that the file holds; plots without any of them are left out.
+    shifts : list of Shift
+        Shifts shown side by side in the first tab.
+    window : (float, float) or None
+        Start and end with which the linked plots open [s]; their tab is then the visible one. Without it they open with the
+        time of the shifts, or with the whole run when there are no shifts.
+    only : str, optional
+        One of TABS, or of the rig's pages, which is shown alone and without the viewer's own bars, for a picture; a tab
+        that the run does not have is replaced by the run's.
+    own : tuple of str
+        Names of the controller's own signals; each has a plot in a separate tab.
+
+    Returns
+    -------
+    Blueprint
+        The layout.
     """
     import rerun.blueprint as rrb
 
@@ -150,12 +171,12 @@ def blueprint(
 
 
 def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
-    """The layout of a running rig: the run's plots of all signals, over the newest ``seconds``."""
+    """Return the layout of a running rig: the run's plots of all signals, over the newest ``seconds``."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     newest = rr.TimeRangeBoundary.cursor_relative
-    # linked axes have no window that moves, so each plot has its own
+    # linked axes have no moving window, so each plot has its own
     span = rr.TimeRange(start=newest(seconds=-seconds), end=newest())
     axis = rrb.TimeAxis(link="Independent", view_range=span)
     present = set(pages.known.signals)
@@ -179,7 +200,7 @@ def _whole(rrb: ModuleType, content: rrb.Container, panels: str, top: str, play:
 
 
 def _tab(name: str, columns: list[list]) -> rrb.Horizontal:
-    """Columns of plots, and the texts at their right."""
+    """Return columns of plots with the texts at their right."""
     import rerun.blueprint as rrb
 
     parts = []
@@ -188,7 +209,7 @@ def _tab(name: str, columns: list[list]) -> rrb.Horizontal:
             # a lane of states needs a fifth of the height of a plot
             shares = [0.25 + 0.2 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0 for view in views]
             parts.append(rrb.Vertical(*views, row_shares=shares))
-    # the text holds the time: the viewer's own column is too narrow for it
+    # the text contains the time, because the viewer's own time column is too narrow
     log = rrb.archetypes.TextLogColumns(
         timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
         text_log_columns=[rrb.encodings.TextLogColumn("Body")],
@@ -202,7 +223,7 @@ def _tab(name: str, columns: list[list]) -> rrb.Horizontal:
 
 
 def _shift_column(pages: Pages, present: set[str], shift: Shift, legend: bool) -> list:
-    """Plots of one shift. legend: shown in the first column only; colours are the same in the second."""
+    """Return the plots of one shift; ``legend`` is True for the first column only, because the second has the same colours."""
     import rerun.blueprint as rrb
 
     axis = rrb.TimeAxis(link="Independent", view_range=_range(with_room(shift.window)))

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A picture of a view without a display: a viewer draws it with a software Vulkan driver and hands it over.
+"""A picture of a view without a display: a viewer draws it with a software Vulkan driver and returns it.
 
-Used by `rig view`; the viewer is awaited, asked and ended here within a bounded time.
+`rig view` uses it. The viewer is started, queried and ended here within a bounded time.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/
 NO_DRIVER = "no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers and try again"
 SIZE = (1600, 1400)
 LONGEST = 60.0  # s for the whole picture
-SETTLED = 3  # equal images in a row before the drawing counts as finished
+SETTLED = 3  # successive equal images after which the drawing counts as finished
 PAUSE = 0.25  # s between them
 
 
 def software_driver() -> Path | None:
-    """The description of the software Vulkan driver (Mesa lavapipe), None when it is not installed."""
+    """Return the description file of the software Vulkan driver (Mesa lavapipe), or None when it is not installed."""
     for folder in DRIVER_FOLDERS:
         for path in sorted(Path(folder).glob("lvp_icd*.json")):
             return path
@@ -47,7 +47,7 @@ def software_driver() -> Path | None:
 
 
 def require_driver() -> Path:
-    """The software Vulkan driver; RigError says where it comes from when it is missing."""
+    """Return the software Vulkan driver; when it is missing, RigError names its source."""
     driver = software_driver()
     if driver is None:
         raise RigError(NO_DRIVER)
@@ -57,10 +57,30 @@ def require_driver() -> Path:
 def take_picture(
     view: Path, layout: Path | None, picture: Path, size: tuple[int, int] = SIZE, longest: float = LONGEST
 ) -> list[str]:
-    """Draw a view, in a layout of its own or another one, into a PNG; returns what the viewer reports as sentences.
+    """Draw a view into a PNG and return what the viewer reports, as sentences.
 
-    size: width and height [px]. Raises RigError without a software Vulkan driver, when the picture cannot be
-    written, and when the viewer does not come to an end within ``longest`` [s].
+    Parameters
+    ----------
+    view : Path
+        File of the view.
+    layout : Path or None
+        A layout; None for the view's own.
+    picture : Path
+        The PNG to write.
+    size : (int, int)
+        Width and height [px].
+    longest : float
+        Time limit [s].
+
+    Returns
+    -------
+    list of str
+        The viewer's reports.
+
+    Raises
+    ------
+    RigError
+        When there is no software Vulkan driver, the picture cannot be written, or the viewer does not finish in time.
     """
     with HeadlessViewer(str(view), layout, size, longest) as viewer:
         image = viewer.image()
@@ -73,14 +93,24 @@ def take_picture(
 
 
 class HeadlessViewer:
-    """A viewer without a window, as a context manager; whatever is asked of it within it is bounded in time.
+    """A viewer without a window, as a context manager; every request to it is limited in time.
 
-    Inside, what the viewer's client (``client``, a rerun ViewerClient) raises becomes RigError.
+    Within the context, exceptions of the viewer's client (``client``, a rerun ViewerClient) become RigError.
     """
 
     def __init__(self, source: str, layout: Path | None = None, size: tuple[int, int] = SIZE, longest: float = LONGEST) -> None:
-        """source: a file, or the address of a live view; layout: one to show it in, in place of its own; size: width and height
-        [px]; longest: for all [s].
+        """Prepare a viewer; entering the context starts it.
+
+        Parameters
+        ----------
+        source : str
+            A file, or the address of a live view.
+        layout : Path, optional
+            Layout to show it in, in place of its own.
+        size : (int, int)
+            Width and height [px].
+        longest : float
+            Time limit for everything within the context [s].
         """
         self.client = None
         self._sources, self._size, self._longest = [source, *([str(layout)] if layout else [])], size, longest
@@ -90,13 +120,13 @@ class HeadlessViewer:
         driver = require_driver()
         self._folder = tempfile.TemporaryDirectory(prefix="rig-view-")
         self.process = None
-        # not all calls of the client have a time limit of their own; they fail when the viewer is gone
+        # not all calls of the client have a time limit, but they fail when the viewer has ended
         self._deadline = time.monotonic() + self._longest
         self._watchdog = threading.Timer(self._longest, self._kill)
         self._watchdog.start()
         try:
             laid_out = False
-            while not laid_out:  # the viewer opens both files at once and shows the layout of the later one
+            while not laid_out:  # the viewer opens both files at once and shows the layout of the one that is loaded later
                 self._kill()
                 self.process, port = _start(self._sources, self._size, driver, Path(self._folder.name))
                 self._connect(port)
@@ -121,27 +151,27 @@ class HeadlessViewer:
             raise RigError(f"no picture: the viewer {reason} ({' '.join(str(error).split())})") from None
 
     def state(self) -> ViewerState:
-        """What the viewer holds and shows, a rerun ViewerState."""
+        """Return what the viewer holds and shows, a rerun ViewerState."""
         return self._answer(lambda: self.client.get_state())
 
     def screenshot(self, view: str | None = None) -> bytes:
-        """PNG of all as it is now, or of the view with this id."""
+        """Return a PNG of the whole window as it is now, or of the view with this id."""
         return self._answer(lambda: self.client.take_screenshot(view))
 
     def views(self, wanted: Callable[[str], bool] = lambda _name: True) -> list[tuple[str, bytes]]:
-        """(name, PNG) of the views with a wanted name."""
+        """Return (name, PNG) of the views whose name is wanted."""
         return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
 
     def _answer(self, ask: Callable[[], Answer]) -> Answer:
         while True:
             try:
                 return ask()
-            except TimeoutError:  # of this one call, on a busy machine; the watchdog ends it for good
+            except TimeoutError:  # one call timed out on a busy machine; the watchdog enforces the total limit
                 if self.process.poll() is not None:
                     raise
 
     def image(self, view: str | None = None) -> bytes:
-        """PNG of all, or of the view with this id, once it stands still."""
+        """Return a PNG of the whole window, or of the view with this id, once it no longer changes."""
         last, same = b"", 0
         while same < SETTLED:
             image = self.screenshot(view)
@@ -151,11 +181,11 @@ class HeadlessViewer:
         return last
 
     def reports(self) -> list[str]:
-        """What the viewer complains about, as sentences; none when all is well."""
+        """Return the viewer's complaints as sentences; empty when there are none."""
         return [f"{view.name}: {report.summary}" for view in self.state().views for report in view.reports]
 
     def _connect(self, port: int) -> None:
-        """Wait until the viewer answers and shows something; the client's error when it ends."""
+        """Wait until the viewer answers and shows something; raise the client's error when the viewer ends."""
         from rerun.experimental import ViewerClient
 
         while True:
@@ -173,7 +203,7 @@ class HeadlessViewer:
 
 
 def _start(sources: list[str], size: tuple[int, int], driver: Path, folder: Path) -> tuple[subprocess.Popen, int]:
-    """The viewer without a window and the port it listens on; what it keeps, it keeps in ``folder``."""
+    """Start the viewer without a window and return its process and port; it stores its files in ``folder``."""
     environment = surroundings(folder)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         environment.pop(name, None)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Rerun viewer as a process: its program, its surroundings, a window of its own for a person.
+"""The Rerun viewer as a process: its program, its environment, and a window for a person.
 
-Used by `rig view` and view.picture. The viewer listens on loopback only and reports nothing to its makers.
+`rig view` and view.picture use it. The viewer listens on loopback only and sends no usage statistics to its makers.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from ..errors import RigError
 from .convert import import_rerun
 
 PR_SET_PDEATHSIG = 1
-START = 2.0  # s within which a viewer that cannot show a window has ended
+START = 2.0  # s within which a viewer that cannot show a window ends
 
 
 def program() -> str:
-    """Path of the viewer's program; RigError when rerun-sdk came without it.
+    """Return the path of the viewer's program; RigError when rerun-sdk came without it.
 
-    The `rerun` on the PATH is a script that starts this program as its child and leaves it behind when ended.
+    The `rerun` on the PATH is a script that starts this program as its child and leaves the child running when it is ended.
     """
     import_rerun()
     import rerun_cli
@@ -36,7 +36,7 @@ def program() -> str:
 
 
 def surroundings(folder: Path) -> dict[str, str]:
-    """Environment of a viewer that keeps its settings in ``folder``, with usage statistics switched off."""
+    """Return the environment of a viewer that keeps its settings in ``folder``, with usage statistics switched off."""
     settings = folder / "rerun" / "analytics.json"
     settings.parent.mkdir(parents=True, exist_ok=True)
     settings.write_text(
@@ -55,12 +55,12 @@ def surroundings(folder: Path) -> dict[str, str]:
 
 
 def has_display() -> bool:
-    """Whether a window can be opened."""
+    """Return True when a window can be opened."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def command_for(source: Path | str) -> str:
-    """What a person types to see a file or an address, with the version that reads it."""
+    """Return the command that shows a file or an address, with the version that reads it."""
     rr = import_rerun()
     return f"rerun {source} (rerun-sdk {rr.__version__}: pip install rerun-sdk=={rr.__version__})"
 
@@ -68,7 +68,20 @@ def command_for(source: Path | str) -> str:
 def open_window(view: Path | str) -> int:
     """Show a file, or the live view at an address, in a viewer that outlives this command.
 
-    Returns its process id. Raises RigError with the viewer's last words when it ends at once, e.g. for want of a graphics driver.
+    Parameters
+    ----------
+    view : Path or str
+        The file or the address.
+
+    Returns
+    -------
+    int
+        The viewer's process id.
+
+    Raises
+    ------
+    RigError
+        When the viewer ends at once, e.g. because a graphics driver is missing; the error contains its last output.
     """
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     with tempfile.TemporaryFile() as words:
@@ -83,7 +96,7 @@ def open_window(view: Path | str) -> int:
         try:
             code = viewer.wait(START)
         except subprocess.TimeoutExpired:
-            viewer.returncode = 0  # it is on its own from here: no warning that it still runs
+            viewer.returncode = 0  # set so that Python does not warn about the viewer, which keeps running
             return viewer.pid
         words.seek(0)
         lines = [line.strip() for line in words.read().decode(errors="replace").splitlines() if line.strip()]
