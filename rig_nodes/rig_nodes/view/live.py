@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view: messages of a running rig to a Rerun server on loopback, from which viewers come and go.
+"""The live view: it sends messages of a running rig to a Rerun server on loopback, to which viewers can connect at any time.
 
-Used by nodes.live_view, which receives the messages. Nothing here waits for a viewer, and all is bounded: the
-queue drops its oldest message, the server its oldest data, the end comes whether or not anybody reads.
+nodes.live_view receives the messages and uses this module. Nothing here waits for a viewer, and everything is bounded: the
+queue drops its oldest message, the server its oldest data, and the end comes whether or not a viewer reads.
 """
 
 from __future__ import annotations
@@ -41,36 +41,49 @@ if TYPE_CHECKING:
 
     from rerun import RecordingStream
 
-APPLICATION = "virtual_rig_live"  # not that of recorded runs: a viewer may show both, each with its layout
-PORT = 9876  # where `rerun --connect` looks by itself
-MEMORY = "100MB"  # of the server, for viewers that come later: about four minutes
-WINDOW = 10.0  # s that the plots show
-WAITING = 20_000  # messages between callbacks and sender, about 5 s of the rig
-PERIOD = 0.2  # s between two sendings: a picture that moves, in blocks that are not too small
-TELL = 1.0  # s between two counts in the text panel
-BACK = 1.0  # s by which time jumps back when another run has begun
+APPLICATION = "virtual_rig_live"  # differs from that of recorded runs, so that a viewer can show both, each with its layout
+PORT = 9876  # the default of `rerun --connect`
+MEMORY = "100MB"  # memory of the server for viewers that connect later, about four minutes
+WINDOW = 10.0  # s, time span of the plots
+WAITING = 20_000  # messages queued between callbacks and sender, about 5 s of the rig
+PERIOD = 0.2  # s between two transmissions, short enough for a moving picture and long enough for large blocks
+TELL = 1.0  # s between two updates of the counts in the text panel
+BACK = 1.0  # s; a larger jump back of time means that another run has begun
 SERVER_START = 15.0  # s
-FLUSH = 1.0  # s for what the SDK still holds
+FLUSH = 1.0  # s for sending the data that the SDK still holds
 CLOCK_TOPIC = "/rig/state"
 EVENT = "rig_msgs/msg/Event"
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
 def live_topics(pages: Pages) -> list[Topic]:
-    """The topics that the live view of a rig shows: those of its signals, and the events."""
+    """Return the topics that the live view of a rig shows: those of its signals, and the events."""
     known = pages.known
     shown = {signal.topic for signal in known.signals.values()}
     return [topic for topic in known.topics.values() if topic.name in shown or topic.ros_type == EVENT]
 
 
 class Server:
-    """A Rerun server as a child process; ``url`` is what viewers connect to.
+    """A Rerun server as a child process; viewers connect to ``url``.
 
-    The SDK can serve too, but on all interfaces of the machine; this one is bound to 127.0.0.1.
+    The SDK can serve too, but on all interfaces of the machine; this server is bound to 127.0.0.1.
     """
 
     def __init__(self, port: int | None = None, memory: str = MEMORY) -> None:
-        """port: None for PORT, or a free one when that is taken. RigError when it does not come up."""
+        """Start the server.
+
+        Parameters
+        ----------
+        port : int, optional
+            Port to listen on; by default PORT, or a free port when PORT is taken.
+        memory : str
+            Memory for viewers that connect later.
+
+        Raises
+        ------
+        RigError
+            When the server does not start.
+        """
         self.port = _free_port(PORT, 0) if port is None else _free_port(port)
         self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
         self._folder = tempfile.TemporaryDirectory(prefix="rig-live-")
@@ -105,17 +118,17 @@ class Server:
                 time.sleep(0.02)
 
     def ended(self) -> bool:
-        """True when the server is gone."""
+        """Return True when the server has ended."""
         return self.process.poll() is not None
 
     def last_words(self) -> str:
-        """The last line that the server wrote, for people."""
+        """Return the last line that the server printed."""
         self._words.seek(0)
         lines = self._words.read().decode(errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "without a word")
 
     def close(self) -> None:
-        """End it at once; what it holds for viewers is gone."""
+        """End the server at once; the data that it holds for viewers is lost."""
         self.process.kill()
         self.process.wait()
         self._words.close()
@@ -123,7 +136,7 @@ class Server:
 
 
 def _free_port(*wanted: int) -> int:
-    """The first of the ports that is free on loopback, 0 standing for any; RigError when none is."""
+    """Return the first of the ports that is free on loopback, where 0 stands for any; RigError when none is free."""
     for port in wanted:
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -136,14 +149,26 @@ def _free_port(*wanted: int) -> int:
 
 
 class Sender:
-    """The bounded queue and the one thread that calls the SDK. ``put`` never waits.
+    """The bounded queue and the one thread that calls the SDK; ``put`` never waits.
 
-    ``dropped`` counts what the queue had no room for, ``lost`` what never arrived (gaps in the numbers of the
-    messages that no drop explains), ``unreadable`` what is no message of its topic.
+    ``dropped`` counts messages for which the queue had no room, ``lost`` messages that never arrived (gaps in the numbers of the
+    messages that no drop explains), and ``unreadable`` those that are not a message of their topic.
     """
 
     def __init__(self, url: str, title: str, pages: Pages, window: float = WINDOW) -> None:
-        """url: of a running Server. pages: of the rig. title: name of the recording. window: seconds that the plots show."""
+        """Start the sender.
+
+        Parameters
+        ----------
+        url : str
+            Address of a running Server.
+        title : str
+            Name of the recording.
+        pages : Pages
+            The pages of the rig.
+        window : float
+            Time span of the plots [s].
+        """
         self.rr = import_rerun()
         self.received = self.dropped = self.unreadable = self._gaps = self._in_hand = 0
         self.failure = ""
@@ -152,7 +177,7 @@ class Sender:
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._shown = {topic.name: _Shown(pages, topic) for topic in live_topics(pages)}
-        self._newest = 0.0  # s of the rig's clock
+        self._newest = 0.0  # newest time of the rig's clock [s]
         self._recordings = 0
         self._told_at = 0.0
         self._rec = None
@@ -160,7 +185,7 @@ class Sender:
         self._thread.start()
 
     def put(self, topic: str, data: bytes) -> None:
-        """Take one encoded message; when the queue is full its oldest message goes."""
+        """Queue one encoded message; a full queue drops its oldest message."""
         with self._lock:
             self.received += 1
             if len(self._queue) >= WAITING:
@@ -170,26 +195,26 @@ class Sender:
 
     @property
     def waiting(self) -> int:
-        """Messages that are not sent yet."""
+        """Number of messages that are not sent yet."""
         return len(self._queue) + self._in_hand
 
     @property
     def lost(self) -> int:
-        """Messages that never arrived here."""
+        """Number of messages that never arrived here."""
         return max(0, self._gaps - self.dropped - self.unreadable)
 
     def close(self, seconds: float) -> bool:
-        """Send what is queued; False when that took longer than so many seconds and was given up."""
+        """Send what is queued; return False when that takes longer than ``seconds`` and is given up."""
         self._closing.set()
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
     def summary(self) -> str:
-        """One sentence of counts."""
+        """Return one sentence of counts."""
         text = f"{self.received} messages, {self.dropped} dropped here, {self.lost} lost on the way"
         return text + (f", {self.unreadable} unreadable" if self.unreadable else "")
 
-    # ---- the sender's thread
+    # ---- methods of the sender's thread
 
     def _run(self) -> None:
         try:
@@ -204,11 +229,11 @@ class Sender:
                 self._in_hand = 0
                 self._tell()
             self._leave()
-        except RuntimeError as error:  # the SDK's, once its server is gone
+        except RuntimeError as error:  # raised by the SDK once its server has ended
             self.failure = " ".join(str(error).split())
 
     def _begin(self) -> None:
-        """A new recording: for the first run and whenever time begins again."""
+        """Begin a new recording, for the first run and whenever time begins again."""
         rr = self.rr
         if self._rec is not None:
             self._leave()
@@ -222,12 +247,12 @@ class Sender:
             shown.begin(rr, self._rec)
 
     def _leave(self) -> None:
-        """What the SDK still holds goes to the server, which keeps it."""
+        """Pass what the SDK still holds to the server, which keeps it."""
         self._rec.flush(timeout_sec=FLUSH)
         self._rec.disconnect()
 
     def _send(self, queue: deque) -> None:
-        """All queued messages, a new recording where the rig's clock jumps back."""
+        """Send all queued messages; begin a new recording where the rig's clock jumps back."""
         by_topic: dict[str, list[bytes]] = {}
         for topic, data in queue:
             if topic == CLOCK_TOPIC and len(data) >= 12:
@@ -247,7 +272,7 @@ class Sender:
             self.unreadable += unreadable
 
     def _tell(self) -> None:
-        """The counts into the text panel."""
+        """Send the counts to the text panel."""
         if time.monotonic() - self._told_at < TELL or not self._newest:
             return
         self._told_at = time.monotonic()
@@ -275,36 +300,36 @@ class Sender:
 
 
 class _Shown:
-    """What is shown of one topic: its messages in blocks to the columns of its signals, or its events."""
+    """The display of one topic: its messages in blocks to the columns of its signals, or its events."""
 
     def __init__(self, pages: Pages, topic: Topic) -> None:
         self.topic, self._pages = topic, pages
         self._signals = pages.known.on_topic(topic.name)
         self._definition = installed(topic.ros_type)
         self._dtype = self._definition.dtype()
-        self._last: int | None = None  # number of the newest message
+        self._last: int | None = None  # sequence number of the newest message
         self._states: dict[str, int] = {}
 
     def begin(self, rr: ModuleType, rec: RecordingStream) -> None:
-        """Names and colours into a new recording."""
+        """Log names and colours to a new recording."""
         self._last = None
         self._states.clear()
         for shown in self._signals:
             (log_state_styles if shown.states else log_style)(rr, rec, self._pages, shown)
 
     def send(self, rr: ModuleType, rec: RecordingStream, messages: list[bytes], newest: float) -> tuple[int, int]:
-        """Send one block; returns how many messages are missing before or in it and how many unreadable."""
+        """Send one block; return how many messages are missing before or in it and how many are unreadable."""
         size = self._dtype.itemsize
         sound = []
         for data in messages:
             if len(data) >= size and data[:2] == cdr.HEADER[:2]:
-                with suppress(ValueError):  # which counts as unreadable
+                with suppress(ValueError):  # such a message counts as unreadable
                     sound.append(cdr.frameless(self._definition, data))
         if not sound:
             return 0, len(messages)
         rows = np.frombuffer(b"".join(data[:size] for data in sound), self._dtype)
         t = rows["stamp.sec"].astype(float) + rows["stamp.nanosec"] * 1e-9
-        # a user's command may come without a stamp: it belongs where it arrived
+        # a user's command may have no stamp; it is placed at the time of its arrival
         t = np.where(t == 0.0, newest, t)
         whole = cache(lambda: [cdr.decode(self.topic.ros_type, data) for data in sound])
         try:
@@ -320,13 +345,13 @@ class _Shown:
         self, rr: ModuleType, rec: RecordingStream, signal: Signal, t: np.ndarray, rows: np.ndarray, whole: Callable[[], list]
     ) -> None:
         field, index = _FIELD.fullmatch(signal.field).groups()
-        # behind a text the place of a field depends on the message
+        # the place of a field behind a text differs from message to message
         values = rows[field] if field in self._dtype.names else np.array([getattr(m, field) for m in whole()])
         values = values if index is None else values[:, int(index)]
         if not signal.states:
             rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
             return
-        # the first of each block again, else the server would forget a state that lasts
+        # the first state of each block is repeated, because the server would otherwise forget a lasting state
         change = np.flatnonzero(np.diff(values.astype(int), prepend=-1) != 0)
         states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
         rec.send_columns(layout.entity(signal), [times(rr, t[change])], rr.StateChange.columns(state=states))

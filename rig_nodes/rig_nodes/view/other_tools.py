@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layouts of PlotJuggler and Foxglove: the same plots as ours, with topics and fields of the catalogue.
+"""Layouts of PlotJuggler and Foxglove: the same plots as in the project's own view, with topics and fields of the catalogue.
 
-Used by `rig view --layout`. Their forms follow what the programs themselves write: PlotJuggler's layout XML
+`rig view --layout` uses it. The forms follow the files that the programs write: PlotJuggler's layout XML
 (plotwidget.cpp, plot_docker.cpp, tabbedplotwidget.cpp of PlotJuggler 3) and the layout JSON that Foxglove and
 its open successor Lichtblick exchange.
 """
@@ -22,12 +22,12 @@ from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-# curves have one colour each
+# each curve has one colour
 STATE_HUES = (INPUT, OUTPUT, OTHER, *(bright for bright, _ in HUES))
 
 
 def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
-    """Tabs as (title, columns of (plot title, signals)); states first, as in our own view."""
+    """Return the tabs as (title, columns of (plot title, signals)), with the states first, as in the project's own view."""
     others = _lists(pages.other_plots)
     half = (len(others) + 1) // 2
     shift = [("Shift", [[("States", list(pages.shift_states)), *_lists(pages.shift_plots)]])] if pages.shift_plots else []
@@ -47,7 +47,7 @@ def _lists(plots: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[str, list[s
 
 
 def write_layout(tool: str, path: Path, pages: Pages) -> None:
-    """Write the layout of a rig for "plotjuggler" or "foxglove"; whole or, with RigError, not at all."""
+    """Write the layout of a rig for "plotjuggler" or "foxglove", completely or, with RigError, not at all."""
     atomic_write(path, {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool](pages))
 
 
@@ -68,7 +68,10 @@ def _legend(signal: Signal) -> str:
 
 
 def plotjuggler(pages: Pages) -> str:
-    """The XML. Curves are called topic/field as its ROS parsers do; a transform gives people's units."""
+    """Return the layout XML of PlotJuggler.
+
+    Curves are named topic/field, as its ROS parsers name them; a transform converts to display units.
+    """
     root = xml.Element("root")
     window = xml.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for title, columns in tabs(pages):
@@ -119,7 +122,10 @@ def _area(pages: Pages, title: str, names: list[str]) -> xml.Element:
 
 
 def foxglove(pages: Pages) -> str:
-    """The JSON. Values are drawn as they travel, in SI, which the titles say; states as state transitions."""
+    """Return the layout JSON of Foxglove.
+
+    Values are drawn in SI as transmitted, which the titles state; states are drawn as state transitions.
+    """
     panels: dict[str, dict] = {}
     tabs_of = []
     for title, columns in tabs(pages):
@@ -134,7 +140,7 @@ def foxglove(pages: Pages) -> str:
 
 
 def _panel(pages: Pages, panels: dict, place: str, title: str, names: list[str]) -> str:
-    """Put one panel in; returns its id."""
+    """Add one panel and return its id."""
     slug = "".join(c for c in place.lower() if c.isalnum())
     paths = []
     for name in names:
@@ -171,7 +177,7 @@ def _panel(pages: Pages, panels: dict, place: str, title: str, names: list[str])
 
 
 def _mosaic(direction: str, parts: list) -> dict | str:
-    """Panels side by side ("row") or stacked ("column") in equal shares, as a tree of pairs."""
+    """Return panels side by side ("row") or stacked ("column") in equal shares, as a tree of pairs."""
     if len(parts) == 1:
         return parts[0]
     return {"direction": direction, "first": parts[0], "second": _mosaic(direction, parts[1:]), "splitPercentage": 100 / len(parts)}

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a view of a rig shows, made of what the rig is made of: plots with their signals, colours and widths of curves.
+"""The contents of a rig's view, derived from the rig's structure: plots with their signals, colours and widths of curves.
 
-Used by view.layout, view.curves, view.live and view.other_tools. Colours belong to roles: what drives, what is driven, each
-clutch, the oil.
+view.layout, view.curves, view.live and view.other_tools use it. Colours belong to roles: driving side, driven side, each
+clutch, oil.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 Colour = tuple[int, int, int]
-Plots = tuple[tuple[str, tuple[str, ...]], ...]  # title of a plot and its signals, which share their display unit
+Plots = tuple[tuple[str, tuple[str, ...]], ...]  # title of a plot and its signals, which have the same display unit
 
-# One hue per place of measurement, apart for the colour-blind and on dark and light ground alike:
-# input shaft green, output shaft pink, the first clutch blue, the second orange, a third violet. Bright is measured,
-# pale is what was asked for or could be transmitted.
+# One hue per place of measurement, distinct for the colour-blind and on dark and light backgrounds:
+# input shaft green, output shaft pink, first clutch blue, second orange, third violet. Bright colours show measured values,
+# pale colours show demanded values or the torque that could be transmitted.
 INPUT, OUTPUT = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0)
 FIRST, SECOND, THIRD = (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F), (0x8E, 0x6B, 0xE8)
 INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
-# bright and pale, of clutches and of gears, each in their order
+# (bright, pale) of clutches and of gears, each in their order
 HUES = ((FIRST, (0x9B, 0xCB, 0xF8)), (SECOND, (0xF8, 0xC4, 0x94)), (THIRD, (0xC9, 0xB8, 0xF4)))
 PALE = (INPUT_PALE, OUTPUT_PALE, *(pale for _, pale in HUES))
 SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
-# Clutches go from grey over yellow to their hue, which is that of the gear at the same place.
+# States of clutches go from grey over yellow to the clutch's hue, which is also that of the gear at the same place.
 IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
 STATE_COLOURS = {
     "none": IDLE,
@@ -47,7 +47,7 @@ STATE_COLOURS = {
     "running": INPUT,
     "tripped": ALARM,
 }
-# what people call the plots of the other signals, which are gathered by quantity; those of more quantities come last
+# titles of the plots of the other signals, which are grouped by quantity; plots of several quantities come last
 OTHER_TITLES = {
     "pressure": "Load pressure",
     "temperature": "Oil temperature",
@@ -56,21 +56,30 @@ OTHER_TITLES = {
     "force": "Clamp force",
     "ratio": "Valve duty",
 }
-OWN = ("shifts", "run", "other")  # pages that a rig has without naming them, and which it may replace
-_OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # what clutches show, in their hue
+OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
+_OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # quantities of clutches that are shown in the clutch's hue
 _OF_VALVE = ("duty", "flow")
 
 
 def hues(place: int) -> tuple[Colour, Colour]:
-    """Bright and pale of the clutch or gear at a place; further ones begin anew."""
+    """Return the bright and the pale hue of the clutch or gear at a place; further places begin again with the first hue."""
     return HUES[place % len(HUES)]
 
 
 class Pages:
-    """The pages of one rig. ``box``: its transmission, None for a rig without gears; ``known``: its signals."""
+    """The pages of one rig.
+
+    ``box`` is its transmission, None for a rig without gears; ``known`` holds its signals.
+    """
 
     def __init__(self, record: Mapping | None = None) -> None:
-        """record: of the rig (RigConfig.as_dict), of any age; the default rig's where nobody knows whose run it is."""
+        """Derive the pages from a rig's record.
+
+        Parameters
+        ----------
+        record : mapping, optional
+            Record of the rig (RigConfig.as_dict), of any age; by default that of the default rig, for a run of an unknown rig.
+        """
         record = rig_record(record)
         self.structure: Structure = structure_of(record["structure"])
         self.known: Catalogue = catalogue(record)
@@ -80,16 +89,16 @@ class Pages:
     # ---- names of signals
 
     def own(self, device: Device, *what: str) -> tuple[str, ...]:
-        """What a device shows of these, as far as it does."""
+        """Return the signals of these quantities that a device has."""
         names = (f"{device.key}_{one}" for one in what)
         return tuple(name for name in (self.structure.names.get(name, name) for name in names) if name in self.known.signals)
 
     def each(self, devices: Iterable[Device], *what: str) -> tuple[str, ...]:
-        """What the first of these devices shows of it, then what the next one does."""
+        """Return the signals of these quantities that the devices have, device after device."""
         return tuple(name for device in devices for name in self.own(device, *what))
 
     def measured(self, *shows: str, at: str = "", types: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """The transducers of what is shown, at a device, of some types."""
+        """Return the transducers of some quantities, optionally only those at a device or of some types."""
         return tuple(
             one.name
             for one in self.structure.transducers
@@ -97,11 +106,11 @@ class Pages:
         )
 
     def pressures(self) -> tuple[str, ...]:
-        """The transducers of the clutches' oil."""
+        """Return the transducers of the clutches' oil."""
         return self.measured(*(f"{self.structure.line_of(one.name)}.pressure" for one in self.structure.clutches))
 
     def setpoints(self, source: Device) -> tuple[str, ...]:
-        """What a source is asked for."""
+        """Return the setpoints of a source."""
         return self.own(source, "speed_setpoint", "setpoint")
 
     # ---- plots
@@ -118,7 +127,7 @@ class Pages:
 
     @cached_property
     def shift_plots(self) -> Plots:
-        """Of a shift; of a rig without gears none."""
+        """Plots of a shift; empty for a rig without gears."""
         if self.box is None:
             return ()
         if "shifts" in self._own:
@@ -142,7 +151,7 @@ class Pages:
 
     @cached_property
     def run_left(self) -> Plots:
-        """Of a whole run: oil, and of a rig without gears what turns."""
+        """Plots of a whole run, left: oil, and for a rig without gears what turns."""
         structure = self.structure
         if "run" in self._own:
             return self._own["run"][::2]
@@ -176,7 +185,7 @@ class Pages:
 
     @cached_property
     def run_right(self) -> Plots:
-        """Of a whole run: what turns, and of a rig without gears what presses."""
+        """Plots of a whole run, right: what turns, and for a rig without gears what presses."""
         structure = self.structure
         if "run" in self._own:
             return self._own["run"][1::2]
@@ -206,7 +215,7 @@ class Pages:
 
     @cached_property
     def marked_plots(self) -> Plots:
-        """The plots that have an upright line at each order."""
+        """The plots that have a vertical line at each order."""
         return tuple(dict.fromkeys(self.shift_plots + self.run_left + self.run_right + self._more)) if self.box else ()
 
     @cached_property
@@ -220,7 +229,7 @@ class Pages:
 
     @cached_property
     def other_plots(self) -> list[tuple[str, list[str]]]:
-        """Title and signals of the plots of every signal that the other pages do not show, by quantity."""
+        """Title and signals of the plots of all signals that the other pages do not show, by quantity."""
         if "other" in self._own:
             return [(title, list(names)) for title, names in self._own["other"]]
         shown = {name for _, names in self.shift_plots + self.run_left + self.run_right + self._more for name in names}
@@ -235,7 +244,7 @@ class Pages:
         return tuple(name for name in names if name in self.known.signals)
 
     def _shown(self, plots: Iterable[tuple[str, Iterable[str]]]) -> Plots:
-        """The plots that have a signal, each with those that there are."""
+        """Return the plots that have a signal, each with its existing signals."""
         found = ((title, self._there(names)) for title, names in plots)
         return tuple((title, names) for title, names in found if names)
 
@@ -280,19 +289,19 @@ class Pages:
 
     @cached_property
     def _drives(self) -> tuple[set[str], set[str]]:
-        """Torques of what drives, and what it is asked for."""
+        """Torques of the driving devices, and their setpoints."""
         sources = self.structure.of_role(parts.SOURCE)
         return set(self.each(sources, "torque")), {name for one in sources for name in self.setpoints(one)}
 
     def colour(self, name: str) -> Colour:
-        """Colour of a signal, the same in every plot."""
+        """Return the colour of a signal, which is the same in every plot."""
         return self.colours.get(name, OTHER)
 
     def width(self, name: str) -> float:
-        """Width of a curve in pixels: what was asked for is seen on both sides of what was measured.
+        """Return the width of a curve in pixels; a setpoint is wider, so that it shows on both sides of the measured curve.
 
-        The viewer draws in the order of names: a motor's torque would hide the shaft's, so it is thin. A drive that holds its
-        speed within a step of the encoder leaves of its setpoint the edges alone.
+        The viewer draws in the order of names: a motor's torque would hide the shaft's, so its curve is thin. When a drive holds
+        its speed within a step of the encoder, only the edges of its setpoint stay visible.
         """
         torques, setpoints = self._drives
         if name in torques:
@@ -302,5 +311,5 @@ class Pages:
         return 4.0 if self.colour(name) in PALE else 2.0
 
     def state_colour(self, name: str, label: str) -> Colour:
-        """Colour of a state of a signal."""
+        """Return the colour of a state of a signal."""
         return self._locked[name] if label == "locked" else self._states.get(label, OTHER)
