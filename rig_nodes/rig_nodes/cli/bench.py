@@ -19,7 +19,7 @@ PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument(
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine"
     )
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Measure what is asked for, print and write the numbers."""
+    """Measure the chosen parts, print and write the numbers."""
     from ..errors import RigError
 
     parts = _chosen(args.parts)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the verbs that act on a running rig share: which one it is, and the way to it."""
+"""Common parts of the verbs that act on a running rig: the selection of the rig and the connection to it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
-    """The argument that names the rig."""
+    """Add the argument that selects the rig."""
     parser.add_argument(
         "--domain",
         type=int,
@@ -25,7 +25,7 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 
 def running_rig(args: argparse.Namespace) -> RunningRig:
-    """The rig of --domain, a context manager; RigError when there is none."""
+    """Return the rig of --domain, a context manager; RigError when there is none."""
     from ..graph.domain import environment, of_running_rig
 
     domain = of_running_rig(args.domain)

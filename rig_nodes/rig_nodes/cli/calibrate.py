@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig calibrate`: finds the rig's unknown parameters again and, with --write, puts them into its configuration."""
+"""`rig calibrate`: it identifies the rig's unknown parameters again and, with --write, puts them into its configuration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument(
         "--rig",
         default=DEFAULT_RIG,
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Search, print what was found, write it when asked to; RigError for what cannot be searched."""
+    """Search, print the result and, on request, write it; RigError when the search is not possible."""
     from ..config import load_yaml
     from ..config.names import beside, find_config, unknown
     from ..config.units import SI

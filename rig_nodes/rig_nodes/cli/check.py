@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig check RIG``: what a rig's folder says, what is wrong with it and where, and its driveline as a picture."""
+"""``rig check RIG``: the content of a rig's folder, its errors with their place, and its driveline as a picture."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ HELP = "check the folder of a rig and draw its driveline"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("rig", metavar="RIG", help="folder of a rig, its file, or the name of an installed one")
     parser.add_argument("--picture", metavar="FILE", help="where the picture goes (default: NAME_driveline.svg here)")
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 when a run can begin; what is wrong is one sentence, with file and line."""
+    """Check a rig and return 0 when a run can begin; an error is one sentence with file and line."""
     from ..atomic_write import atomic_write
     from ..description.picture import driveline_svg
     from ..errors import RigError, not_written
@@ -33,7 +33,7 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.sequence import load_sequence
 
     config = load_rig(args.rig)
-    plan_of(config)  # what joins devices that only the engine knows
+    plan_of(config)  # checks joined devices, which only the engine can check
     print("\n".join(_told(config)))
     for path in _sequences(args.rig):
         sequence = load_sequence(path, None, args.rig)
@@ -53,14 +53,14 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _sequences(rig: str) -> list[Path]:
-    """The sequences in the rig's own folder."""
+    """Return the sequences in the rig's own folder."""
     from ..config.names import find_config
 
     return sorted((find_config("rigs", rig).parent / "sequences").glob("*.yaml"))
 
 
 def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
-    """The validation rows and the calibration in the rig's own folder, a line each."""
+    """Yield one line for each of the validation rows and the calibration in the rig's own folder."""
     from ..config.names import find_config
     from ..validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
 
@@ -78,7 +78,7 @@ def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
 
 
 def _told(config: RigConfig) -> Iterator[str]:
-    """What the description comes to, a line each."""
+    """Yield the lines of the description's summary."""
     structure, n = config.structure, len(config.catalogue.signals)
     yield f"{config.name}: {config.description}"
     yield f"bodies: {', '.join(structure.bodies)}"

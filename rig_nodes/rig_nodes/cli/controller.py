@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig controller check PLUG`` and ``rig controller new KIND DIR``: is one fit for the rig; a start for one."""
+"""``rig controller check PLUG`` tests whether a controller fits the rig; ``rig controller new KIND DIR`` writes a template."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .run_arguments import StepTimeout, step_timeout
 if TYPE_CHECKING:
     import argparse
 
-COME = 20.0  # s for a controller of its own program to come
+COME = 20.0  # s within which a controller that is a separate program must connect
 MARKS = {True: "ok", False: "FAILED", None: "-"}
 HELP = "check a shift controller of your own, or start one from a template"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     from ..controllers.templates import KINDS
 
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
@@ -46,12 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 when everything passed, 1 when something failed."""
+    """Run the sub-verb; return 0 when everything passed, 1 when something failed."""
     return check(args) if args.what == "check" else new(args)
 
 
 def check(args: argparse.Namespace) -> int:
-    """Run the set, print its table."""
+    """Run the set of tests and print its table."""
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.conformance import Check
 
@@ -75,7 +75,7 @@ def check(args: argparse.Namespace) -> int:
 
 
 def new(args: argparse.Namespace) -> int:
-    """Write the template, print what to do with it."""
+    """Write the template and print the next steps."""
     from ..config.names import DEFAULT_RIG
     from ..controllers.record import record_of
     from ..controllers.templates import write_template

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two ends of a message that goes to and fro through DDS; `rig doctor` starts each as a process of its own.
+"""Two ends of a message that goes back and forth through DDS; `rig doctor` starts each end as a separate process.
 
-`ping` prints how long discovery and the round trip took, or ends with a sentence; `pong` answers until ended.
+`ping` prints the times of discovery and of the round trip, or ends with a sentence; `pong` answers until it is ended.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ PATIENCE_S = 10.0
 
 
 def ping() -> str:
-    """Send this process' number, wait for its echo. Ends the process with a sentence after PATIENCE_S."""
+    """Send this process' number and wait for its echo; end the process with a sentence after PATIENCE_S."""
     node = rclpy.create_node("doctor_ping")
     answers: list[int] = []
     out = node.create_publisher(UInt64, "/rig_doctor/ping", 1)
@@ -38,7 +38,7 @@ def ping() -> str:
         lambda: out.get_subscription_count() and node.count_publishers("/rig_doctor/pong"),
         "two processes on this host do not discover each other",
     )
-    # The other side may have discovered one of its two ends only: ask again until it answers.
+    # The other side may have discovered only one of its two ends, so the request is repeated until it answers.
     asked = 0.0
 
     def ask() -> bool:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig device NAME``: one device in a process of its own, for a rig that has it cut out of the plant."""
+"""``rig device NAME``: one device in a separate process, for a rig whose plant leaves this device out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HELP = "start a device of its own, for a rig with source: topic"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("name", help="a device of the rig, e.g. motor")
     parser.add_argument(
         "--domain", type=int, metavar="N", help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)"
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Check, then become the node's process: signals go to it alone."""
+    """Check the arguments, then become the node's process, so that signals reach only the node."""
     from ..engine.outside import check_device
     from ..errors import RigError
     from ..graph.domain import environment, from_environment, numbered

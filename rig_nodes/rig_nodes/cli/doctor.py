@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig doctor`: looks at everything the rig stands on and says what is wrong and what helps.
+"""`rig doctor`: it checks everything that the rig depends on, and prints what is wrong and the remedy.
 
-For people before they ask for help, and for scripts through --json. Exit code 1 when a check fails.
+It serves people before they ask for help, and scripts through --json. The exit code is 1 when a check fails.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DDS_TIMEOUT_S = 30.0
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor: state is ok, warn or fail; hint says what helps."""
+    """One line of the doctor: ``state`` is ok, warn or fail; ``hint`` is the remedy."""
 
     what: str
     state: str
@@ -45,12 +45,12 @@ class Finding:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("--json", action="store_true", help="print the findings for a program to read")
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run all checks and print what they find; 1 when one fails."""
+    """Run all checks and print their findings; return 1 when one fails."""
     findings = []
     for check in CHECKS:
         finding = run_check(check)
@@ -65,10 +65,10 @@ def main(args: argparse.Namespace) -> int:
 
 
 def run_check(check: Callable[[], Finding]) -> Finding:
-    """The finding of one check; a check that breaks is a finding too."""
+    """Return the finding of one check; an exception of the check becomes a finding, too."""
     try:
         return check()
-    except Exception as error:  # whatever is broken here must be told, not end the doctor
+    except Exception as error:  # any error must be reported instead of ending the doctor
         what = check.__name__.removeprefix("check_").replace("_", " ")
         return Finding(what, FAIL, f"{type(error).__name__}: {error}")
 
@@ -77,7 +77,7 @@ def run_check(check: Callable[[], Finding]) -> Finding:
 
 
 def check_python() -> Finding:
-    """The interpreter: its version is one that the rig runs on."""
+    """Check that the interpreter's version is one that the rig supports."""
     series = sys.version_info[:2]
     detail = f"{platform.python_version()} at {sys.executable}"
     if series < (3, 11):
@@ -86,7 +86,7 @@ def check_python() -> Finding:
 
 
 def check_compiler() -> Finding:
-    """A C++ compiler for the messages."""
+    """Check for a C++ compiler for the messages."""
     names = [n for n in (os.environ.get("CXX"), "c++", "g++", "clang++") if n]
     compiler = next((n for n in names if shutil.which(n)), None)
     if compiler is None:
@@ -96,7 +96,7 @@ def check_compiler() -> Finding:
 
 
 def check_headers() -> Finding:
-    """Python's C headers for the messages."""
+    """Check for Python's C headers for the messages."""
     header = Path(sysconfig.get_path("include"), "Python.h")
     if not header.is_file():
         return Finding("headers", WARN, f"no {header}", "needed when msgs/ changes: install the Debian package python3-dev")
@@ -104,7 +104,7 @@ def check_headers() -> Finding:
 
 
 def check_environment() -> Finding:
-    """The environment: the launcher made it, and it is up to date."""
+    """Check that the launcher made the environment and that it is up to date."""
     launcher = Path(PACKAGE_FILE).resolve().parents[2] / "rig"
     if not launcher.is_file() or Path(sys.prefix) != launcher.parent / ".venv":
         return Finding(
@@ -126,7 +126,7 @@ def check_environment() -> Finding:
 
 
 def check_disk() -> Finding:
-    """Free space where runs are written."""
+    """Check the free space where runs are written."""
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
     state = FAIL if free_gb < 0.1 else WARN if free_gb < 1.0 else OK
     return Finding(
@@ -135,7 +135,7 @@ def check_disk() -> Finding:
 
 
 def check_numba_cache() -> Finding:
-    """Where the compiled kernel is kept between starts."""
+    """Check the place where the compiled kernel is kept between starts."""
     from ..compiled import cache_root
 
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_root())
@@ -157,7 +157,7 @@ def check_numba_cache() -> Finding:
 
 
 def check_rclpy() -> Finding:
-    """The ROS 2 client library can be loaded."""
+    """Check that the ROS 2 client library can be loaded."""
     import rclpy
 
     try:
@@ -168,7 +168,7 @@ def check_rclpy() -> Finding:
 
 
 def check_messages() -> Finding:
-    """Every message type of rig_msgs once through the serialiser and back."""
+    """Serialise and deserialise every message type of rig_msgs once."""
     import rig_msgs.action
     import rig_msgs.msg
     from rclpy.serialization import deserialize_message, serialize_message
@@ -182,7 +182,7 @@ def check_messages() -> Finding:
 
 
 def check_dds() -> Finding:
-    """Two nodes in two processes of their own, so that a crash of the middleware is a finding."""
+    """Check DDS with two nodes in two separate processes, so that a crash of the middleware becomes a finding."""
     from ..graph.domain import allocate, environment
 
     with allocate() as domain:
@@ -197,7 +197,7 @@ def check_dds() -> Finding:
                 "DDS loopback", FAIL, f"no answer within {DDS_TIMEOUT_S:.0f} s", "is a firewall between programs on this host?"
             )
         finally:
-            pong.kill()  # it holds nothing, and a middleware that hangs at its end must not hang the doctor
+            pong.kill()  # it holds no data, and a middleware that hangs at its end must not block the doctor
             pong.wait()
     if ping.returncode:
         lines = (ping.stderr or ping.stdout).strip().splitlines() or [f"exit code {ping.returncode}"]
@@ -206,7 +206,7 @@ def check_dds() -> Finding:
 
 
 def check_loopback() -> Finding:
-    """The flags of the loopback interface; the rig itself needs no multicast on it."""
+    """Check the flags of the loopback interface; the rig itself needs no multicast on it."""
     path = Path("/sys/class/net/lo/flags")
     if not path.is_file():
         return Finding("loopback", WARN, "no interface lo is listed", "processes talk through 127.0.0.1")
@@ -218,7 +218,7 @@ def check_loopback() -> Finding:
 
 
 def check_shared_memory() -> Finding:
-    """What Fast DDS left in shared memory: a killed process leaves its files, nobody removes them."""
+    """Check for files that Fast DDS left in shared memory: those of a killed process are never removed."""
     if not os.access(SHM, os.W_OK):
         return Finding("shared memory", WARN, f"{SHM} cannot be written", "messages go the slow way, through UDP")
     names = glob.glob(str(SHM / "*fastrtps_*"))
@@ -230,7 +230,7 @@ def check_shared_memory() -> Finding:
 
 
 def is_left(lock_file: str) -> bool:
-    """Whether the segment of this lock file has no living owner: owners hold the lock while they live."""
+    """Return True when the segment of this lock file has no living owner; owners hold the lock while they live."""
     try:
         with open(lock_file, "rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -243,7 +243,7 @@ def is_left(lock_file: str) -> bool:
 
 
 def check_viewer() -> Finding:
-    """The viewer, and what it needs to draw."""
+    """Check the viewer and what it needs to draw."""
     if importlib.util.find_spec("rerun") is None:
         return Finding("viewer", WARN, "rerun is not installed", "runs work, 'rig view' does not")
     import rerun
@@ -264,7 +264,7 @@ def check_viewer() -> Finding:
 
 
 def find_vulkan_drivers() -> list[str]:
-    """The installable client drivers that a Vulkan loader would find."""
+    """Return the installable client drivers that a Vulkan loader would find."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
     if named:
         return [p for p in named.split(os.pathsep) if Path(p).is_file()]

@@ -1,8 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map,
-rig_record.h.
+"""``rig export WHAT``: files for other tools.
+
+They are the rig or a controller as an FMU, the CAN database, the register map, rig_record.h.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from ..controllers.record import ControllerRecord
 
-INTERMIXED = True  # files may stand before and behind options
+INTERMIXED = True  # files may come before and behind options
 HELP = "write an FMU, the CAN database, the Modbus registers or rig_record.h"
 DEFAULTS = {
     "fmu": "{rig}.fmu",
@@ -26,12 +27,12 @@ DEFAULTS = {
     "registers": "registers.csv",
     "record": "rig_record.h",
 }
-# endings of what is written; a file with the first one may be written over, it is most likely an older export
+# file endings of each export; a file with the first ending may be overwritten, because it is most likely an older export
 SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md"), "record": (".h",)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument(
         "what",
         choices=DEFAULTS,
@@ -65,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Write the file and say where it is."""
+    """Write the file and print its place."""
     from ..config.names import find_config
     from ..errors import RigError
     from ..testbench.configuration import rig_name
@@ -89,7 +90,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _check_target(what: str, target: Path, sources: list[str]) -> None:
-    """RigError when the file to write is none of this kind, or is another one of the user's."""
+    """Raise RigError when the file to write is not of this kind, or is another of the user's files."""
     from ..errors import RigError
 
     endings = SUFFIXES[what]
@@ -144,7 +145,7 @@ def _record_header(args: argparse.Namespace, target: Path, settings: dict[str, s
 
 
 def _record(args: argparse.Namespace, settings: dict[str, str]) -> ControllerRecord:
-    """The record of the rig's controller."""
+    """Return the record of the rig's controller."""
     from ..controllers.record import record_of
     from ..testbench.configuration import load_gearbox_rig
 

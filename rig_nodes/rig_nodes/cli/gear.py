@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig gear GEAR``: a shift of the rig that runs, from its order to its end."""
+"""``rig gear GEAR``: a shift of the running rig, from its order to its end."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ HELP = "order a gear of the rig that runs"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("gear", metavar="GEAR", help="its name, e.g. I, or N (neutral)")
     add_domain(parser)
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 when the gear is in; 1 when the controller refused it or the shift failed."""
+    """Order a gear; return 0 when it is engaged, 1 when the controller refused it or the shift failed."""
     from ..errors import RigError
 
     with running_rig(args) as rig:

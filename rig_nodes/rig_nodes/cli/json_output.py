@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""JSON that a verb writes where its user says; used by ``bench``, ``calibrate`` and ``validate``."""
+"""JSON output of a verb to a place that the user names; ``bench``, ``calibrate`` and ``validate`` use it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..errors import RigError
 
 
 def check_json(name: str | None) -> None:
-    """RigError when ``--json NAME`` names no place for a file: said before the work, which takes minutes."""
+    """Raise RigError when ``--json NAME`` cannot be a file; called before the work, which takes minutes."""
     if name in (None, "-"):
         return
     if not Path(name).absolute().parent.is_dir():
@@ -25,7 +25,13 @@ def check_json(name: str | None) -> None:
 
 
 def write_json(name: str, content: dict) -> None:
-    """The content into a file, - for stdout; what is no finite number as null. RigError when it cannot be written."""
+    """Write the content to a file, or to stdout for -; numbers that are not finite become null.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be written.
+    """
     text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if name == "-":
         sys.stdout.write(text)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Single keys from the terminal, without Enter; used by verbs that can be steered while they run."""
+"""Single keys from the terminal, without Enter; verbs that can be controlled while they run use it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import sys
 import termios
 import tty
 
-# The right arrow in both modes of a terminal.
+# the right arrow in both modes of a terminal
 _NAMES = {"\x1b[C": "s", "\x1bOC": "s"}
 
 
 class Keyboard:
-    """A context manager; calling it returns the keys pressed since the last call, the right arrow as ``s``.
+    """Reader of single keys, as a context manager.
 
-    Gives nothing, and leaves the terminal alone, when the standard input is none or another job has it.
+    It gives no keys, and does not change the terminal, when the standard input is not a terminal or another job has it.
     """
 
     def __init__(self) -> None:
@@ -39,11 +39,11 @@ class Keyboard:
             termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
 
     def __call__(self) -> str:
-        """The keys pressed since the last call, in their order; empty without a terminal."""
+        """Return the keys pressed since the last call in their order, the right arrow as ``s``; empty without a terminal."""
         pressed = ""
         while self.there and select.select([self._descriptor], [], [], 0)[0]:
             data = os.read(self._descriptor, 64)
-            self.there = bool(data)  # a closed terminal has no more keys
+            self.there = bool(data)  # a closed terminal sends no more keys
             pressed += data.decode("utf-8", "replace")
         for sequence, name in _NAMES.items():
             pressed = pressed.replace(sequence, name)
@@ -51,8 +51,8 @@ class Keyboard:
 
 
 def _in_background(descriptor: int) -> bool:
-    """True for a job in the background of its terminal, which would be stopped for touching it."""
+    """Return True for a job in the background of its terminal, which would be stopped for accessing it."""
     try:
         return os.tcgetpgrp(descriptor) != os.getpgrp()
     except OSError:
-        return False  # not the terminal of this session: nobody controls jobs with it
+        return False  # not the terminal of this session, so there is no job control on it

@@ -1,8 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/reference/signals.md and
-docs/reference/parameters.md. Alone: what it lists.
+"""``rig list WHAT``: installed items, topics, signals, parts; without WHAT, what it can list.
+
+``--markdown`` writes docs/reference/signals.md and docs/reference/parameters.md.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
 HELP = "list sequences, procedures, rigs, topics or signals"
-# what can be listed, its line and the command that takes such a name
+# what can be listed -> its line of help and the command that accepts such a name
 WHAT = {
     "sequences": ("tests that a rig walks through", "./rig simulate NAME"),
     "procedures": ("measuring procedures of the laboratory (their series: --labels)", "./rig procedure NAME"),
@@ -43,7 +44,7 @@ WHAT = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("what", nargs="?", choices=WHAT, help="what to list; alone: what there is to list")
     parser.add_argument(
         "--rig",
@@ -101,7 +102,7 @@ def _controllers() -> list[dict[str, str]]:
 
 
 def _of_rigs(kind: str) -> Callable[[str | None], list[dict[str, str]]]:
-    """What stands in the folders of the installed rigs, or of one rig and those that it stands on."""
+    """Return a function that lists the content of the folders of the installed rigs, or of one rig and those it is based on."""
 
     def rows(rig: str | None) -> list[dict[str, str]]:
         folders = (
@@ -220,7 +221,7 @@ def _parts() -> list[dict[str, str]]:
 
 
 def parameters() -> str:
-    """docs/reference/parameters.md."""
+    """Return the content of docs/reference/parameters.md."""
     from ..description.reference import page
 
     return page()
@@ -238,10 +239,10 @@ OF_A_RIG = {
 
 
 def markdown() -> str:
-    """docs/reference/signals.md: every topic and every signal of the installed rigs."""
+    """Return the content of docs/reference/signals.md: every topic and every signal of the installed rigs."""
     from ..clocks import COMMAND_TIMEOUT
 
-    kept: dict[str, tuple] = {}  # rig -> its catalogue and those that have the same
+    kept: dict[str, tuple] = {}  # rig -> its catalogue and the other rigs with the same catalogue
     for name in (DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)):
         known = _known(name).catalogue
         same = next((other for other, (have, _) in kept.items() if have == known), None)
@@ -284,7 +285,7 @@ PAGES = {"signals": markdown, "parts": parameters}
 
 
 def _page_of(rig: str, known: Catalogue, others: list[str]) -> list[str]:
-    """The lines on one rig, and on those that have the same topics and signals."""
+    """Return the lines on one rig, which also hold for the rigs with the same topics and signals."""
 
     def table(rows: list[dict[str, str]]) -> list[str]:
         head = list(rows[0])

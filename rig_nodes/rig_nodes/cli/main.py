@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `rig` command: finds the verb, runs its module, turns errors into one sentence and an exit code.
+"""The `rig` command: it finds the verb, runs its module, and turns errors into one sentence and an exit code.
 
 A verb is a module of this package with HELP (str), add_arguments(parser) and main(args) -> exit code. Modules
-are imported only when their verb is called, so that help and mistakes cost no numerics, ROS or viewer. A verb
-with PASSES_ON = True gets its arguments as they are, in args.passed_on; one with INTERMIXED = True takes lists of files
+are imported only when their verb is called, so that help and mistakes need no numerics, ROS or viewer. A verb
+with PASSES_ON = True gets its arguments unchanged in args.passed_on; one with INTERMIXED = True accepts lists of files
 before and behind options.
 """
 
@@ -22,11 +22,11 @@ import sys
 from rig_nodes import __version__
 from rig_nodes.errors import RigError, Terminated, ended_by, printable
 
-TYPE_CHECKING = False  # as typing has it, which takes time to import that help can do without
+TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
 if TYPE_CHECKING:
     from typing import Any, NoReturn, TextIO
 
-# The modules' HELP lines once more, so that help imports none of them; a test holds the two together.
+# A copy of the modules' HELP lines, so that help imports none of them; a test compares the two.
 VERBS = {
     "run": "run a sequence on the ROS 2 node graph and record it",
     "simulate": "run a test sequence without ROS traffic, as fast as it goes",
@@ -56,16 +56,16 @@ VERBS = {
 
 
 def on_sigterm(_number: int, _frame: object) -> None:
-    """Raise Terminated, once: what it ends in order is not to be disturbed."""
+    """Raise Terminated, only once, so that a second signal does not disturb the orderly end."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise Terminated
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse with the rig's one-sentence errors."""
+    """The argument parser of argparse with the rig's one-sentence errors."""
 
     def error(self, message: str) -> NoReturn:
-        """RigError in place of argparse's usage and exit; proposes the option that was meant."""
+        """Raise RigError instead of printing argparse's usage and exiting; it proposes the option that was probably meant."""
         start, _, rest = message.partition("unrecognized arguments: ")
         if not start and rest.startswith("--"):
             from rig_nodes.config.names import unknown
@@ -75,7 +75,7 @@ class Parser(argparse.ArgumentParser):
         raise RigError(f"{message} (see '{self.prog} --help')")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """As argparse's, for everything that has choices, verbs below a verb too; proposes what was meant."""
+        """Check as argparse does, for everything with choices including verbs below a verb; propose what was probably meant."""
         if action.choices is not None and value not in action.choices:
             from rig_nodes.config.names import unknown
 
@@ -83,16 +83,16 @@ class Parser(argparse.ArgumentParser):
 
 
 class Shown:
-    """A stream for people: whatever is printed, its control characters are shown and not obeyed.
+    """A stream for people: control characters of printed text are made visible instead of having an effect.
 
-    Ends of lines and tabs stay, and a carriage return at either end of a text, with which a line of progress is renewed.
+    Ends of lines and tabs stay, and so does a carriage return at either end of a text, which renews a line of progress.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Writes a text with its control characters shown; its length."""
+        """Write a text with its control characters made visible, and return its length."""
         inner = text.strip("\r")
         before, _, after = text.partition(inner) if inner else (text, "", "")
         self._stream.write(before + printable(inner, "\n\t") + after)
@@ -103,7 +103,7 @@ class Shown:
 
 
 def usage() -> str:
-    """The page that `rig --help` prints."""
+    """Return the page that `rig --help` prints."""
     width = max(map(len, VERBS))
     lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
     return "\n".join(
@@ -120,7 +120,7 @@ def usage() -> str:
 
 
 def refuse_empty(verb: str, arguments: list[str]) -> None:
-    """RigError for an argument without text, most likely a shell variable that is not set: no default stands for it."""
+    """Raise RigError for an argument without text: most likely it is an unset shell variable, so no default replaces it."""
     for before, text in zip([f"rig {verb}", *arguments], arguments):
         option, sign, value = text.partition("=") if text.startswith("--") else (before, "=", text)
         if sign and not value.strip():
@@ -128,7 +128,13 @@ def refuse_empty(verb: str, arguments: list[str]) -> None:
 
 
 def run_verb(verb: str, arguments: list[str]) -> int:
-    """Run one verb; raises RigError for a verb that does not exist and for what the verb refuses."""
+    """Run one verb and return its exit code.
+
+    Raises
+    ------
+    RigError
+        When the verb does not exist or refuses its arguments.
+    """
     if verb not in VERBS:
         from rig_nodes.config.names import unknown
 
@@ -159,7 +165,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _answer(arguments: list[str]) -> int:
     try:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launcher held it back
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launcher had blocked it
         if not arguments or arguments[0] in ("-h", "--help", "help"):
             print(usage())
             return 0
@@ -170,22 +176,22 @@ def _answer(arguments: list[str]) -> int:
         sys.stdout.flush()
         return code
     except RigError as error:
-        sys.stdout.flush()  # what was said before must stand before it in a log of both
+        sys.stdout.flush()  # so that earlier output precedes the error in a log of both streams
         print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt as stop:
-        # of verbs that have nothing of their own to say; what a terminal shows of a line in progress stays
+        # for verbs without their own message; a partly printed line of progress stays on the terminal
         what, code = ended_by(stop)
         print(f"{os.linesep * sys.stderr.isatty()}rig: {what}; what was begun is not finished", file=sys.stderr)
         return code
     except BrokenPipeError:
-        # The reader (head, less) went away: nothing is wrong, and Python must not complain while it ends.
+        # The reader (head, less) has ended: this is not an error, and Python must not print one at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
 
 
 if __name__ == "__main__":
-    gc.set_threshold(500_000)  # what is loaded stays: to look through it again and again costs a start 0.1 s,
+    gc.set_threshold(500_000)  # loaded objects stay in use; examining them again and again would cost 0.1 s at the start
     exit_code = main()
-    gc.freeze()  # and once more on the way out 0.2 s
+    gc.freeze()  # and 0.2 s at the exit
     sys.exit(exit_code)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig new rig FOLDER``: the folder of a rig to begin with, which runs and shifts."""
+"""``rig new rig FOLDER``: a folder of a new rig that runs and shifts, as a starting point."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ HELP = "write the folder of a rig of your own to begin with"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
     rig = verbs.add_parser("rig", help="a two-speed gearbox with comments that say what each part is for", allow_abbrev=False)
     rig.add_argument("folder", metavar="FOLDER", help="new or empty folder for it")
 
 
 def main(args: argparse.Namespace) -> int:
-    """Write the files, print what to do with them."""
+    """Write the files and print the next steps."""
     import shutil
 
     from ..config import TEMPLATE_DIR

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig procedure NAME``: series of a measuring procedure, each repeat into a bag with its report."""
+"""``rig procedure NAME``: series of a measuring procedure, with a bag and a report for each repeat."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HELP = "run series of a measuring procedure of the laboratory, with bags"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("procedure", help="name of an installed procedure or a .yaml file")
     parser.add_argument(
         "--series", metavar="A,B", help="labels or numbers of series, e.g. 19,20 (default: all; --labels lists them)"
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run the chosen series one after the other; 0 only when every sequence came to its end."""
+    """Run the chosen series one after the other; return 0 only when every sequence was completed."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
     from ..controllers.load import EMBEDDED

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig replay BAG`: a recorded bag published again over real ROS 2, in order, with /clock."""
+"""`rig replay BAG`: it publishes a recorded bag again over real ROS 2, in order, with /clock."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from ..nodes.replay import Outcome
 
 HELP = "publish a recorded bag again, with /clock"
-LOST = 3  # exit code: replayed, but not all of what was recorded
+LOST = 3  # exit code: replayed, but not everything that was recorded
 KEYS = "space: pause and go on, right arrow or s: one step, q: end"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("bag", metavar="BAG", help="folder of a run, or an .mcap file")
     parser.add_argument(
         "--rate", type=_rate, default=1.0, metavar="R", help="recorded seconds per second, 0.01 to 100, or 'max' (default: 1)"
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def node() -> int:
-    """Entry point of ``ros2 run rig_nodes replay``: in the domain of its terminal, as other nodes are."""
+    """Run ``ros2 run rig_nodes replay`` in the domain of its terminal, as other nodes do."""
     from ..errors import RigError
     from ..nodes.ros_arguments import own_arguments
     from .main import main as rig
@@ -61,7 +61,7 @@ def node() -> int:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Check, replay, tell what was sent; 0 at the end and after q, 3 when the bag is damaged, 130 after Ctrl-C."""
+    """Check, replay and print what was sent; return 0 at the end and after q, 3 for a damaged bag, 130 after Ctrl-C."""
     from ..bags.index import BagIndex
 
     with BagIndex(args.bag) as bag:
@@ -123,7 +123,7 @@ def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
 
 
 def _chosen(bag: BagIndex, args: argparse.Namespace) -> tuple[int, list[str]]:
-    """Time at which the replay begins [ns] and topics that it takes; RigError when the bag has no such."""
+    """Return the time at which the replay begins [ns] and its topics; RigError when the bag does not have them."""
     from ..config.names import unknown
     from ..errors import RigError
 

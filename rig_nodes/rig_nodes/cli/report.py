@@ -3,8 +3,8 @@
 
 """`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag, or of a logger's CSV.
 
-Rewrites the report that lies beside the bag and keeps of it what only the run itself knew (lateness, end); leaves one
-of another run, or of a bag that was whole then, as it is. Writes nothing for a CSV.
+It rewrites the report beside the bag and keeps from it what only the run itself knew (lateness, end). A report of another
+run, or of a bag that has been damaged since, stays unchanged. For a CSV it writes nothing.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ METADATA = "metadata.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, or a logger's .csv file")
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
     parser.add_argument(
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Compute the report, print it, write it beside the bag; 1 for a bag of which only a part is left."""
+    """Compute the report, print it and write it beside the bag; return 1 for a bag of which only a part is left."""
     if args.factor is not None and not args.annex_a:
         raise RigError("--factor is Annex A's; give --annex-a too")
     if args.factor is not None and not args.factor > 1.0:
@@ -107,7 +107,7 @@ def _of_bag(args: argparse.Namespace, annex: float | None) -> int:
     old = read_report(folder)
     another = old is not None and not is_of(bag, old["run"])
     if another or (old and not bag.recovered and old["run"].get("recovered")):
-        old = None  # of another run, or of this one while its bag was damaged
+        old = None  # it is of another run, or of this run while its bag was damaged
     run = old["run"] if old else _run_of(bag, folder, {} if another else facts_of(folder))
     damaged_since = bag.recovered and run.get("recovered") != bag.recovered
     if damaged_since:
@@ -128,7 +128,7 @@ def _of_bag(args: argparse.Namespace, annex: float | None) -> int:
 
 
 def _run_of(bag: Bag, folder: Path, facts: dict[str, dict]) -> dict:
-    """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
+    """Return what bag and logs contain about a run without a report: one of a launch file, or with a killed supervisor."""
     known = info_of(bag)
     if facts:
         return run_part(bag, folder, known, end_of(facts, bag.structure.shifts))
@@ -136,9 +136,9 @@ def _run_of(bag: Bag, folder: Path, facts: dict[str, dict]) -> dict:
 
 
 def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
-    """The run part where the bag was damaged after it was written: what is lost is counted anew, its end is not known.
+    """Return the run part for a bag that was damaged after it was written.
 
-    reported: ``run`` is of a report of the whole bag.
+    Its lost messages are counted anew and its end is not known. ``reported`` is True when ``run`` is of a report of the whole bag.
     """
     reason = "unknown from what is left of the bag"
     if reported and (end := run.get("end")):
@@ -154,7 +154,7 @@ def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
 
 
 def _written(bag: Bag, folder: Path) -> dict[str, int]:
-    """Messages per topic when the bag was closed; empty where the folder has no whole metadata of this bag."""
+    """Return the messages per topic when the bag was closed; empty without complete metadata of this bag in the folder."""
     path = folder / METADATA
     if not path.is_file():
         return {}
@@ -167,4 +167,4 @@ def _written(bag: Bag, folder: Path) -> dict[str, int]:
             for entry in told["topics_with_message_count"]
         }
     except (RigError, TypeError, KeyError, ValueError):
-        return {}  # as damaged as the bag: what is lost stays unknown
+        return {}  # the metadata are damaged like the bag, so the lost messages stay unknown

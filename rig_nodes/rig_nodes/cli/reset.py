@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig reset``: the rig that runs leaves its safe state."""
+"""``rig reset``: the running rig leaves its safe state."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ HELP = "leave the safe state of the rig that runs"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     add_domain(parser)
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 when it has left it; 1 when it is in none."""
+    """Reset the rig; return 0 when it has left the safe state, 1 when it was not in it."""
     with running_rig(args) as rig:
         print(rig.trigger("/rig/reset"))
     return 0

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from ..graph.supervisor import End
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
-LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
+LIVE_VIEW_END = 2.0  # s within which the live view must end after the run
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     add_shared_arguments(parser, by_hand=True)
     add_topic_arguments(parser)
     parser.add_argument(
@@ -47,12 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def speed(text: str) -> float:
-    """The factor of --speed, inf for max."""
+    """Return the factor of --speed, inf for max."""
     return above_zero(text, "max")
 
 
 def main(args: argparse.Namespace) -> int:
-    """Check, warm up, run, report; 0 only when the sequence came to its end."""
+    """Check, warm up, run and report; return 0 only when the sequence was completed."""
     try:
         return run(args)
     except KeyboardInterrupt as stop:
@@ -62,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def run(args: argparse.Namespace) -> int:
-    """As :func:`main`; KeyboardInterrupt before the first process is started."""
+    """Run as :func:`main` does; a KeyboardInterrupt before the first process starts is passed on."""
     from ..controllers.load import level_line, load_controller, split_level
     from ..graph.child import start_server
     from ..graph.domain import from_environment
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     plug = None
     if config.structure.shifts:
         check_delay(args.delay, args.speed)
-        # without the current loop the Alfa46 hands over what simulate takes from it: its setpoints
+        # without the current loop the Alfa46 passes on its setpoints, which are also what simulate takes from it
         level = args.level or (None if args.controller or config.effects.current_loop else "current")
         controller = load_controller(args.controller, config, level)
         controller.close()
@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()
-    # all processes are gone and the bag is whole: a late signal must not cost the report
+    # all processes have ended and the bag is complete; a late signal must not prevent the report
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict, args.allow_loss)
@@ -142,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def live_view(domain: int) -> Iterator[None]:
-    """`rig view --live` beside the run; how it fares is none of the run's business."""
+    """Run `rig view --live` beside the run; its failures do not affect the run."""
     command = [
         sys.executable,
         "-P",
@@ -168,7 +168,7 @@ def live_view(domain: int) -> Iterator[None]:
 
 
 def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
-    """Write and print the report of an ended run; returns its exit code."""
+    """Write and print the report of an ended run; return its exit code."""
     from ..analysis.report import build_report, format_report, write_report
     from ..graph.result import join_pieces, open_bag, run_part, what_was_lost
 
@@ -204,5 +204,5 @@ def _say(sentences: list[str], code: int) -> int:
 
 
 def show(t: float | None, text: str) -> None:
-    """One line of progress, with simulated time when there is one."""
+    """Print one line of progress, with simulated time when it is known."""
     print(f"{t:8.2f} s  {printable(text)}" if t is not None else f"            {printable(text)}", flush=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arguments that ``run`` and ``simulate`` share: which sequence, which rig, where to."""
+"""The arguments that ``run`` and ``simulate`` share: sequence, rig, output."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import math
 import sys
 from typing import NamedTuple
 
-LOST = 3  # exit code of a run that came to its end and lost messages or time
-LEAST_COME = 2.0  # s that a program needs to be found
-MOST_DELAY = 50  # samples: half of the time after which a silent controller is the safe state
+LOST = 3  # exit code of a run that was completed but lost messages or time
+LEAST_COME = 2.0  # s, least time that a program needs until it is discovered
+MOST_DELAY = 50  # samples, half of the time after which a silent controller causes the safe state
 
 
 def seed(text: str) -> int:
-    """The number of --seed: what fits into 63 bits."""
+    """Return the number of --seed, which must fit into 63 bits."""
     try:
         value = int(text)
     except ValueError:
@@ -27,21 +27,21 @@ def seed(text: str) -> int:
 
 
 def delay(text: str) -> int:
-    """The samples of --delay."""
+    """Return the samples of --delay."""
     if not text.isdecimal() or int(text) > MOST_DELAY:
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number of samples from 0 to {MOST_DELAY}")
     return int(text)
 
 
 class StepTimeout(NamedTuple):
-    """Seconds of wall clock for a sample, and for a controller of its own program to come; None: for ever."""
+    """Wall-clock limits for a sample, and for a separate controller program to connect [s]; None means no limit."""
 
     step: float | None = 5.0
     come: float | None = 60.0
 
 
 def step_timeout(text: str) -> StepTimeout:
-    """What --step-timeout says; a controller has as long to come, but 2 s at least and a minute at most."""
+    """Return the limits of --step-timeout; a controller has as long to connect, but at least 2 s and at most a minute."""
     if text == "none":
         return StepTimeout(None, None)
     seconds = above_zero(text, None)
@@ -49,7 +49,7 @@ def step_timeout(text: str) -> StepTimeout:
 
 
 def above_zero(text: str, endless: str | None) -> float:
-    """A number above zero, inf for the word ``endless`` where there is one."""
+    """Return a number above zero, or inf for the word ``endless`` if there is one."""
     try:
         value = math.inf if text == endless else float(text)
     except ValueError:
@@ -60,9 +60,9 @@ def above_zero(text: str, endless: str | None) -> float:
 
 
 def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False) -> None:
-    """Sequence and its parameters, output folder, rig, seed, changed values, controller and its level.
+    """Add sequence and its parameters, output folder, rig, seed, changed values, controller and its level.
 
-    by_hand: it goes without a sequence too.
+    ``by_hand`` is True when the sequence may be absent.
     """
     text = "name of an installed sequence or a .yaml file"
     if by_hand:
@@ -120,7 +120,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
 
 
 def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which topics beyond the rig's own are recorded, and whether a loss is one."""
+    """Add the topics that are recorded beyond the rig's own, and whether lost messages count as an error."""
     from ..graph.topic_choice import EXCLUDE, TOPICS
 
     for flag, keywords in (TOPICS, EXCLUDE):
@@ -129,8 +129,20 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def exit_code(state: str, report: dict, strict: bool, lost: str = "") -> int:
-    """Of a run that ended in this state; lost: what it lost, unless that is allowed. Says why when --strict makes it 1,
-    and what a controller's end went wrong with.
+    """Return the exit code of a run that ended in this state.
+
+    Prints the reason when --strict makes it 1, and what went wrong at a controller's end.
+
+    Parameters
+    ----------
+    state : str
+        The state in which the run ended.
+    report : dict
+        The run's report.
+    strict : bool
+        True with --strict.
+    lost : str
+        What the run lost, unless losses are allowed.
     """
     controller = report["run"].get("controller") or {}
     if "end_fault" in controller:

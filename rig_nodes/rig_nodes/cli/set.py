@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig set NAME VALUE``: a setting of the rig that runs, as a parameter of its node; without a value, what it is."""
+"""``rig set NAME VALUE``: it sets a parameter of a node of the running rig; without a value it shows the present one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HELP = "set or show what can be turned at the rig that runs"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="e.g. motor.speed or alfa46.t12; without it all")
     parser.add_argument(
         "value", nargs="?", metavar="VALUE", help='with its unit, e.g. "1500 rpm"; on or off; six values with commas for a profile'
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 when it is set or shown; 1 when the rig refused it, with its reason."""
+    """Set or show a setting; return 0 on success, 1 when the rig refused it, with its reason."""
     from ..errors import RigError
 
     with running_rig(args) as rig:

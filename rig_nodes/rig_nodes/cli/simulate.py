@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig simulate SEQUENCE``: a sequence without ROS traffic, as fast as it goes; writes the same bag as ``run``."""
+"""``rig simulate SEQUENCE``: a sequence without ROS traffic, as fast as possible; it writes the same bag as ``run``."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     add_shared_arguments(parser)
 
 
 @contextlib.contextmanager
 def controller_log(folder: Path) -> Iterator[None]:
-    """Tracebacks of user code go to the run's logs; the file is made when it is needed."""
+    """Write tracebacks of user code to the run's logs; the file is made at the first one."""
     import logging
 
     class LateFile(logging.FileHandler):
@@ -47,7 +47,7 @@ def controller_log(folder: Path) -> Iterator[None]:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Check, run, report; 0 only when the sequence came to its end."""
+    """Check, run and report; return 0 only when the sequence was completed."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
     from ..controllers.load import EMBEDDED, level_line, load_controller

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig status``: what the rig that runs does now."""
+"""``rig status``: the present state of the running rig."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ HELP = "show what the rig that runs does now"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("--json", metavar="FILE", help="write it for programs, - for stdout")
     add_domain(parser)
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 whatever the rig does."""
+    """Print the state of the rig; return 0 in every state."""
     from .json_output import check_json, write_json
 
     check_json(args.json)
@@ -40,7 +40,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _tell(status: dict, known: Catalogue, box: Transmission | None) -> None:
-    """known: the catalogue; box: the transmission, None without a controller."""
+    """Print the status with the catalogue ``known`` and the transmission ``box``, which is None without a controller."""
     reason = f": {status['reason']}" if status["reason"] else ""
     print(f"rig in ROS domain {status['domain']}: {status['state'].lower()}{reason}, {status['time_s']:.1f} s")
     if "gear" in status:

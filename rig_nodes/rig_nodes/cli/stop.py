@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig stop``: the clean end of the rig that runs, or with --emergency its safe state."""
+"""``rig stop``: the orderly end of the running rig, or with --emergency its safe state."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HELP = "end the rig that runs, or with --emergency only stop it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument(
         "--emergency", action="store_true", help="the red button: safe state at once, and the rig goes on running until `rig reset`"
     )
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 when the rig ends, or is in its safe state."""
+    """Stop the rig; return 0 when it ends or is in its safe state."""
     with running_rig(args) as rig:
         text = rig.trigger("/rig/e_stop" if args.emergency else "/rig/end")
         print(f"{text} (ROS domain {rig.number})")

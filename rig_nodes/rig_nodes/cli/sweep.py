@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig sweep``: a sequence for many values of its parameters, each run's metrics into one table."""
+"""``rig sweep``: a sequence with many values of its parameters; one table holds each run's metrics."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parame
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("what", help="a sequence, with --vary; a sweep's .yaml file; or a sweep's folder, to go on with it")
     parser.add_argument(
         "--vary",
@@ -86,7 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run the members that are not finished yet and print what came; 1 when none came to its end."""
+    """Run the members that are not finished yet and print the results; return 1 when none was completed."""
     from ..errors import RigError, ended_by
     from ..testbench.configuration import load_rig
     from ..testbench.folders import free_folder
@@ -99,7 +99,7 @@ def main(args: argparse.Namespace) -> int:
     plan, folder, bags = _chosen(args)
     if plan.plugged:
         print(plan.plugged.check(load_rig(plan.rig, plan.fixed)), file=sys.stderr, flush=True)
-    # the server compiles where nothing is kept yet: what is wrong with the plan has been said before
+    # the server compiles when nothing is cached yet; errors of the plan have been reported before this
     if args.jobs > 1 and not args.dask:
         start_server("rig_nodes.sweep.run")
 
@@ -119,7 +119,7 @@ def main(args: argparse.Namespace) -> int:
             failed[0] += entry["end"]["state"] != "ended"
             line.tell(done, f"{done} of {of} members" + (f", {failed[0]} not ended" if failed[0] else ""))
 
-        interrupted: tuple[str, int] | None = None  # what ended it, exit code
+        interrupted: tuple[str, int] | None = None  # reason of the end, exit code
         if begun < of:
             try:
                 with _stream(args) as stream:
@@ -154,7 +154,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
-    """(plan, folder to go on with or None, bags)."""
+    """Return (plan, folder to continue with or None, bags)."""
     from ..config import load_yaml
     from ..errors import RigError
     from ..sweep.plan import make_plan, plan_of, plugged_of, read_plan
@@ -198,7 +198,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
 
 @contextmanager
 def _stream(args: argparse.Namespace) -> Iterator[Callable[..., Iterator[tuple[int, Any, Exception | None]]]]:
-    """Who runs the members, and as many processes as there may be."""
+    """Give the function that runs the members, with the allowed number of processes."""
     if args.dask:
         from ..sweep.cluster import dask_stream
 
@@ -212,7 +212,7 @@ def _stream(args: argparse.Namespace) -> Iterator[Callable[..., Iterator[tuple[i
 
 
 def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
-    """Ends, reasons and the metrics' spread of what is finished."""
+    """Return ends, reasons and the spread of the metrics of the finished members."""
     import numpy as np
 
     box = config.transmission if config.structure.gears else None  # without gears there are no shifts

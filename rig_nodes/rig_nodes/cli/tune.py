@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig tune``: settings of the Alfa46 for an operating range, as a front of trade-offs, proven elsewhere."""
+"""``rig tune``: settings of the Alfa46 for an operating range, as a front of trade-offs, verified on other conditions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HELP = "find valve profiles and delays for an operating range: a front of trade-
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument(
         "--ways", nargs="+", metavar="WAY", help="names of both gears, e.g. I-II (default: every shift to the next gear)"
     )
@@ -106,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Search, judge, write the controllers and print the front; RigError for what cannot be tuned."""
+    """Search, judge, write the controllers and print the front; RigError when tuning is not possible."""
     from ..errors import RigError, ended_by
     from ..sweep.store import parquet
     from ..testbench.campaign import Workers
@@ -152,7 +152,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None:
-    """What open_journal would refuse is refused before the spreads are determined, which takes some seconds."""
+    """Refuse what open_journal would refuse, before the spreads are determined, which takes some seconds."""
     from ..errors import RigError
     from ..sweep.store import differs
     from ..tune.folder import MANIFEST
@@ -172,7 +172,7 @@ def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None
 
 
 def _problem(args: argparse.Namespace) -> Problem:
-    """What is asked for, without spreads where no file gives them; RigError before anything is compiled."""
+    """Return the requested problem, without spreads when no file gives them; RigError before anything is compiled."""
     from ..config.names import unknown
     from ..errors import RigError
     from ..testbench.configuration import load_gearbox_rig

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig validate``: every number and trend that the laboratory printed, held against the rig; of another rig its own rows."""
+"""``rig validate``: every number and trend that the laboratory printed, compared with the rig; for another rig its own rows."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 HELP = "hold a rig against its validation rows, the laboratory's against everything that was printed"
-STARTING = 2.0  # what starting the processes costs, in the sizes of validation.programme
+STARTING = 2.0  # cost of starting the processes, in the unit of validation.programme
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument(
         "--rows", nargs="+", default=[], metavar="PATTERN", help="only these rows; * matches any text, e.g. 'up_t_*'"
     )
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], None]:
-    """Called as programme.validate does. runs: of each procedure, how many there are and how long one takes."""
+    """Return the callback of programme.validate; ``runs`` holds for each procedure the number of runs and the length of one."""
     line = ProgressLine(STARTING + sum(count * size for count, size in runs.values()))
     done = STARTING
 
@@ -65,7 +65,7 @@ def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], N
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run what the rows need, print and write how the rig stands to them; 1 when a run tripped."""
+    """Run what the rows need, print and write the comparison; return 1 when a run tripped."""
     from ..errors import RigError
     from ..testbench.workers import Workers, start_server
 
@@ -92,7 +92,7 @@ def main(args: argparse.Namespace) -> int:
     explanations = document.load_explanations()
     targets = programme.choose(args.rows, args.procedures)
     settings = parse_settings(args.settings)
-    load_gearbox_rig(args.rig, settings, "validate --rig")  # what is wrong with it is said before anything runs
+    load_gearbox_rig(args.rig, settings, "validate --rig")  # errors in the rig are reported before anything runs
     procedures = programme.needed(targets)
     programme.check_settings(procedures, settings)
     if args.pictures:
@@ -102,7 +102,7 @@ def main(args: argparse.Namespace) -> int:
     if runs:
         print(EMBEDDED, file=sys.stderr, flush=True)
     drawn = []
-    # rows for information alone need no processes
+    # rows that only inform need no processes
     with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:
         result = programme.validate(targets, workers, args.rig, settings, _progress(runs))
         if args.pictures and procedures:
@@ -139,7 +139,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _own_rows(args: argparse.Namespace, path: Path) -> int:
-    """The rows of a rig's folder."""
+    """Validate the rows of a rig's folder."""
     from ..errors import RigError
     from ..testbench.workers import Workers, start_server
 
@@ -187,7 +187,7 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
 
 
 def _page() -> Path:
-    """docs/reference/validation.md of the checkout."""
+    """Return the path of docs/reference/validation.md in the checkout."""
     import rig_nodes
 
     from ..errors import RigError

@@ -24,7 +24,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file")
     parser.add_argument(
         "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only tell the address"
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """One of the three: a run, a running rig, a layout."""
+    """Show a run, show a running rig, or write a layout."""
     from ..errors import RigError
 
     given = [args.run is not None, args.live, args.layout is not None]
@@ -88,7 +88,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _recorded(args: argparse.Namespace) -> int:
-    """Write the view, then show it, draw it, or say where it lies."""
+    """Write the view, then show it, draw it, or print its place."""
     from ..errors import RigError
     from ..view.convert import make_view
     from ..view.viewer import command_for, has_display, open_window
@@ -108,7 +108,7 @@ def _recorded(args: argparse.Namespace) -> int:
         try:
             _draw(args, view.path, view.path.with_suffix(".png"))
         except RigError as error:
-            # the view itself is written: a picture nobody asked for is no reason to fail
+            # the view itself is written, so a picture that was not requested is no reason to fail
             print(f"rig: {error}", file=sys.stderr)
     return 0
 
@@ -127,12 +127,12 @@ def _draw(args: argparse.Namespace, view: Path, picture: Path) -> None:
 
 
 def _live(args: argparse.Namespace) -> int:
-    """Show a running rig until told to end; 0 then, for that is how it ends."""
+    """Show a running rig until the verb is ended, then return 0, because this is its normal end."""
     from ..graph.domain import environment
     from ..view.convert import import_rerun
 
     if args.parent is not None:
-        # a live view that a run started must not outlive it
+        # a live view that a run started must not outlive the run
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         if os.getppid() != args.parent:
             return 0
@@ -154,7 +154,7 @@ def _say(text: str) -> None:
 
 
 def _find_domain(number: int | None) -> Domain:
-    """The domain to look at; RigError when it is not clear which."""
+    """Return the domain to show; RigError when it is not clear which."""
     from ..errors import RigError
     from ..graph.domain import Domain, busy_domains, from_environment
 
@@ -174,7 +174,7 @@ def _find_domain(number: int | None) -> Domain:
 
 
 def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
-    """Tell where viewers connect, and open one where there is a display."""
+    """Print where viewers connect, and open one when there is a display."""
     from ..errors import RigError
     from ..view.viewer import command_for, has_display, open_window
 
