@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tables of docs/how_to/tune.md: what a tuning found, and what that is worth elsewhere.
+"""The tables of docs/how_to/tune.md: what a tuning found, and its results on other rigs and operating points.
 
-Used by the verb ``tune``; the rest of the page is written by hand.
+The verb ``tune`` uses it; the rest of the page is written by hand.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->
 
 
 def page() -> Path:
-    """docs/how_to/tune.md of the checkout; RigError when there is none, or none with a place for the tables."""
+    """Return the path of docs/how_to/tune.md in the checkout; RigError when it is missing or has no place for the tables."""
     path = Path(__file__).resolve().parents[3] / "docs" / "how_to" / "tune.md"
     if not path.is_file():
         raise RigError(f"there is no {path}; --write-docs works in a checkout only")
@@ -29,14 +29,14 @@ def page() -> Path:
 
 
 def write(path: Path, summary: dict, seed: int) -> None:
-    """The tables, in place of those of before."""
+    """Write the tables in place of the earlier ones."""
     text = path.read_text(encoding="utf-8")
     before, after = text[: text.index(BEGIN)], text[text.index(END) :]
     atomic_write(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
 
 
 def tables(summary: dict, seed: int) -> str:
-    """Markdown of a tuning's summary."""
+    """Return a tuning's summary as markdown."""
     blocks = [_search(summary, seed), _settings(summary), _verdicts(summary)]
     if "largest_load" in summary:
         blocks.append(_largest_load(summary["largest_load"]))
