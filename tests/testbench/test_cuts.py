@@ -5,6 +5,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
-from rig_nodes.engine.outside import NOT_DEVICES, Answer
+from rig_nodes.engine.outside import NOT_DEVICES, Answer, why_not
 from rig_nodes.errors import RigError
+from rig_nodes.parts import part as parts
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.rig_base import RigStatus
@@ -31,6 +33,12 @@ GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_
 
 
 CUTTABLE = load_rig().cuttable
+
+
+@pytest.mark.parametrize("role", [parts.SOURCE, parts.LOAD, parts.CLUTCH, parts.VALVE, parts.OIL, parts.PRESS, parts.METER])
+def test_a_part_without_a_port_cannot_be_cut_out_whatever_it_is(role):
+    new = SimpleNamespace(name="new", part="somebodys_own", role=role)
+    assert why_not(SimpleNamespace(devices=[new]), "new").startswith("new cannot be cut out of the plant: ")
 
 
 def cut_rig(cut_out=CUTTABLE, tick="1 ms", **keywords):

@@ -40,6 +40,7 @@ NOT_CUT = {
     parts.METER: "it measures and carries no power; its wire is a topic anyway",
     parts.VALUES: "it is no device, but values that others share",
 }
+NO_PORT = "parts of its type have no port to a node of your own"
 # what is in a rig but is not a device of its description, and why it cannot stand outside
 NOT_DEVICES = {
     "gearbox": "its shafts carry the clutches that lock and break away within a step, and a torque that is a "
@@ -108,7 +109,7 @@ def why_not(structure: Devices, name: str) -> str | None:
     device = next((one for one in structure.devices if one.name == name), None)
     if device is None:
         raise RigError(unknown("device", name, known))
-    return None if cuttable(device) else f"{name} cannot be cut out of the plant: {NOT_CUT[device.role]}"
+    return None if cuttable(device) else f"{name} cannot be cut out of the plant: {NOT_CUT.get(device.role, NO_PORT)}"
 
 
 def check_device(structure: Devices, name: str) -> None:

@@ -25,11 +25,20 @@ from .oil_supply import viscosity_at
 from .part import Wire
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..arrays import Floats, Record
     from .shown_rig import ShownRig
 
 # models of chapter 6 that a configuration may name
-FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
+# name -> (pack, friction of the plates, friction of the splines, True as it is released) -> torque per force
+FRICTION_MODELS: dict[str, Callable[[PlatePack, float, float, bool], float]] = {
+    "thesis": lambda pack, friction, spline, releasing: closed.thesis(pack, 1.0, friction, spline, releasing=releasing),
+    "traditional": lambda pack, friction, _spline, _releasing: closed.traditional(pack, 1.0, friction),
+    "osinski": lambda pack, friction, _spline, _releasing: closed.osinski(pack, 1.0, friction, beyond_table=True),
+    "newcomb": lambda pack, friction, spline, _releasing: closed.newcomb(pack, 1.0, friction, spline),
+    "chen": lambda pack, friction, spline, _releasing: closed.chen(pack, 1.0, friction, spline),
+}
 DRAG_MODELS = ("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
 
 
@@ -118,13 +127,7 @@ def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, 
     """
     spline = pack.friction_spline_static if releasing and model == "thesis" else pack.friction_spline
     try:
-        if model == "thesis":
-            return closed.thesis(pack, 1.0, friction, spline, releasing=releasing)
-        if model == "traditional":
-            return closed.traditional(pack, 1.0, friction)
-        if model == "osinski":
-            return closed.osinski(pack, 1.0, friction, beyond_table=True)
-        return {"newcomb": closed.newcomb, "chen": closed.chen}[model](pack, 1.0, friction, spline)
+        return FRICTION_MODELS[model](pack, friction, spline, releasing)
     except ValueError as error:
         raise RigError(f"plate_pack: {error}") from None
 
