@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from array import array
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 PR_SET_TIMERSLACK = 29
+SENDS_AGAIN = "dds.asyn"  # begin of the names of the threads of Fast DDS that do
 # The clock of the rig comes first, then samples and commands, then what is recorded of them.
 RECORDING, MESSAGES, CLOCK = 9, 10, 11
 # Catching up runs at most this much faster than real time, so that the shift controller can still answer.
@@ -49,19 +51,27 @@ def prefer(priority: int, thread: int = 0) -> bool:
         True when it got real-time priority, which takes root or an rtprio limit.
     """
     try:
-        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+        # threads that it starts later begin without
+        os.sched_setscheduler(thread, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
         return True
     except OSError:
         return False
 
 
 def prefer_process(priority: int) -> None:
-    """Call :func:`prefer` for all threads of this process, including those of DDS, once its nodes are set up.
+    """Call :func:`prefer` for the threads of this process, once its nodes are set up, and for those of DDS but one kind.
 
-    If it were called earlier, the work of starting would delay another rig on this machine.
+    If it were called earlier, the work of starting would delay another rig on this machine. The threads that send messages again
+    to a slow subscriber (``dds.asyn``, idle otherwise) keep their priority: with the rig's they took the time that the
+    subscriber lacked, so that it became slower still, until two cores were full.
     """
     for thread in os.listdir("/proc/self/task"):
-        prefer(priority, int(thread))
+        try:
+            name = Path(f"/proc/self/task/{thread}/comm").read_text()
+        except OSError:  # it has ended
+            continue
+        if not name.startswith(SENDS_AGAIN):
+            prefer(priority, int(thread))
 
 
 def take_core(number: int) -> None:
