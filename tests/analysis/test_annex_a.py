@@ -32,8 +32,8 @@ def test_clean_upshift_by_hand():
     # the torque comes linearly from 150 to 88 Nm between 1.70 and 1.80 s: 5 % of 88 Nm are left 7.1 ms before the end,
     # and the first sample must itself be inside
     assert row["t_o_s"] == pytest.approx(0.1 * (150.0 - 88.0 * 1.05) / 62.0, abs=1e-3)
-    assert row["m_wej_max_nm"] == 250.0
-    assert row["n_wyj_min_rpm"] == pytest.approx(1500.0 / I1, rel=1e-9) and row["k"] == pytest.approx(1.0)
+    assert row["input_torque_max_nm"] == 250.0
+    assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / I1, rel=1e-9) and row["k"] == pytest.approx(1.0)
     assert row["overlap_s"] is None
 
 
@@ -50,7 +50,7 @@ def test_clean_downshift_by_hand():
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1.5e-3)
     # p1 leaves exactly zero at 1.25 s
     assert row["t_c_s"] == pytest.approx(1.6998 - 1.25 + 0.19516, abs=1.5e-3)
-    assert row["n_wyj_min_rpm"] == pytest.approx(1500.0 / I1, rel=1e-6)
+    assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / I1, rel=1e-6)
 
 
 def test_a_dip_moves_the_end_of_a_downshift_behind_the_lowest_speed():

@@ -37,7 +37,7 @@ def test_the_printed_parabola_gives_the_printed_inertia():
     assert found["inertia"] == pytest.approx(0.709, abs=0.004)
     assert found["coefficients"] == pytest.approx([0.5735, -11.736, 49.274], rel=0.01)
     assert found["t_cut_s"] == pytest.approx(1.0, abs=0.01)
-    assert found["coast_down_m_wej_nm"] == 8.32
+    assert found["coast_down_torque_nm"] == 8.32
 
 
 def test_given_cut_gives_the_parabola_back_exactly():
@@ -58,7 +58,7 @@ def test_inertia_comes_back_within_2_percent_from_encoder_steps(share):
     found = coast_down(t, w, channel, down_to=0.3)
     assert found["inertia"] == pytest.approx(true, rel=0.02)
     assert found["inertia_half"] == pytest.approx(true, rel=0.02)
-    assert found["coast_down_m_wej_nm"] == pytest.approx(torque, abs=0.05)
+    assert found["coast_down_torque_nm"] == pytest.approx(torque, abs=0.05)
 
 
 def test_a_run_up_before_it_is_no_coast_down():

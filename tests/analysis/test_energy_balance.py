@@ -78,7 +78,7 @@ def test_energies_out_of_a_bag():
         "/load_pump/state": {"work": 300.0 * T},
         "/clutch_s1/state": {"heat": 120.0 * T},
         "/clutch_s2/state": {"heat": 30.0 * T},
-        "/gearbox/state": {"heat": 10.0 * T, "w_wej": 100.0 + T, "w_wyj": 80.0 - T},
+        "/gearbox/state": {"heat": 10.0 * T, "speed_in": 100.0 + T, "speed_out": 80.0 - T},
     }
     bag = SimpleNamespace(fields=fields, structure=load_rig().structure, transmission=transmission_of())
     box = replace(transmission_of(), inertias=Inertias(driving=2.0, driven=1.0, reduction=41 / 40))

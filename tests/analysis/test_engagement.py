@@ -30,7 +30,7 @@ def test_times_torques_and_kiss_pressure_of_a_clean_engagement():
     # 50 Nm per MPa above 0.17 MPa at 0.46 s: 1.02 MPa until 0.3803 s, then 5.87 MPa/s
     peak = 50.0 * (1.02 + 5.87 * (0.46 - 0.3803) - 0.17) * 34 / 47 + 3.0
     assert row["engagement_peak_nm"] == pytest.approx(peak, abs=0.5)
-    assert row["m_wej_mean_nm"] == pytest.approx(28.0, abs=0.01)
+    assert row["input_torque_mean_nm"] == pytest.approx(28.0, abs=0.01)
     assert row["p_kiss"] == pytest.approx(0.17e6, abs=0.03e6)
     assert row["p_rest"] == pytest.approx(0.0, abs=1.0) and row["p_end"] == pytest.approx(2.3e6, abs=1.0)
 

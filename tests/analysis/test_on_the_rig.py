@@ -77,4 +77,4 @@ def test_an_engagement_whose_current_stays_level_has_a_hold_phase():
     assert 0.1 * row["p_end"] < row["hold_pressure"] < 0.8 * row["p_end"]
     # nothing but the clutch slips: it closes before the pressure is at its end, with a peak above the closed torque
     assert row["rise_start_s"] < row["kiss_s"] < row["slip_end_s"]
-    assert row["engagement_peak_nm"] > 1.5 * row["m_wej_mean_nm"] > 0.0
+    assert row["engagement_peak_nm"] > 1.5 * row["input_torque_mean_nm"] > 0.0

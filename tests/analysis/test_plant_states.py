@@ -27,7 +27,7 @@ def states():
     w = np.full(t.size, 150.0)
     w_wyj = np.interp(t, [1.4, 1.45, 1.5, 1.6], np.array([1 / I1, 0.9 / I1, 1 / I1, 1 / I2]) * 150.0)
     m_wej = np.interp(t, [1.3, 1.55, 1.6, 1.7], [60.0, 250.0, 240.0, 80.0])
-    gearbox = {"t": t, "m_wej": m_wej, "w_wej": w, "w_wyj": w_wyj}
+    gearbox = {"t": t, "torque_in": m_wej, "speed_in": w, "speed_out": w_wyj}
     one = {
         "t": t,
         "mode": np.where(t < 1.3, 2.0, 0.0),
@@ -46,9 +46,9 @@ def states():
 def test_metrics_by_hand():
     truth = metrics_of_states(states(), ROW)
     assert truth["t_lock_s"] == pytest.approx(0.6)
-    assert truth["m_wej_max_nm"] == pytest.approx(250.0)
+    assert truth["input_torque_max_nm"] == pytest.approx(250.0)
     assert truth["k"] == pytest.approx(0.9)
-    assert truth["n_wyj_min_rpm"] == pytest.approx(0.9 * 150 / I1 * 9.5493, rel=1e-4)
+    assert truth["output_speed_min_rpm"] == pytest.approx(0.9 * 150 / I1 * 9.5493, rel=1e-4)
     # from 1.0 s to the settled torque at 1.7 s
     assert truth["heat_s1_j"] == pytest.approx(50.0)
     assert truth["heat_s2_j"] == pytest.approx(302.0 + 687.0 * 0.05 / 0.25)
@@ -65,7 +65,7 @@ def test_no_lock_no_states_no_truth():
     assert metrics_of_states(states(), ROW, next_order_time=1.5) is None
     assert metrics_of_states(states(), ROW | {"t_order_s": 0.0}) is None
     assert states_of(FakeBag(Shift().recording())) is None
-    only_gearbox = {"/gearbox/state": [(0, SimpleNamespace(m_wej=1.0, w_wej=1.0, w_wyj=1.0))]}
+    only_gearbox = {"/gearbox/state": [(0, SimpleNamespace(torque_in=1.0, speed_in=1.0, speed_out=1.0))]}
     assert states_of(FakeBag(Shift().recording(), only_gearbox)) is None
 
 
@@ -76,8 +76,8 @@ def test_on_the_sample_bag_truth_and_transducers_agree():
     assert truth["t_lock_s"] == pytest.approx(row["t_c_s"], abs=0.01)
     assert truth["k"] == pytest.approx(row["k"], abs=0.01)
     # states 5 ms apart may pass over the peak's tip, or hit it where the metric's mean over 2 ms takes it down
-    peak = row["m_wej_max_nm"]
-    assert 0.5 * peak < truth["m_wej_max_nm"] < 1.1 * peak + report["uncertainty"][0]["m_wej_max_nm"]
+    peak = row["input_torque_max_nm"]
+    assert 0.5 * peak < truth["input_torque_max_nm"] < 1.1 * peak + report["uncertainty"][0]["input_torque_max_nm"]
     for heat in ("heat_s1_j", "heat_s2_j"):
         assert truth[heat] == pytest.approx(account[heat], rel=0.02, abs=1.0)
     text = format_report(report)

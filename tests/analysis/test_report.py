@@ -40,7 +40,7 @@ def state_messages(length=3.0):
         "/load_pump/state": topic(work=300.0),
         "/clutch_s1/state": topic(heat=150.0),
         "/clutch_s2/state": topic(heat=49.0),
-        "/gearbox/state": topic(heat=0.0, w_wej=0.0, w_wyj=0.0),
+        "/gearbox/state": topic(heat=0.0, speed_in=0.0, speed_out=0.0),
     }
 
 
@@ -136,7 +136,7 @@ def _split(line):
 def test_errors_stand_under_a_key_of_their_own():
     report = build_report(bag(), RUN)
     assert len(report["uncertainty"]) == len(report["shifts"])
-    assert report["uncertainty"][1]["m_wyj_nm"] == pytest.approx(1.01)
+    assert report["uncertainty"][1]["output_torque_nm"] == pytest.approx(1.01)
     assert "annex_a" not in report and "truth" not in report
 
 
@@ -148,7 +148,7 @@ def test_annex_a_beside_the_plain_definitions():
     lines = format_report(report).splitlines()
     at = next(i for i, line in enumerate(lines) if line.startswith("I -> II at 1.00 s"))
     difference = dict(zip(_split(lines[at]), _split(lines[at + 3])))
-    assert float(difference["M_wej max Nm"]) == pytest.approx(annex["m_wej_max_nm"] - plain["m_wej_max_nm"], abs=0.05)
+    assert float(difference["M_wej max Nm"]) == pytest.approx(annex["input_torque_max_nm"] - plain["input_torque_max_nm"], abs=0.05)
     assert "0 -> I at 0.20 s" in "\n".join(lines) and "not by Annex A: Annex A knows only" in "\n".join(lines)
 
 

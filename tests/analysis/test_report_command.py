@@ -189,7 +189,7 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
     w1, w2 = 157.08 * 34 / 47, 157.08 * 40 / 41
     by_hand = 0.5 * (0.1273 - 0.06) * (41 / 40) ** 2 * (w2**2 - w1**2)
     assert other["shifts"][0]["e_loss_j"] - row["e_loss_j"] == pytest.approx(by_hand, rel=0.01)
-    assert other["uncertainty"][0]["m_wyj_nm"] == pytest.approx(10.01)
+    assert other["uncertainty"][0]["output_torque_nm"] == pytest.approx(10.01)
     assert [p.name for p in tmp_path.iterdir()] == ["series 19.CSV"]
     with pytest.raises(RigError, match="no order of a gear; give them with --orders"):
         rig_report(path, "--period", "0.1 ms")

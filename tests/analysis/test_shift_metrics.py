@@ -33,19 +33,19 @@ def test_known_times_and_values(case, seed):
     assert list(row) == list(KEYS)
     assert row["valid"] and row["why"] == []
     assert (row["from_gear"], row["to_gear"]) == ((1, 2) if case.up else (2, 1))
-    assert row["n_wej_rpm"] == pytest.approx(1500.0, abs=0.01 if clean else 0.2)
-    assert row["m_wyj_nm"] == pytest.approx(80.0, abs=0.05)
+    assert row["input_speed_rpm"] == pytest.approx(1500.0, abs=0.01 if clean else 0.2)
+    assert row["output_torque_nm"] == pytest.approx(80.0, abs=0.05)
     within = 1.0e-3 if clean else 3.0e-3
     assert row["t_c_s"] == pytest.approx(case.end, abs=within)
     assert row["t_dt_s"] == pytest.approx(case.end - case.fall, abs=within)
     assert row["t_p_s"] == pytest.approx(case.end - case.depart, abs=within)
     assert row["overlap_s"] == pytest.approx(case.release - case.engage, abs=2e-3 if clean else 6e-3)
-    assert row["m_wej_max_nm"] == pytest.approx(case.peak, abs=0.1 if clean else 1.0)
+    assert row["input_torque_max_nm"] == pytest.approx(case.peak, abs=0.1 if clean else 1.0)
     # M_wej falls linearly to 88 Nm: it is settled when it is 5 % above that
     settled = case.settle - (case.settle - case.end) * 0.05 * 88.0 / (150.0 - 88.0)
     assert row["t_o_s"] == pytest.approx(settled - case.end, abs=1.5e-3 if clean else 4e-3)
     # a downshift ends, and its minimum with it, when 0.1 % of slip and what encoders cannot resolve are left
-    assert row["n_wyj_min_rpm"] == pytest.approx(1500.0 / I1, abs=0.6 if case.up else 2.2)
+    assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / I1, abs=0.6 if case.up else 2.2)
     assert row["k"] == pytest.approx(1.0, abs=5e-4 if case.up else 2e-3)
 
 
@@ -81,7 +81,7 @@ def test_dip_shows_in_k_and_leaves_the_shift_valid(seed):
     row = only(dataclasses.replace(UP, depart=0.5, end=0.8, dip=0.4).recording(seed))
     assert row["valid"]
     assert row["k"] == pytest.approx(0.6, abs=0.01)
-    assert row["n_wyj_min_rpm"] == pytest.approx(0.6 * 1500.0 / I1, rel=0.01)
+    assert row["output_speed_min_rpm"] == pytest.approx(0.6 * 1500.0 / I1, rel=0.01)
     assert row["t_p_s"] == pytest.approx(0.3, abs=3e-3)
 
 
@@ -114,7 +114,7 @@ def test_sagging_input_is_no_departure_of_the_output():
     sag = np.interp(t, [0.45, 0.62, 1.0], [1.0, 0.97, 1.0])
     row = only(UP.recording(n_wej=channels["n_wej"] * sag, n_wyj=channels["n_wyj"] * sag))
     assert row["t_p_s"] == pytest.approx(0.1, abs=1e-3)
-    assert row["n_wej_rpm"] == pytest.approx(1500.0, abs=0.01)
+    assert row["input_speed_rpm"] == pytest.approx(1500.0, abs=0.01)
     assert row["k"] == pytest.approx(np.interp(0.60, [0.45, 0.62], [1.0, 0.97]), abs=2e-3)
 
 
@@ -235,7 +235,7 @@ def test_recording_that_ends_too_soon_names_what_is_missing():
     full = UP.channels()
     cut = {name: values[:17050] for name, values in full.items()}  # 5 ms after lock-up
     row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
-    assert not row["valid"] and row["t_c_s"] is None and row["n_wej_rpm"] == pytest.approx(1500.0)
+    assert not row["valid"] and row["t_c_s"] is None and row["input_speed_rpm"] == pytest.approx(1500.0)
     cut = {name: values[:17600] for name, values in full.items()}
     row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1e-3) and row["t_o_s"] is None

@@ -55,7 +55,7 @@ def test_a_shift_is_measured_on_the_clutches_that_it_moves(old, new, releasing, 
     assert row["t_p_s"] == pytest.approx(case.end - case.depart, abs=1e-3)
     assert row["overlap_s"] == pytest.approx(case.both(KISS[releasing], KISS[engaging]), abs=1e-3)
     assert row["k"] == pytest.approx(1.0, abs=2e-3)  # of the slower of both gears
-    assert row["n_wyj_min_rpm"] == pytest.approx(1500.0 / max(RATIOS[old], RATIOS[new]), abs=3.0)
+    assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / max(RATIOS[old], RATIOS[new]), abs=3.0)
     assert row["e_loss_j"] == pytest.approx(loss_by_hand(case), rel=4e-3, abs=8.0)  # slip ends 1 ms early
 
 
@@ -108,7 +108,7 @@ def test_errors_are_those_of_the_clutch_that_is_let_go():
 def test_the_plants_states_are_read_of_every_clutch():
     t = np.arange(0.0, 3.0, 0.005)
     messages = {
-        "/gearbox/state": [{"m_wej": 60.0, "w_wej": 150.0, "w_wyj": 80.0} for _ in t],
+        "/gearbox/state": [{"torque_in": 60.0, "speed_in": 150.0, "speed_out": 80.0} for _ in t],
         "/clutch_c1/state": [{"mode": 2, "heat": 0.0, "torque": 50.0} for _ in t],
         "/clutch_c2/state": [{"mode": 2 if now >= 1.6 else 1, "heat": 100.0 * now, "torque": 60.0} for now in t],
         "/clutch_b1/state": [{"mode": 0 if now > 1.3 else 2, "heat": 10.0, "torque": 0.0} for now in t],
@@ -132,7 +132,7 @@ def test_the_energy_balance_has_the_heat_of_all_clutches():
             "/clutch_c1/state": {"heat": 10.0 * t},
             "/clutch_c2/state": {"heat": 20.0 * t},
             "/clutch_b1/state": {"heat": 30.0 * t},
-            "/gearbox/state": {"heat": 0.0 * t, "w_wej": 100.0 + 0.0 * t, "w_wyj": 50.0 + 0.0 * t},
+            "/gearbox/state": {"heat": 0.0 * t, "speed_in": 100.0 + 0.0 * t, "speed_out": 50.0 + 0.0 * t},
         }[topic]
         return t, [values[name] for name in names]
 

@@ -24,14 +24,14 @@ from rig_nodes.testbench.configuration import load_rig
 ROW = dict.fromkeys(KEYS) | {
     "from_gear": 1,
     "to_gear": 2,
-    "n_wej_rpm": 1500.0,
-    "m_wyj_nm": 80.0,
+    "input_speed_rpm": 1500.0,
+    "output_torque_nm": 80.0,
     "t_dt_s": 0.37,
     "t_p_s": 0.10,
     "t_c_s": 0.65,
     "t_o_s": 0.14,
-    "m_wej_max_nm": 264.0,
-    "n_wyj_min_rpm": 925.0,
+    "input_torque_max_nm": 264.0,
+    "output_speed_min_rpm": 925.0,
     "k": 0.852,
     "e_loss_j": 1800.0,
     "e_loss_settled_j": 1200.0,
@@ -50,11 +50,11 @@ def test_table_7_1():
 
 def test_metrics_by_hand():
     found = uncertainty(ROW)
-    assert found["m_wyj_nm"] == pytest.approx(1.01)
-    assert found["n_wyj_min_rpm"] == pytest.approx(1.0)
+    assert found["output_torque_nm"] == pytest.approx(1.01)
+    assert found["output_speed_min_rpm"] == pytest.approx(1.0)
     assert found["k"] == pytest.approx(0.852 * (1.0 / 925 + 1.0 / 1500), rel=1e-3)
     # 1 ms of a rise of 264 Nm in 45 ms
-    assert found["m_wej_max_nm"] == pytest.approx(1.01 + 264 / 45, rel=1e-3)
+    assert found["input_torque_max_nm"] == pytest.approx(1.01 + 264 / 45, rel=1e-3)
     # 0.105 rad/s of each encoder in 157 rad/s are 0.135 % of slip, which changes by 25.9 % in 0.1 s: 0.52 ms
     slip_end = 1.1e-3 + 0.1 * (0.10472 * 2.025 / 157.08) / (1 - 41 / 40 * 34 / 47)
     assert found["t_c_s"] == pytest.approx(slip_end, rel=1e-3)
@@ -72,7 +72,7 @@ def test_metrics_by_hand():
 def test_better_instruments_give_smaller_errors_only_where_they_count():
     fine = {**instruments_of(None), "torque": Instrument(500.0, 0.02)}
     plain, better = uncertainty(ROW), uncertainty(ROW, fine)
-    assert better["m_wyj_nm"] == pytest.approx(0.1)
+    assert better["output_torque_nm"] == pytest.approx(0.1)
     assert better["e_loss_j"] < plain["e_loss_j"]
     assert better["k"] == plain["k"] and better["t_p_s"] == plain["t_p_s"]
 
@@ -84,10 +84,10 @@ def test_errors_are_those_of_the_rigs_own_instruments():
     assert of_the_rig["speed"] == pytest.approx(2 * math.pi / 60)  # 1 rpm, which the table rounds to 0.017 rev/s
     coarse = load_rig("hydmag", {"instruments.torque_class": "2 %", "instruments.speed_step": "3 rpm"}).as_dict()
     found = uncertainty(ROW, instruments_of(coarse))
-    assert found["m_wyj_nm"] == pytest.approx(10.01) and found["n_wej_rpm"] == pytest.approx(3.0)
+    assert found["output_torque_nm"] == pytest.approx(10.01) and found["input_speed_rpm"] == pytest.approx(3.0)
     # true values: what is left is a sample and half the filter, at each end
     true = uncertainty(ROW, instruments_of(load_rig("hydmag", {"effects.transducers": "off"}).as_dict()))
-    assert true["m_wyj_nm"] == true["k"] == 0.0
+    assert true["output_torque_nm"] == true["k"] == 0.0
     assert true["t_dt_s"] == pytest.approx(2.2e-3) and true["t_c_s"] == pytest.approx(1.1e-3)
 
 
@@ -95,16 +95,16 @@ def test_a_sample_of_a_slower_logger_counts_as_such():
     by_default, slow = uncertainty(ROW), uncertainty(ROW, period=10e-3)
     assert slow["t_c_s"] - by_default["t_c_s"] == pytest.approx(9.9e-3)
     assert slow["t_p_s"] - by_default["t_p_s"] == pytest.approx(19.8e-3)
-    assert slow["m_wej_max_nm"] == pytest.approx(1.01 + 264 * 5 / 45)  # half a sample of a rise in 45 ms
+    assert slow["input_torque_max_nm"] == pytest.approx(1.01 + 264 * 5 / 45)  # half a sample of a rise in 45 ms
 
 
 def test_what_is_missing_has_no_error():
     assert uncertainty(dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2}) == {}
     half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None})
     assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
-    assert half["m_wej_max_nm"] > 1.01
+    assert half["input_torque_max_nm"] > 1.01
     # an output that stood still: n_wyj / n_wej is wrong by the encoder's 1 rpm, times i1
-    assert uncertainty(ROW | {"n_wyj_min_rpm": 0.0, "k": 0.0})["k"] == pytest.approx(47 / 34 * 1.0 / 1500, rel=1e-3)
+    assert uncertainty(ROW | {"output_speed_min_rpm": 0.0, "k": 0.0})["k"] == pytest.approx(47 / 34 * 1.0 / 1500, rel=1e-3)
     neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None})
     assert "k" not in neutral and neutral["t_dt_s"] > 0.0
     assert all(math.isfinite(value) for value in neutral.values())
@@ -113,13 +113,13 @@ def test_what_is_missing_has_no_error():
 def test_the_printed_coast_down():
     """1.01 of 8.32 Nm are 12 %, two encoder steps (1 rpm each) of 11.736 rad/s in the first second 1.8 %: J = 0.709 +- 0.099."""
     printed = {
-        "coast_down_m_wej_nm": 8.32,
+        "coast_down_torque_nm": 8.32,
         "coast_down_tangent_s": 4.198,
         "inertia": 0.709,
         "coefficients": [0.5735, -11.736, 49.274],
     }
     found = coast_down_uncertainty(printed)
-    assert found["coast_down_m_wej_nm"] == pytest.approx(1.01)
+    assert found["coast_down_torque_nm"] == pytest.approx(1.01)
     assert found["coast_down_tangent_s"] == pytest.approx(4.198 * 0.20944 / 11.736, rel=1e-3)
     assert found["inertia"] == pytest.approx(0.709 * (1.01 / 8.32 + 0.0182), rel=1e-2)
 
@@ -127,19 +127,19 @@ def test_the_printed_coast_down():
 def test_an_engagement_by_hand():
     row = dict.fromkeys(ENGAGEMENT_KEYS) | {
         "gear": 1,
-        "n_wej_before": 52.36,
+        "input_speed_before": 52.36,
         "p_rest": 0.0,
         "p_end": 2.3e6,
         "p_kiss": 0.17e6,
         "engagement_s": 0.26,
         "engagement_peak_nm": 90.0,
-        "m_wej_mean_nm": 28.0,
+        "input_torque_mean_nm": 28.0,
         "fill_slope": 1.622e6,
         "growth_contact": 0.5e6,
         "hold_s": 0.08,
     }
     found = engagement_uncertainty(row)
-    assert found["p_end"] == pytest.approx(0.1e6) and found["m_wej_mean_nm"] == pytest.approx(1.01)
+    assert found["p_end"] == pytest.approx(0.1e6) and found["input_torque_mean_nm"] == pytest.approx(1.01)
     assert found["p_kiss"] == pytest.approx(0.1e6 + 0.5e6 * 1.01 / 10.0)
     assert found["engagement_peak_nm"] == pytest.approx(1.01 + 90.0 / 45.0)
     slip = 0.10472 * (1 + 47 / 34) / 52.36 * 0.26

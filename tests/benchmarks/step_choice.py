@@ -20,7 +20,18 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 
-METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
+METRICS = (
+    "t_dt_s",
+    "t_p_s",
+    "t_c_s",
+    "t_o_s",
+    "overlap_s",
+    "input_torque_max_nm",
+    "output_speed_min_rpm",
+    "k",
+    "e_loss_j",
+    "e_loss_settled_j",
+)
 # speed, torque before the shift up, torque before the shift down: points of the grid of tab. 7.4
 POINTS = (("1500 rpm", "80 Nm", "80 Nm"), ("1500 rpm", "40 Nm", "160 Nm"), ("800 rpm", "60 Nm", "120 Nm"))
 FINER = 100  # rows between two logger rows, by straight lines: the metrics count in whole rows

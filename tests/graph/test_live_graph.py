@@ -115,9 +115,9 @@ def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
     events, commands = user.listen("/controller/events"), user.listen("/controller/command")
     before = user.until(lambda: commands and commands[-1], "a valve command").gear
     new = 1 if before != 1 else 2
-    goal = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=new))
+    goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=new))
     user.until(lambda: goal.feedback, "feedback of the shift")
-    during = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=0)).result()
+    during = user.order(Shift, "/controller/shift", Shift.Goal(gear=0)).result()
     assert not during.success and "still running" in during.message
     result = goal.result()
     assert result.success and result.gear == new
@@ -128,13 +128,13 @@ def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
     user.until(lambda: len(events) >= 3, "the events of the shift")
     assert [(event.name, event.value) for event in events] == [("shift_ordered", new), ("shift_refused", 0.0), ("shift_done", new)]
     assert events[0].header.stamp.sec + events[0].header.stamp.nanosec * 1e-9 == pytest.approx(result.t_order)
-    same = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=new)).result()
+    same = user.order(Shift, "/controller/shift", Shift.Goal(gear=new)).result()
     assert not same.success and "already" in same.message
 
 
 def test_a_gear_that_there_is_not_is_rejected_with_a_logged_reason(user, still):
     said = logs(user)
-    client = ActionClient(user.node, Shift, "/alfa46/shift")
+    client = ActionClient(user.node, Shift, "/controller/shift")
     user.until(client.server_is_ready, "the action")
 
     future = client.send_goal_async(Shift.Goal(gear=7))

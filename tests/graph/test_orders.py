@@ -99,7 +99,7 @@ def test_the_next_sequence_is_taken_after_a_cancel(user, tmp_path):
 
 
 def test_a_shift_that_has_begun_is_carried_to_its_end(user):
-    goal = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=1))
+    goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=1))
     user.until(lambda: goal.feedback, "feedback of the shift")
     answer = goal.cancel()
     assert answer.return_code == CancelGoal.Response.ERROR_REJECTED and not answer.goals_canceling
@@ -113,7 +113,7 @@ def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
     container = graph.supervisor.children["container"].pid
     os.kill(container, signal.SIGSTOP)  # no sample, so nobody takes the order
     try:
-        goal = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=2))
+        goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=2))
         answer = goal.cancel()
         assert answer.return_code == CancelGoal.Response.ERROR_NONE and len(answer.goals_canceling) == 1
         result = goal.result()
@@ -127,7 +127,7 @@ def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
     commands = user.listen("/controller/command")
     user.until(lambda: commands, "a valve command")
     assert commands[-1].gear == 1 and not commands[-1].shifting
-    assert user.order(Shift, "/alfa46/shift", Shift.Goal(gear=0)).result().success, "the next order is taken"
+    assert user.order(Shift, "/controller/shift", Shift.Goal(gear=0)).result().success, "the next order is taken"
 
 
 def test_a_sequence_cancelled_in_a_shift_leaves_the_shift_to_its_end(user, tmp_path):
@@ -174,7 +174,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
         user.until(there, f"{name} at {value}")
 
     def order(gear):
-        return user.order(Shift, "/alfa46/shift", Shift.Goal(gear=gear))
+        return user.order(Shift, "/controller/shift", Shift.Goal(gear=gear))
 
     def newest(messages):
         seen = len(messages)

@@ -123,7 +123,7 @@ def test_a_type_that_cannot_be_loaded_is_named_once():
 )
 def test_patterns_choose_by_the_whole_name(topics, exclude, taken):
     choice = TopicChoice(topics, exclude)
-    names = ["/rosout", "/camera/left", "/parameter_events", "/clock", "/alfa46/shift/_action/feedback"]
+    names = ["/rosout", "/camera/left", "/parameter_events", "/clock", "/controller/shift/_action/feedback"]
     assert [name for name in names if choice.takes(name)] == taken
 
 

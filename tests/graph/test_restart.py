@@ -104,7 +104,7 @@ def works_again(user, states, commands) -> None:
     user.until(lambda: states[-1].state != TRIPPED, "the reset")
     user.until(lambda: not commands[-1].shifting, "the end of the shift that was running")
     if commands[-1].gear != NEUTRAL:
-        assert user.order(Shift, "/alfa46/shift", Shift.Goal(gear=NEUTRAL)).result().success
+        assert user.order(Shift, "/controller/shift", Shift.Goal(gear=NEUTRAL)).result().success
     shifting(user, commands)
 
 

@@ -93,7 +93,7 @@ class User(Client):
 
     def shift(self, gear):
         """Result of a shift."""
-        return self.order(Shift, "/alfa46/shift", Shift.Goal(gear=gear)).result()
+        return self.order(Shift, "/controller/shift", Shift.Goal(gear=gear)).result()
 
     def set_profile(self, output, points):
         """Response of the service that sets a profile as a whole."""
@@ -245,7 +245,7 @@ def test_a_profile_is_set_as_a_whole(user):
 
 
 def test_during_a_shift_its_own_profiles_stay(user):
-    goal = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=2))
+    goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=2))
     for output in (1, 2):
         answer = user.set_profile(output, PROFILE_1 * [1.1, 1.0])
         assert not answer.success and f"output_{output} is in use by a shift" in answer.message

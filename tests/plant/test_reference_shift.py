@@ -19,7 +19,7 @@ from rig_nodes.transmission import transmission_of
 RPM = math.pi / 30.0
 BEFORE, AFTER = 200, 1300  # ms recorded before and after the order
 FINER = 100  # rows between two logger rows, by straight lines: the metrics count in whole rows
-METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
+METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "output_speed_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
 CLOSE = 2e-3
 
 

@@ -48,7 +48,7 @@ BY_HAND = (
     (
         "node info /alfa46",
         r"/controller/command: rig_msgs/msg/ValveCommand",
-        r"/alfa46/shift: rig_msgs/action/Shift",
+        r"/controller/shift: rig_msgs/action/Shift",
         r"/alfa46/set_profile: rig_msgs/srv/SetProfile",
     ),
     (
@@ -86,11 +86,11 @@ BY_HAND = (
         PROFILE % (TIMES, CURRENTS.replace("0.6", "0.9")),
         r"success=False, message='output_1.P3 asks for 900 mA",
     ),
-    ("action list -t", r"^/alfa46/shift \[rig_msgs/action/Shift\]", r"^/sequencer/run \[rig_msgs/action/RunSequence\]"),
-    ("action info /alfa46/shift", r"Action servers: 1", r"/alfa46$"),
-    ("action send_goal --feedback /alfa46/shift rig_msgs/action/Shift", "{gear: 1}", r"success: true", r"SUCCEEDED"),
-    ("action send_goal /alfa46/shift rig_msgs/action/Shift", "{gear: 7}", r"rejected"),
-    ("action send_goal /alfa46/shift rig_msgs/action/Shift", "{gear: 0}", r"success: true", r"SUCCEEDED"),
+    ("action list -t", r"^/controller/shift \[rig_msgs/action/Shift\]", r"^/sequencer/run \[rig_msgs/action/RunSequence\]"),
+    ("action info /controller/shift", r"Action servers: 1", r"/alfa46$"),
+    ("action send_goal --feedback /controller/shift rig_msgs/action/Shift", "{gear: 1}", r"success: true", r"SUCCEEDED"),
+    ("action send_goal /controller/shift rig_msgs/action/Shift", "{gear: 7}", r"rejected"),
+    ("action send_goal /controller/shift rig_msgs/action/Shift", "{gear: 0}", r"success: true", r"SUCCEEDED"),
     (
         "action send_goal --feedback /sequencer/run rig_msgs/action/RunSequence",
         "{name: no_such_sequence}",

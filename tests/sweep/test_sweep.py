@@ -63,7 +63,7 @@ def test_the_file_says_where_it_is_from(tmp_path):
     assert about["plan"]["seed"] == 9 and about["configuration"]["alfa46"]["t21"] == pytest.approx(-0.22)
     assert {"rig_nodes", "plant", "numba"} <= set(about["versions"])
     units = {name: (table.schema.field(name).metadata or {}).get(b"unit") for name in table.schema.names}
-    assert (units["alfa46.t12"], units["rest"], units["t_c_s"], units["m_wej_max_nm"], units["k"]) == (
+    assert (units["alfa46.t12"], units["rest"], units["t_c_s"], units["input_torque_max_nm"], units["k"]) == (
         b"ms",
         b"ms",
         b"s",

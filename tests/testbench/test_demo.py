@@ -47,9 +47,9 @@ def test_both_shifts_are_complete_and_without_a_deep_dip(demo):
     for shift, lowest in zip(report["shifts"], (0.8, 0.95)):
         assert shift["valid"], shift["why"]
         assert shift["k"] >= lowest
-        assert shift["n_wej_rpm"] == pytest.approx(1500, abs=5)
+        assert shift["input_speed_rpm"] == pytest.approx(1500, abs=5)
         assert 0.1 < shift["t_dt_s"] < 0.5
-    assert report["shifts"][0]["m_wyj_nm"] == pytest.approx(80, abs=1)
+    assert report["shifts"][0]["output_torque_nm"] == pytest.approx(80, abs=1)
     assert report["run"]["end"]["state"] == "ended" and report["run"]["lost"] == 0
 
 
@@ -79,7 +79,7 @@ def test_the_output_never_turns_backwards(demo):
     bag, _ = demo
     assert bag.series("n_wyj")[1].min() >= 0.0
     # a shaft that has come to rest stands still but for rounding
-    assert min(m.w_wyj for _, m in bag.messages("/gearbox/state")) > -1e-12
+    assert min(m.speed_out for _, m in bag.messages("/gearbox/state")) > -1e-12
 
 
 def between(p, t, low, high):

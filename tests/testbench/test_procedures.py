@@ -154,8 +154,8 @@ def test_shifts_are_made_at_the_speed_and_load_of_the_conditions(first_runs, nam
     wanted = {"I-II": [1], "II-I": [2]}.get(series.conditions.get("shift"), [1])
     for row in rows:
         if row["from_gear"] in wanted:
-            assert row["n_wej_rpm"] == pytest.approx(series.conditions["n_wej"] / RPM, abs=2.0)
-            assert row["m_wyj_nm"] == pytest.approx(series.conditions["m_wyj"], abs=1.0)
+            assert row["input_speed_rpm"] == pytest.approx(series.conditions["n_wej"] / RPM, abs=2.0)
+            assert row["output_torque_nm"] == pytest.approx(series.conditions["m_wyj"], abs=1.0)
 
 
 def test_the_clutch_is_opened_under_the_load_of_the_conditions(first_runs):

@@ -71,7 +71,7 @@ def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
         assert quick[way].valid
         assert quick[way].time == pytest.approx(row["t_c_s"], abs=0.006)
         assert quick[way].t_dt == pytest.approx(row["t_dt_s"], abs=0.008)
-        assert quick[way].peak == pytest.approx(row["m_wej_max_nm"], abs=3.0)
+        assert quick[way].peak == pytest.approx(row["input_torque_max_nm"], abs=3.0)
 
 
 def test_a_shift_does_not_depend_on_the_one_before(config, bench):
@@ -96,7 +96,7 @@ def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
 
 def test_what_the_rig_does_not_hold_is_lowered(config):
     points, said = held(config, [Point("II-I", 1000.0 * RPM, 40.0), Point("II-I", 2000.0 * RPM, 400.0)])
-    assert points[0].m_wyj == 40.0 and points[1].m_wyj < 400.0
+    assert points[0].output_torque == 40.0 and points[1].output_torque < 400.0
     assert len(said) == 1 and "more than the rig holds" in said[0]
 
 
@@ -392,7 +392,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
         assert verdict["pairs"] + verdict["left_out"] == 4 and verdict["failed"] == 0
     speed = summary["largest_load"]["speeds"][0]
     # the old gear carries the load until the new one takes it: no settings come below that
-    assert speed["m_wej_before_nm"] <= speed["least_peak_nm"] <= speed["compared_peak_nm"] * 1.001
+    assert speed["input_torque_before_nm"] <= speed["least_peak_nm"] <= speed["compared_peak_nm"] * 1.001
     assert (out / "front_II-I.svg").read_text().startswith("<svg")
 
     page = tmp_path / "page.md"
@@ -400,7 +400,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     document.write(page, summary, 1)
     found = summary["chosen"]["II-I"]["soft"]
     assert f"| `soft` | II-I | {found['P1.time']}, {found['P1.current']} |" in page.read_text()
-    assert f"| {speed['m_wej_before_nm']:.0f} Nm | {speed['least_peak_nm']:.0f} Nm |" in page.read_text()
+    assert f"| {speed['input_torque_before_nm']:.0f} Nm | {speed['least_peak_nm']:.0f} Nm |" in page.read_text()
     assert page.read_text().startswith("by hand") and page.read_text().endswith("more\n")
     assert "tables of before" not in page.read_text()
 
@@ -432,7 +432,7 @@ def test_the_thesis_range(config, tmp_path, capsys):
                 if name != "balanced":
                     assert found["shares"]["t_c"]["worst"] < 1.0, name
     for speed in summary["largest_load"]["speeds"]:
-        assert speed["engine_nm"] < speed["m_wej_before_nm"] <= speed["least_peak_nm"] < speed["compared_peak_nm"]
+        assert speed["engine_nm"] < speed["input_torque_before_nm"] <= speed["least_peak_nm"] < speed["compared_peak_nm"]
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ RPM = pi / 30.0
 UP = {"shift": ("I-II",), "n_wej": (1000.0 * RPM, 2000.0 * RPM), "m_wyj": Span(40.0, 120.0)}
 
 
-def target(kind, quantity="m_wej_max_nm", procedure="grid_up", conditions=UP, role="predict", dimension="torque", **more):
+def target(kind, quantity="input_torque_max_nm", procedure="grid_up", conditions=UP, role="predict", dimension="torque", **more):
     return Target(
         id="row",
         text="A row.",
@@ -34,7 +34,7 @@ def target(kind, quantity="m_wej_max_nm", procedure="grid_up", conditions=UP, ro
     )
 
 
-def grid(values, quantity="m_wej_max_nm", **more):
+def grid(values, quantity="input_torque_max_nm", **more):
     """Records from {(rpm, Nm): value}."""
     return [
         Record("grid_up", {"shift": "I-II", "n_wej": rpm * RPM, "m_wyj": float(nm), **more}, {quantity: value})
@@ -82,8 +82,8 @@ def test_a_value_that_was_not_found_says_why():
         Record(
             "grid_up",
             {"shift": "I-II", "n_wej": 2000.0 * RPM, "m_wyj": 40.0},
-            {"m_wej_max_nm": None},
-            {"m_wej_max_nm": "the output never settled"},
+            {"input_torque_max_nm": None},
+            {"input_torque_max_nm": "the output never settled"},
         )
     )
     assert "the output never settled" in evaluate(target("upper", high=300.0), records).reason
@@ -97,7 +97,7 @@ def test_information_is_shown_and_not_judged():
 
 def test_other_conditions_spans_and_parts_of_a_test_are_left_out():
     records = grid({**FLAT, (2000, 20): 999.0, (1500, 80): 999.0}) + grid({(2000, 40): 999.0}, phase="before")
-    records += [Record("delay_series", records[0].conditions, {"m_wej_max_nm": 999.0})]
+    records += [Record("delay_series", records[0].conditions, {"input_torque_max_nm": 999.0})]
     assert verdict(target("upper", high=280.0), records) == "inside"
     almost = grid({(1000 * (1 + 1e-12), 40.0 - 1e-11): 250.0, (2000, 120): 260.0})
     assert verdict(target("upper", high=280.0), almost) == "inside"
@@ -122,7 +122,7 @@ def test_statistics_are_taken_across_one_condition_and_within_the_others():
 
 def test_all_series_must_be_there():
     conditions = {"shift": ("I-II",), "series": ("all",)}
-    records = [Record("delay_series", {"shift": "I-II", "series": n}, {"m_wej_max_nm": 200.0 + n}) for n in range(1, 20)]
+    records = [Record("delay_series", {"shift": "I-II", "series": n}, {"input_torque_max_nm": 200.0 + n}) for n in range(1, 20)]
     row = target("upper", procedure="delay_series", conditions=conditions, high=300.0)
     assert verdict(row, records) == "inside"
     cut = evaluate(row, records[:7] + records[8:])
@@ -138,7 +138,7 @@ def test_a_difference_pairs_like_with_like():
     row = target("difference", low=100.0, conditions=both, of={"shift": ("I-II",)}, to={"shift": ("II-I",)})
     records = grid({(1000, 40): 250.0, (2000, 40): 300.0}) + grid({(1000, 40): 150.0, (2000, 40): 180.0}, shift="II-I")
     assert verdict(row, records) == "inside"
-    records[-1].values["m_wej_max_nm"] = 201.0
+    records[-1].values["input_torque_max_nm"] = 201.0
     worst = evaluate(row, records)
     assert (worst.verdict, worst.value, worst.count) == ("outside", 99.0, 2)
     assert worst.place == {"n_wej": pytest.approx(2000.0 * RPM)}  # the load is the same in both
@@ -255,7 +255,7 @@ def test_a_trend_goes_through_what_is_fixed_and_averages_what_is_tested_twice():
     row = evaluate(grows, mixed)
     assert (row.verdict, row.count, row.inside) == ("outside", 2, 1)
     twice = [
-        Record("delay_series", {"t12": t12, "series": n}, {"m_wej_max_nm": value})
+        Record("delay_series", {"t12": t12, "series": n}, {"input_torque_max_nm": value})
         for n, (t12, value) in enumerate([(-0.2, 1.0), (-0.2, 3.0), (-0.1, 2.5)], 1)
     ]
     over = target("trend", sign="grows", tolerance=0.0, over="t12", procedure="delay_series", conditions={"series": (1, 2, 3)})

@@ -42,9 +42,9 @@ def test_a_shift_gives_si_values_and_what_follows_from_them():
     assert whole.values["speed_delay_s"] == pytest.approx(0.15, abs=4e-3)
     assert whole.values["t_c_s"] == pytest.approx(0.70, abs=3e-3)
     assert whole.values["peak_share"] == pytest.approx(250.0 / 80.0, rel=5e-3)
-    assert whole.values["n_wyj_min_rpm"] == pytest.approx(1500.0 * RPM * 34.0 / 47.0, rel=2e-3)  # rad/s
+    assert whole.values["output_speed_min_rpm"] == pytest.approx(1500.0 * RPM * 34.0 / 47.0, rel=2e-3)  # rad/s
     assert whole.values["e_loss_release_j"] == pytest.approx(whole.values["e_loss_settled_j"] - whole.values["e_loss_j"])
-    phases = {r.conditions["phase"]: r.values["m_wej_max_nm"] for r in records if "phase" in r.conditions}
+    phases = {r.conditions["phase"]: r.values["input_torque_max_nm"] for r in records if "phase" in r.conditions}
     assert phases == {"shift": pytest.approx(250.0, rel=5e-3), "before": pytest.approx(88.0, abs=0.1)}
 
 
@@ -83,7 +83,7 @@ def test_each_shift_of_the_delay_sequence_is_a_repeat():
     conditions = {"series": 19, "t12": -0.22, "t21": -0.22, "n_wej": 500.0 * RPM, "m_wyj": 60.0}
     repeats = readers.delay_series(conditions, run_of(recording))
     assert len(repeats) == 2
-    peaks = [[r.values["m_wej_max_nm"] for r in one if "m_wej_max_nm" in r.values] for one in repeats]
+    peaks = [[r.values["input_torque_max_nm"] for r in one if "input_torque_max_nm" in r.values] for one in repeats]
     assert peaks[0][0] == pytest.approx(250.0, rel=5e-3) and peaks[1][0] == pytest.approx(270.0, rel=5e-3)
     classes = [r.values["pressure_rise"] for one in repeats for r in one if "pressure_rise" in r.values]
     assert classes == ["monotone", "monotone"]
@@ -112,7 +112,7 @@ def delays(values, shift="I-II", quantity="k"):
         Record(
             "delay_series",
             {"shift": shift, "series": n, "t12": t12, "t21": t12, "n_wej": 500.0 * RPM, "m_wyj": 60.0},
-            {"k": 1.0, "m_wej_max_nm": 250.0, "t_dt_s": 0.3, quantity: value},
+            {"k": 1.0, "input_torque_max_nm": 250.0, "t_dt_s": 0.3, quantity: value},
         )
         for n, (t12, value) in values.items()
     ]
@@ -136,8 +136,12 @@ def test_a_result_of_all_series_answers_a_row_on_all_series():
 
 
 def test_smallest_and_shortest_within_what_counts_as_equal():
-    found = derive(delays({1: (0.0, 250.0), 19: (-0.2, 249.1), 3: (-0.1, 248.5)}, quantity="m_wej_max_nm"))
-    words = {r.conditions["series"]: r.values["m_wej_max_nm"] for r in found if isinstance(r.values.get("m_wej_max_nm"), str)}
+    found = derive(delays({1: (0.0, 250.0), 19: (-0.2, 249.1), 3: (-0.1, 248.5)}, quantity="input_torque_max_nm"))
+    words = {
+        r.conditions["series"]: r.values["input_torque_max_nm"]
+        for r in found
+        if isinstance(r.values.get("input_torque_max_nm"), str)
+    }
     assert words == {1: "not smallest", 19: "smallest", 3: "smallest"}
     found = derive(delays({1: (0.0, 0.30), 19: (-0.2, 0.289), 3: (-0.1, 0.285)}, "II-I", "t_dt_s"))
     words = {r.conditions["series"]: r.values["t_dt_s"] for r in found if isinstance(r.values.get("t_dt_s"), str)}

@@ -104,7 +104,7 @@ def test_every_ring_model_and_the_simulation_have_rows(targets):
         (ring, model) for ring in ("80x115", "80x101.9", "65x115", "46x88.9", "50x76") for model in ("thesis", "osinski")
     }
     simulated = {target.quantity for target in targets.values() if target.procedure == "chapter9"}
-    assert {"m_wej_max_nm", "t_p_s"} <= simulated
+    assert {"input_torque_max_nm", "t_p_s"} <= simulated
 
 
 def test_every_row_says_why_and_every_conflict_is_a_sentence_known_at_both(targets):
@@ -123,8 +123,8 @@ def test_shift_quantities_are_the_keys_of_the_report(targets):
         "t_p_s",
         "t_c_s",
         "t_o_s",
-        "m_wej_max_nm",
-        "n_wyj_min_rpm",
+        "input_torque_max_nm",
+        "output_speed_min_rpm",
         "k",
         "e_loss_j",
         "e_loss_settled_j",
@@ -149,7 +149,7 @@ procedures:
   grid_up: I to II over load and speed
 quantities:
   t_p_s: [time, "speed change"]
-  m_wej_max_nm: [torque, "peak"]
+  input_torque_max_nm: [torque, "peak"]
   dip: [ratio, "k below 0.95"]
   p1_mpa: [pressure, "pressure of S1"]
 targets:
@@ -157,7 +157,7 @@ targets:
   text: Peaks lie between 244 and 293 Nm.
   where: 7.4.1.2
   kind: range
-  quantity: m_wej_max_nm
+  quantity: input_torque_max_nm
   procedure: grid_up
   role: predict
   conditions: {shift: I-II, n_wej: [1000 rpm, 2000 rpm], m_wyj: {from: 40 Nm, to: 120 Nm}, series: all}
@@ -227,7 +227,7 @@ targets:
   text: They are 6 Nm apart.
   where: 9.2.1
   kind: difference
-  quantity: m_wej_max_nm
+  quantity: input_torque_max_nm
   procedure: grid_up
   role: predict
   conditions: {}
@@ -270,7 +270,7 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
             "  procedure: grid\n  role: information",
             r":\d+: falls.procedure is 'grid', expected one of grid_up",
         ),
-        ("quantity: t_p_s", "quantity: t_p", r":\d+: falls.quantity is 't_p', expected one of t_p_s, m_wej_max_nm"),
+        ("quantity: t_p_s", "quantity: t_p", r":\d+: falls.quantity is 't_p', expected one of t_p_s, input_torque_max_nm"),
         ("kind: trend", "kind: slope", r":\d+: falls.kind is 'slope', expected one of value, range"),
         ("  why: Hum.\n", "", r":\d+: a target lacks the key 'why'"),
         ("why: Hum.", "why: ''", "delay.why is '', expected words"),

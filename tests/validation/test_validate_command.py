@@ -133,7 +133,8 @@ def test_every_row_has_its_section_and_what_it_accepts():
 
 def test_numbers_are_in_the_laboratorys_unit():
     row = evaluate(
-        TARGETS["up_peak_torque_range"], [shift(rpm, 80, m_wej_max_nm=300.0 + rpm / 1000) for rpm in (1000, 1200, 1500, 1800, 2000)]
+        TARGETS["up_peak_torque_range"],
+        [shift(rpm, 80, input_torque_max_nm=300.0 + rpm / 1000) for rpm in (1000, 1200, 1500, 1800, 2000)],
     )
     assert document.accepted(row) == document.laboratory(row) == "244 Nm to 293 Nm"
     assert document.of_rig(row) == "302 Nm (0 of 5 inside; 2000 rpm)"

@@ -93,7 +93,7 @@ def test_report_is_shown_as_tables(shown, recorded):
     text = shown.data["/report"]["TextDocument:text"][0]
     assert shown.data["/report"]["TextDocument:media_type"] == ["text/markdown"]
     assert "| shift | I → II | II → I |" in text
-    peaks = [f"{row['m_wej_max_nm']:.1f}" for row in report["shifts"]]
+    peaks = [f"{row['input_torque_max_nm']:.1f}" for row in report["shifts"]]
     assert f"| M_wej max Nm | {peaks[0]} | {peaks[1]} |" in text
     assert "End: the sequence ended" in text
 
@@ -174,7 +174,7 @@ def test_a_run_without_report_gets_its_numbers_from_the_bag(run, recorded, read_
     (run / "report.json").unlink()
     text = read_rrd(make_view(run).path).data["/report"]["TextDocument:text"][0]
     row = json.loads((recorded / "report.json").read_text())["shifts"][0]
-    assert f"| M_wej max Nm | {row['m_wej_max_nm']:.1f} |" in text
+    assert f"| M_wej max Nm | {row['input_torque_max_nm']:.1f} |" in text
     assert not (run / "report.json").exists()
 
 

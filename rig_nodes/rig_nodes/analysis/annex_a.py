@@ -139,9 +139,9 @@ class _Program:
         if not all(np.all(np.isfinite(channel)) for channel in used):
             self.why.append("a channel has values that are no numbers")
             return
-        row["n_wej_rpm"], row["m_wyj_nm"] = float(np.mean(self.n_in[before])), float(np.mean(self.m_out[before]))
+        row["input_speed_rpm"], row["output_torque_nm"] = float(np.mean(self.n_in[before])), float(np.mean(self.m_out[before]))
         if self.set_speed is None:
-            self.set_speed = row["n_wej_rpm"]
+            self.set_speed = row["input_speed_rpm"]
         if self.set_speed < 10.0:
             self.why.append("the input shaft did not turn when the shift was ordered")
             return
@@ -160,13 +160,13 @@ class _Program:
         if recovered is None:
             return
         lowest = float(self.n_out[start : recovered + 1].min()) if self.up else lowest_down[0]
-        row["n_wyj_min_rpm"], row["k"] = lowest, lowest / self.set_speed * self.box.ratios[self.first]
+        row["output_speed_min_rpm"], row["k"] = lowest, lowest / self.set_speed * self.box.ratios[self.first]
         settled = self.settled(end, recovered, factor)
         if settled is None:
             return
         row["t_o_s"] = (settled - end) * PERIOD
         # the unaveraged torque, to the end of t_o; the program computes means of 20 samples but does not use them
-        row["m_wej_max_nm"] = float(self.m_in[start : settled + 1].max())
+        row["input_torque_max_nm"] = float(self.m_in[start : settled + 1].max())
         # this sum increments its index before it reads a sample, so it begins one sample later than the other sum
         row["e_loss_settled_j"] = self.energy(start + 1, settled + 1)
 

@@ -55,7 +55,7 @@ def coast_down(
     Returns
     -------
     dict
-        coast_down_tangent_s, coast_down_m_wej_nm, inertia [kg m2], inertia_half, coefficients [highest power first],
+        coast_down_tangent_s, coast_down_torque_nm, inertia [kg m2], inertia_half, coefficients [highest power first],
         residual (root mean square, rad/s), t_cut_s, t_end_s (end of the fitted part, from the cut), w_start (mean before
         the cut, None when nothing was recorded there).
 
@@ -96,7 +96,7 @@ def coast_down(
     residual = w[first:last] - np.polyval(fits[0], t[first:last] - start)
     return {
         "coast_down_tangent_s": tangent,
-        "coast_down_m_wej_nm": m,
+        "coast_down_torque_nm": m,
         "inertia": inertia,
         "inertia_half": upper,
         "coefficients": [float(c) for c in fits[0]],

@@ -58,8 +58,8 @@ def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None], b
             continue
         pairs = [
             f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({_cell(row['t_c_s'], 1e3, 0)})",
-            f"{box.input.torque} max {truth['m_wej_max_nm']:.1f} Nm ({_cell(row['m_wej_max_nm'], 1.0, 1)})",
-            f"{box.output.speed} min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})",
+            f"{box.input.torque} max {truth['input_torque_max_nm']:.1f} Nm ({_cell(row['input_torque_max_nm'], 1.0, 1)})",
+            f"{box.output.speed} min {truth['output_speed_min_rpm']:.0f} rpm ({_cell(row['output_speed_min_rpm'], 1.0, 0)})",
         ]
         if truth["k"] is not None:
             pairs.append(f"k {truth['k']:.3f} ({_cell(row['k'], 1.0, 3)})")

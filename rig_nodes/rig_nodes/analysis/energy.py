@@ -55,7 +55,7 @@ def fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]
     return {
         **works,
         **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
-        "/gearbox/state": {"heat_losses": "heat", "w_in": "w_wej", "w_out": "w_wyj"},
+        "/gearbox/state": {"heat_losses": "heat", "w_in": "speed_in", "w_out": "speed_out"},
     }
 
 

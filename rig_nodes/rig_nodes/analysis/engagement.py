@@ -43,7 +43,7 @@ NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip must exceed this many swings of th
 KEYS = (
     "gear",
     "t_order_s",
-    "n_wej_before",
+    "input_speed_before",
     "p_rest",
     "p_end",
     "rise_start_s",
@@ -51,7 +51,7 @@ KEYS = (
     "slip_end_s",
     "engagement_s",
     "engagement_peak_nm",
-    "m_wej_mean_nm",
+    "input_torque_mean_nm",
     "p_kiss",
     "kiss_s",
     "fill_start_s",
@@ -88,8 +88,8 @@ def engagement_metrics(
 
     * engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which the slip that the
       encoders show for the closed clutch is added (docs/background/analysis.md).
-    * engagement_peak_nm: highest input torque (mean over 2 ms) in that time. m_wej_mean_nm: its mean from 0.2 to 0.5 s after that
-      time, or as far as recorded.
+    * engagement_peak_nm: highest input torque (mean over 2 ms) in that time. input_torque_mean_nm: its mean from 0.2 to 0.5 s
+      after that time, or as far as recorded.
     * p_kiss: pressure at which the output torque (or the input torque when that does not grow) begins to rise clearly.
     * fill: from the first rise to contact or to the hold phase, whichever is first; fill_r2: of the straight line through it.
     * growth_fill, growth_contact: growth of pressure [Pa] in the 20 ms before and after contact.
@@ -224,8 +224,8 @@ class _Engagement:
 
     def fill_row(self, row: dict) -> None:
         """Put every value that can be found into the row, and a reason for every other one."""
-        row["n_wej_before"] = float(np.mean(self.raw[self.box.input.speed][: self.order]))
-        if row["n_wej_before"] < 1.0:
+        row["input_speed_before"] = float(np.mean(self.raw[self.box.input.speed][: self.order]))
+        if row["input_speed_before"] < 1.0:
             self.why.append("the input shaft did not turn when the engagement was ordered")
             return
         name = self.clutch.pressure
@@ -280,7 +280,7 @@ class _Engagement:
         slip = self.box.slip(self.gear, np.maximum(self.smooth[n_in], 1.0), self.smooth[n_out])
         # the slip that the instruments show for the closed clutch, at the end of the recording
         tail = slip[-self.samples(BEFORE) :]
-        speed = row["n_wej_before"]
+        speed = row["input_speed_before"]
         half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
         noise = (
             2.6
@@ -301,7 +301,7 @@ class _Engagement:
         if closed.size < self.samples(0.1):
             self.why.append("the recording ends too early after the clutch has closed to know its torque")
         else:
-            row["m_wej_mean_nm"] = float(np.mean(closed))
+            row["input_torque_mean_nm"] = float(np.mean(closed))
 
     def kiss(self, row: dict, start: float) -> int | None:
         """Return the sample at which the transmitted torque begins to rise clearly, and put its pressure into the row.

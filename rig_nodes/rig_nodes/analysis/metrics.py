@@ -35,14 +35,14 @@ from .logged import Logged
 KEYS = (
     "from_gear",
     "to_gear",
-    "n_wej_rpm",
-    "m_wyj_nm",
+    "input_speed_rpm",
+    "output_torque_nm",
     "t_dt_s",
     "t_p_s",
     "t_c_s",
     "t_o_s",
-    "m_wej_max_nm",
-    "n_wyj_min_rpm",
+    "input_torque_max_nm",
+    "output_speed_min_rpm",
     "k",
     "e_loss_j",
     "e_loss_settled_j",
@@ -252,8 +252,8 @@ class _Shift:
 
     def fill(self, row: dict) -> None:
         """Put every metric that can be found into ``row``, and a reason for every other one."""
-        row["n_wej_rpm"] = self.before(self.box.input.speed) * RPM
-        row["m_wyj_nm"] = self.before(self.box.output.torque)
+        row["input_speed_rpm"] = self.before(self.box.input.speed) * RPM
+        row["output_torque_nm"] = self.before(self.box.output.torque)
         if self.was_in():
             return
         old_slip = self.check_old_gear()
@@ -277,9 +277,9 @@ class _Shift:
             return
         row["t_dt_s"] = (end - start) * self.period
         first = int(round(start))
-        row["m_wej_max_nm"] = float(self.smooth[self.box.input.torque][first : end + 1].max())
+        row["input_torque_max_nm"] = float(self.smooth[self.box.input.torque][first : end + 1].max())
         lowest = float(self.smooth[self.box.output.speed][first : end + 1].min())
-        row["n_wyj_min_rpm"] = lowest * RPM
+        row["output_speed_min_rpm"] = lowest * RPM
         if self.old is not None:
             # the input speed is that before the order, which is the laboratory's nominal speed
             row["k"] = lowest / self.before(self.box.input.speed) * self.box.slower_ratio(self.old, self.new)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..clocks import SAMPLE
+from ..description.signals import CONTROLLER_COMMAND
 from ..errors import RigError
 from ..transmission import Transmission
 from .coast_down import coast_down
@@ -25,7 +26,7 @@ from .valve_response import valve_delay
 if TYPE_CHECKING:
     from ..bags.reader import Bag
 
-COMMAND, MOTOR = "/controller/command", "/motor/command"
+MOTOR = "/motor/command"
 BEFORE = 0.5  # s before the order from which rest and hum of the pressure are determined
 
 
@@ -59,7 +60,7 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag 
     )
     engagements = [engagement_metrics(recording, order, end, instruments) for order, end in orders_of(recording) if order[1] == 0]
     for row in engagements:
-        row["errors"] = engagement_uncertainty(row, instruments, recording.transmission) if row["n_wej_before"] else {}
+        row["errors"] = engagement_uncertainty(row, instruments, recording.transmission) if row["input_speed_before"] else {}
     return {
         "valve_responses": responses,
         "engagements": engagements,
@@ -104,7 +105,7 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
         lines.append(
             f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
             f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
-            f"{box.input.torque} {row['coast_down_m_wej_nm']:.2f}{_error(row, 'coast_down_m_wej_nm', 1.0, 2)} Nm before, tangent "
+            f"{box.input.torque} {row['coast_down_torque_nm']:.2f}{_error(row, 'coast_down_torque_nm', 1.0, 2)} Nm before, tangent "
             f"time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s"
         )
     return lines
@@ -122,7 +123,7 @@ def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> 
         clutch, *others = recording.transmission.engaged(gear)
         if others:
             raise RigError("the gear engages several clutches, and this is about one valve")
-        t, (duty, setpoint) = bag.fields(COMMAND, ["duty", "setpoint"])
+        t, (duty, setpoint) = bag.fields(CONTROLLER_COMMAND, ["duty", "setpoint"])
         on_coil = duty[:, clutch.output]
         coil = on_coil if on_coil.any() else setpoint[:, clutch.output]  # with a constant current no duty is sent
         on = t[(t >= t_order) & (coil > 0.0)]

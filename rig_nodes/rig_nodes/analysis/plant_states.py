@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..bags.reader import Bag
 
 # the message fields that are read
-GEARBOX, SHAFTS = "/gearbox/state", ("m_wej", "w_wej", "w_wyj")
+GEARBOX, SHAFTS = "/gearbox/state", ("torque_in", "speed_in", "speed_out")
 CLUTCH = ("mode", "heat", "torque")
 LOCKED = 2
 BEFORE = 0.2  # s before the order whose mean is the speed the shift starts from
@@ -64,10 +64,10 @@ def metrics_of_states(
     dict or None
         None when the states do not cover the shift or the clutches never locked. t_lock_s: from the order to the first state in
         which all engaging clutches have locked (up to 5 ms late; the laboratory's slip threshold may be reached before or
-        after it). m_wej_max_nm, n_wyj_min_rpm, k: peak torque in the input shaft, lowest output speed and k in the window of
-        the measured t_dt that ends there, or from the order without a t_dt. They are extremes at 200 Hz, so a peak of a few ms
-        may be higher. heat_<clutch>_j and torque_<clutch>_max_nm: of every clutch, from the order to the settled torque or, without
-        it, to the lock-up; the heats are integrals, exact except for 5 ms at the ends.
+        after it). input_torque_max_nm, output_speed_min_rpm, k: peak torque in the input shaft, lowest output speed and k in
+        the window of the measured t_dt that ends there, or from the order without a t_dt. They are extremes at 200 Hz, so a
+        peak of a few ms may be higher. heat_<clutch>_j and torque_<clutch>_max_nm: of every clutch, from the order to the
+        settled torque or, without it, to the lock-up; the heats are integrals, exact except for 5 ms at the ends.
     """
     box, order = transmission or transmission_of(), row["t_order_s"]
     until = np.inf if next_order_time is None else next_order_time
@@ -80,16 +80,16 @@ def metrics_of_states(
     end = max(locks)
     start = order if row["t_dt_s"] is None else max(order, end - row["t_dt_s"])
     inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + 1e-9)
-    lowest = float(gearbox["w_wyj"][inside].min())
+    lowest = float(gearbox["speed_out"][inside].min())
     found = {
         "t_lock_s": end - order,
-        "m_wej_max_nm": float(gearbox["m_wej"][inside].max()),
-        "n_wyj_min_rpm": lowest * RPM,
+        "input_torque_max_nm": float(gearbox["torque_in"][inside].max()),
+        "output_speed_min_rpm": lowest * RPM,
         "k": None,
     }
     if row["from_gear"] in box.ratios:
         ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
-        found["k"] = lowest / float(np.mean(gearbox["w_wej"][before])) * ratio
+        found["k"] = lowest / float(np.mean(gearbox["speed_in"][before])) * ratio
     last = end
     if row["t_c_s"] is not None and row["t_o_s"] is not None:
         last = max(end, order + row["t_c_s"] + row["t_o_s"])

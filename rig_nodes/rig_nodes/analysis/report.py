@@ -21,6 +21,7 @@ from ..atomic_write import atomic_write
 from ..bags import limits
 from ..bags.reader import NOTHING, UNREADABLE, Bag
 from ..bags.rig_record import rig_record, says_rig
+from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
@@ -33,21 +34,20 @@ from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
-ORDERS_TOPIC, ORDER_EVENT = "/controller/events", "shift_ordered"
 
 
 def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
     """Return the columns of the tables of shifts: heading, key of a shift, factor to the displayed unit, digits."""
     into, out = box.input, box.output
     return (
-        (f"{into.speed} rpm", "n_wej_rpm", 1.0, 0),
-        (f"{out.torque} Nm", "m_wyj_nm", 1.0, 1),
+        (f"{into.speed} rpm", "input_speed_rpm", 1.0, 0),
+        (f"{out.torque} Nm", "output_torque_nm", 1.0, 1),
         ("t_d ms", "t_dt_s", 1e3, 0),
         ("t_p ms", "t_p_s", 1e3, 0),
         ("t_c ms", "t_c_s", 1e3, 0),
         ("t_o ms", "t_o_s", 1e3, 0),
-        (f"{into.torque} max Nm", "m_wej_max_nm", 1.0, 1),
-        (f"{out.speed} min rpm", "n_wyj_min_rpm", 1.0, 0),
+        (f"{into.torque} max Nm", "input_torque_max_nm", 1.0, 1),
+        (f"{out.speed} min rpm", "output_speed_min_rpm", 1.0, 0),
         ("k", "k", 1.0, 3),
         ("E_loss J", "e_loss_j", 1.0, 0),
         ("settled J", "e_loss_settled_j", 1.0, 0),
@@ -271,7 +271,7 @@ def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tupl
     """Return the orders among the events of a bag as (time [s], gear before, gear ordered); the first gear before is neutral."""
     orders, before = [], NEUTRAL
     for t, topic, name, _, value in events:
-        if topic == ORDERS_TOPIC and name == ORDER_EVENT:
+        if topic == CONTROLLER_EVENTS and name == SHIFT_ORDERED:
             orders.append((t, before, int(value)))
             before = int(value)
     return orders

@@ -117,14 +117,16 @@ def uncertainty(
     use = instruments_of(None) if instruments is None else instruments
     box = transmission or transmission_of()
     torque, speed = use["torque"].error, use["speed"].error
-    found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "n_wyj_min_rpm": speed * RPM}
-    if row["m_wej_max_nm"] is not None:
-        found["m_wej_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["m_wej_max_nm"]) / STEEP_RISE
-    w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
+    found = {"input_speed_rpm": speed * RPM, "output_torque_nm": torque, "output_speed_min_rpm": speed * RPM}
+    if row["input_torque_max_nm"] is not None:
+        found["input_torque_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["input_torque_max_nm"]) / STEEP_RISE
+    w_in = None if row["input_speed_rpm"] is None else row["input_speed_rpm"] / RPM
     if row["k"] is not None:
         # not divided by the lowest speed, which may be 0
         ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
-        found["k"] = ratio * speed * RPM / row["n_wej_rpm"] * (1.0 + abs(row["n_wyj_min_rpm"]) / row["n_wej_rpm"])
+        found["k"] = (
+            ratio * speed * RPM / row["input_speed_rpm"] * (1.0 + abs(row["output_speed_min_rpm"]) / row["input_speed_rpm"])
+        )
     if w_in:
         found |= _times(row, use, w_in, box, period)
         found |= _energies(row, found, torque, speed, w_in, box)
@@ -147,8 +149,8 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
         found["t_dt_s"] = (
             slip_end + ends + max(use[clutch.pressure].error / clutch.fall_rate for clutch in moved.releasing or moved.engaging)
         )
-    if slip_end is not None and row["t_o_s"] is not None and row["m_wej_max_nm"]:
-        found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["m_wej_max_nm"]
+    if slip_end is not None and row["t_o_s"] is not None and row["input_torque_max_nm"]:
+        found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["input_torque_max_nm"]
     if old in box.ratios and moved.releasing:
         # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other one's
         found["overlap_s"] = ends + max(use[clutch.pressure].error for clutch in moved.releasing) / KISS_RATE
@@ -157,10 +159,10 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
 
 def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, box: Transmission) -> dict[str, float]:
     """Return the errors of both energy losses; empty when the row lacks their inputs."""
-    needed = ("m_wej_max_nm", "n_wyj_min_rpm", "t_dt_s", "m_wyj_nm")
+    needed = ("input_torque_max_nm", "output_speed_min_rpm", "t_dt_s", "output_torque_nm")
     if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
         return {}
-    w_out, m_in, m_out = w_in / box.ratios[row["to_gear"]], row["m_wej_max_nm"], row["m_wyj_nm"]
+    w_out, m_in, m_out = w_in / box.ratios[row["to_gear"]], row["input_torque_max_nm"], row["output_torque_nm"]
     rate = torque * (w_in + w_out) + speed * (m_in + abs(m_out))
     ends = 2.0 * speed * (box.inertias.driving * w_in + box.inertias.on_output * w_out)
     found = {}
@@ -201,13 +203,13 @@ def engagement_uncertainty(
     torque, speed = use["torque"].error, use["speed"].error
     pressure = max(use[clutch.pressure].error for clutch in box.engaged(row["gear"]))
     ends = period + 0.5 * TORQUE_SPEED_MEAN
-    found = {"m_wej_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure, "p_kiss": pressure}
+    found = {"input_torque_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure, "p_kiss": pressure}
     if row["engagement_peak_nm"] is not None:
         found["engagement_peak_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * row["engagement_peak_nm"] / STEEP_RISE
     if row["growth_contact"] is not None:
         found["p_kiss"] += abs(row["growth_contact"]) * torque / TORQUE_CLEAR
     if row["engagement_s"] and row["fill_slope"]:
-        resolution = speed * (1.0 + box.ratios[row["gear"]]) / row["n_wej_before"]
+        resolution = speed * (1.0 + box.ratios[row["gear"]]) / row["input_speed_before"]
         found["engagement_s"] = 2.0 * ends + pressure / abs(row["fill_slope"]) + resolution * row["engagement_s"]
     if row["hold_s"]:
         found["hold_s"] = 2.0 * ends
@@ -220,8 +222,8 @@ def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument] | No
     The error of the tangent time is that of two encoder steps over its first second.
     """
     use = instruments_of(None) if instruments is None else instruments
-    torque, tangent = result["coast_down_m_wej_nm"], result["coast_down_tangent_s"]
+    torque, tangent = result["coast_down_torque_nm"], result["coast_down_tangent_s"]
     slope = -result["coefficients"][-2]
-    found = {"coast_down_m_wej_nm": use["torque"].error, "coast_down_tangent_s": tangent * 2.0 * use["speed"].error / slope}
+    found = {"coast_down_torque_nm": use["torque"].error, "coast_down_tangent_s": tangent * 2.0 * use["speed"].error / slope}
     share = use["torque"].error / torque + found["coast_down_tangent_s"] / tangent
     return found | {"inertia": result["inertia"] * share}

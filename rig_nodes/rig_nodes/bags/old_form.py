@@ -4,8 +4,8 @@
 """Conversion of older bags' topics, messages and records to today's form, so that readers handle one name and one form of each.
 
 mcap_file uses it to read a file's channels, rig_record to read a rig's record. In the older form messages began with a bare
-stamp, controller messages had one rig's numbers as fields, controller topics were named after one controller, and a record
-held only values: the structures of two kinds of rigs were fixed.
+stamp, controller messages had one rig's numbers as fields, the gearbox's state had one laboratory's symbols, controller topics
+were named after one controller, and a record held only values: the structures of two kinds of rigs were fixed.
 """
 
 from __future__ import annotations
@@ -51,8 +51,12 @@ def form_of_today(ros_type: str, text: str) -> tuple[str, Convert | None]:
     convert : callable or None
         Converts the bytes of a message; None when nothing has to be converted.
     """
+    if not ros_type.startswith("rig_msgs/"):
+        return text, None
+    for old, new in _RENAMED.get(ros_type, {}).items():
+        text = re.sub(rf"^(float64 ){old}\b", rf"\1{new}", text, flags=re.M)
     own, separator, others = text.partition(_SEPARATOR)
-    if not ros_type.startswith("rig_msgs/") or not _STAMP.search(own):
+    if not _STAMP.search(own):
         return text, None
     fields = {line.split("#")[0].strip() for line in own.splitlines()}
     for (known, mark), convert in _SHAPES.items():
@@ -82,6 +86,8 @@ def _command(data: bytes) -> bytes:
     )
 
 
+# fields that have another name today: the laboratory's symbols stood in a message of every rig
+_RENAMED = {"rig_msgs/msg/GearboxState": {"w_wej": "speed_in", "w_wyj": "speed_out", "m_wej": "torque_in", "m_wyj": "torque_out"}}
 # messages whose fields differ today: (type, a field of the older form) -> conversion
 _SHAPES = {("rig_msgs/msg/ControllerSample", "float64 n_wej"): _sample, ("rig_msgs/msg/ValveCommand", "float64[3] duty"): _command}
 

@@ -264,7 +264,7 @@ def markdown() -> str:
             "gauge. Every message of `rig_msgs` here starts with `header` (its stamp is simulated time, its frame_id empty) and "
             "`seq` (counted per topic from 0).",
             "",
-            "Actions of rigs with gears: `/alfa46/shift` (`rig_msgs/action/Shift`); of all: `/sequencer/run` "
+            "Actions of rigs with gears: `/controller/shift` (`rig_msgs/action/Shift`); of all: `/sequencer/run` "
             "(`rig_msgs/action/RunSequence`). Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` "
             "(`std_srvs/srv/Trigger`), and of rigs "
             "with gears `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).",

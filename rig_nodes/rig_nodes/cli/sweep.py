@@ -26,7 +26,7 @@ HELP = "run a sequence for many values of its parameters, on all cores or a clus
 SHOWN = (
     ("t_dt_s", "t_d ms", 1e3, 0),
     ("t_c_s", "t_c ms", 1e3, 0),
-    ("m_wej_max_nm", "peak Nm", 1.0, 1),
+    ("input_torque_max_nm", "peak Nm", 1.0, 1),
     ("k", "k", 1.0, 3),
     ("e_loss_j", "E_loss J", 1.0, 0),
 )

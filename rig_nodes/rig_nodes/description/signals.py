@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 STATE_RATE, SCALAR_RATE, SAMPLE_RATE = 200, 100, 1000  # Hz
+CONTROLLER_COMMAND, CONTROLLER_EVENTS = "/controller/command", "/controller/events"
+SHIFT_ORDERED = "shift_ordered"  # event of the controller with the gear as value
 TORQUES = "torques"  # a group that the key signals of a rig may name
 _CURRENT_LIMIT = 0.8  # A, of all outputs of the box
 
@@ -184,15 +186,15 @@ def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..
     topic("/rig/events", "rig", "Event")
     topic("/rig/run_info", "rig", "RunInfo", "latched")
     if structure.shifts:
-        topic("/controller/command", "alfa46", "ValveCommand", "command", SAMPLE_RATE)
-        topic("/controller/events", "alfa46", "Event")
+        topic(CONTROLLER_COMMAND, "alfa46", "ValveCommand", "command", SAMPLE_RATE)
+        topic(CONTROLLER_EVENTS, "alfa46", "Event")
         for valve, output in ((valve, valve.wires["output"] - 1) for valve in structure.valves):
             signal(
                 f"I_set_{valve.key}",
                 "current",
                 0.0,
                 _CURRENT_LIMIT,
-                "/controller/command",
+                CONTROLLER_COMMAND,
                 f"setpoint[{output}]",
                 "positive",
                 f"Current the profile of {valve.called} asks for.",
@@ -202,7 +204,7 @@ def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..
             "state",
             0.0,
             len(structure.gears),
-            "/controller/command",
+            CONTROLLER_COMMAND,
             "gear",
             "none",
             "Gear the shift controller was ordered last.",

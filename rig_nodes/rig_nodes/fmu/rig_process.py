@@ -152,13 +152,14 @@ class RigModel:
             Number of samples done.
         """
         from ..description.settings import CHANGED, CONTROLLER
+        from ..description.signals import CONTROLLER_EVENTS
 
         if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
             self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config, int(self.values["seed"]))
         self._give_setpoints()
         for setting, value in self._tunables.give(self.rig):
             if self._recording is not None:
-                topic = "/controller/events" if setting.owner == CONTROLLER else "/rig/events"
+                topic = CONTROLLER_EVENTS if setting.owner == CONTROLLER else "/rig/events"
                 self._recording.outputs.event(topic, CHANGED, setting.sentence(value), value)
         command = None if self.rig.embedded else self._command()
         first = self.rig.sample
@@ -211,8 +212,10 @@ class RigModel:
             return
         self.rig.order_gear(request)
         if self._recording is not None:
+            from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
+
             gear = self.rig.config.transmission.names[request]
-            self._recording.outputs.event("/controller/events", "shift_ordered", f"shift to {gear} ordered", request)
+            self._recording.outputs.event(CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {gear} ordered", request)
 
     def _until_shift_end(self, samples: int) -> int:
         """Return the number of samples, limited to the end of a running shift when another gear is requested."""

@@ -17,11 +17,12 @@ from ..config.units import NOT_WRITTEN, SI
 from ..controllers.record import record_of
 from ..description.commands import Setpoint
 from ..description.settings import Setting
+from ..description.signals import CONTROLLER_COMMAND
 from ..parts import part as parts
 from ..testbench.configuration import RigConfig
 from ..testbench.cross_checks import cross_check
 from ..testbench.rig import Rig
-from ..testbench.topics import COMMAND, Heard, States
+from ..testbench.topics import Heard, States
 from .description import Variable
 
 # units of the configuration as FMI writes them
@@ -310,7 +311,7 @@ class Reader:
         self._states.refresh()
         for topic, told in self._states.topics.items():
             fields[topic] = told()
-        fields[COMMAND] = self._states.command() if rig.level else (0, 0, False, 0, 0, rig.duty, rig.setpoint)
+        fields[CONTROLLER_COMMAND] = self._states.command() if rig.level else (0, 0, False, 0, 0, rig.duty, rig.setpoint)
         for place, name in self._others:
             numbers[place] = self._heard.reading(name)
         for place, true in self._true:

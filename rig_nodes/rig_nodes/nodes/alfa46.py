@@ -27,6 +27,7 @@ from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..controllers import own_signals
 from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
+from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED
 from ..errors import RigError, printable
 from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig_base import RigStatus
@@ -54,12 +55,12 @@ OPTIONS = [
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
     ("--come-timeout", {"type": float, "help": "s that a program of its own may take to come, in lockstep"}),
 ]
-SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/controller/command", "/controller/events"
+SAMPLES = "/instruments/controller"
 STATE = "/rig/state"
 
 
 class Alfa46Node(Node):
-    """Publishes /controller/*, serves /alfa46/shift and what can be set."""
+    """Publishes /controller/*, serves /controller/shift and what can be set."""
 
     def __init__(self, config: RigConfig, process: Process) -> None:
         """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
@@ -98,7 +99,7 @@ class Alfa46Node(Node):
         self._rig_status, self._rig_reason = None, ""  # as heard last
         self._orders = threading.Lock()  # in lockstep samples and what comes over ROS have different threads
         self.real_time = False  # samples come over their topic
-        self._server = GoalServer(self, Shift, "/alfa46/shift", self.on_goal, self.on_cancel, self.on_request)
+        self._server = GoalServer(self, Shift, "/controller/shift", self.on_goal, self.on_cancel, self.on_request)
         self.settings = BoxSettings(self, self.box, config)
         self.box.named = self.on_named
         self._watch = self.create_timer(COMMAND_TIMEOUT / 2, self.on_watch)
@@ -201,10 +202,10 @@ class Alfa46Node(Node):
             self._setpoint = answer.setpoint
             duty, flags = (self._nothing, box.flags) if box.level == "current" else (answer.command, 0)
             self.publish(
-                COMMAND,
+                CONTROLLER_COMMAND,
                 self._encode_command(
                     self._stamp,
-                    self.first_seq + self.counts[COMMAND],
+                    self.first_seq + self.counts[CONTROLLER_COMMAND],
                     sample,
                     box.gear,
                     box.shifting,
@@ -268,7 +269,7 @@ class Alfa46Node(Node):
             return {
                 "controller": self.box.name,
                 "level": self.box.level,
-                "answered": self.counts[COMMAND],
+                "answered": self.counts[CONTROLLER_COMMAND],
                 "missed": self.missed,
                 "shifts_refused": self.refused,
                 "gear": self.gears[self.box.gear],
@@ -391,7 +392,7 @@ class Alfa46Node(Node):
         t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
         if self._t_order is None:
             self._t_order = t
-            self.event("shift_ordered", f"shift to {self.gears[gear]} ordered", float(gear))
+            self.event(SHIFT_ORDERED, f"shift to {self.gears[gear]} ordered", float(gear))
         if goal is None:
             return
         if not self.box.shifting and self.box.gear == gear:
@@ -409,7 +410,10 @@ class Alfa46Node(Node):
     def event(self, name: str, text: str, value: float) -> None:
         """Publish an event at the time of the newest sample; in lockstep from either thread."""
         with self._orders:
-            self.publish(EVENTS, self._encode_event(self._stamp, self.first_seq + self.counts[EVENTS], name, text, value))
+            self.publish(
+                CONTROLLER_EVENTS,
+                self._encode_event(self._stamp, self.first_seq + self.counts[CONTROLLER_EVENTS], name, text, value),
+            )
 
     def publish(self, topic: str, data: bytes) -> None:
         """Send the next message of a topic, to the recorder's tap too in lockstep."""
@@ -442,7 +446,7 @@ def work(process: Process) -> None:
     process.take_parameters([node])
     recorder = {"recorder"} if process.arguments.recorded and node.tap is None else set()
     link = process.links().get("container")
-    wanted = dict.fromkeys(node.outputs, recorder) | {COMMAND: recorder if link else {"rig"} | recorder}
+    wanted = dict.fromkeys(node.outputs, recorder) | {CONTROLLER_COMMAND: recorder if link else {"rig"} | recorder}
     while not process.stopping and silent(node, node.outputs, wanted):
         process.spin(0.02)
     if link is not None:

@@ -19,11 +19,11 @@ from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Answer
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
+from ..description.signals import CONTROLLER_COMMAND
 from ..graph.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig import Rig
 from ..testbench.rig_base import RigStatus
 from ..testbench.simulate import give_answer
-from ..testbench.topics import COMMAND
 from .realtime import take_core
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ class Lockstep:
         if answer is not None:
             give_answer(rig, self.controller, sample, answer)
             if rig.idle_command:
-                self.commands.refuse(COMMAND, f"valve command for sample {sample} does not act: {rig.idle_command}")
+                self.commands.refuse(CONTROLLER_COMMAND, f"valve command for sample {sample} does not act: {rig.idle_command}")
         if rig.delay == 0:
             rig.advance_samples(1)
 

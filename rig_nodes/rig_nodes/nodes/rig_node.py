@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
 
+from ..description.signals import CONTROLLER_COMMAND
 from ..errors import RigError
 from .device import Device, receive
 from .qos import COMMANDS
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
     from ..testbench.rig import Rig
     from .commands import Commands
-
-VALVE_COMMAND = "/controller/command"
 
 
 class RigNode(Device):
@@ -40,8 +39,8 @@ class RigNode(Device):
         super().__init__("rig", rig, commands)
         self.rig = rig
         if valve_commands:
-            self.inputs[VALVE_COMMAND] = receive(
-                self, self.catalogue.topics[VALVE_COMMAND], self.on_valve_command, refuse=commands.refuse
+            self.inputs[CONTROLLER_COMMAND] = receive(
+                self, self.catalogue.topics[CONTROLLER_COMMAND], self.on_valve_command, refuse=commands.refuse
             )
         self._seq: int | None = None  # of the newest valve command
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
@@ -51,10 +50,10 @@ class RigNode(Device):
         """Enqueue the answer to one controller sample, and record the commands before it that did not arrive."""
         seq, before = int(message["seq"]), self._seq
         self._seq = seq
-        if before is not None and 1 < seq - before <= COMMANDS and self.count_publishers(VALVE_COMMAND) == 1:
-            self.commands.refuse(VALVE_COMMAND, f"{seq - before - 1} commands were sent that did not reach the rig")
+        if before is not None and 1 < seq - before <= COMMANDS and self.count_publishers(CONTROLLER_COMMAND) == 1:
+            self.commands.refuse(CONTROLLER_COMMAND, f"{seq - before - 1} commands were sent that did not reach the rig")
         self.commands.put(
-            VALVE_COMMAND,
+            CONTROLLER_COMMAND,
             self.take,
             int(message["level"]),
             int(message["sample"]),
@@ -72,7 +71,7 @@ class RigNode(Device):
             if self.rig.idle_command:
                 raise RigError(f"valve command for sample {command[1]} does not act: {self.rig.idle_command}")
         except RigError as error:
-            senders = self.count_publishers(VALVE_COMMAND)
+            senders = self.count_publishers(CONTROLLER_COMMAND)
             if senders < 2:
                 raise
             raise RigError(f"{error}; {senders} nodes send it, and the first answer to a sample counts") from None

@@ -65,7 +65,7 @@ class RosBench:
         self._ordered = None
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
-        self._shift = ActionClient(node, Shift, "/alfa46/shift") if config.structure.shifts else None
+        self._shift = ActionClient(node, Shift, "/controller/shift") if config.structure.shifts else None
         self._setters: dict[str, Client] = {}  # by node whose settings the sequence changes
         self._setting = None  # answer to the newest setting, when it is there
         if not in_lockstep:

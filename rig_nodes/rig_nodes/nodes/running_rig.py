@@ -30,6 +30,7 @@ from std_srvs.srv import Trigger
 from ..catalogue import Catalogue, catalogue
 from ..description.quantities import QUANTITIES
 from ..description.settings import Setting, Settings, own_setting, settings_of
+from ..description.signals import CONTROLLER_COMMAND
 from ..description.structure import structure_of
 from ..errors import RigError
 from ..transmission import Transmission, transmission_of
@@ -42,7 +43,7 @@ LONGEST_SHIFT = 30.0  # s
 STATUS = 2.0  # s for a whole status; what is missing by then, e.g. because there is no recorder, is left out
 ROS_OWN = ("use_sim_time", "start_type_description_service")  # parameters of every node
 STATES = {value: name for name, value in vars(RigState).items() if name.isupper() and isinstance(value, int)}
-RUN_INFO, STATE, COMMAND, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/controller/command", "/diagnostics"
+RUN_INFO, STATE, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/diagnostics"
 
 
 class RefusedByRig(RigError):
@@ -156,7 +157,7 @@ class RunningRig:
     @cached_property
     def transmission(self) -> Transmission:
         """The rig's gears; RigError when it has none."""
-        if COMMAND not in self.catalogue.topics:
+        if CONTROLLER_COMMAND not in self.catalogue.topics:
             raise RigError(f"the rig '{self.configuration['name']}' in ROS domain {self.number} has no gears")
         return transmission_of(self.configuration)
 
@@ -190,7 +191,7 @@ class RunningRig:
 
     def shift(self, gear: int) -> str:
         """Order a gear by its number, wait for the end of the shift and return its message; RefusedByRig when it failed."""
-        client = ActionClient(self.node, Shift, "/alfa46/shift")
+        client = ActionClient(self.node, Shift, "/controller/shift")
         self.until(client.server_is_ready, "shift controller")
         asked = client.send_goal_async(Shift.Goal(gear=gear))
         self.until(asked.done, "answer of the shift controller")
@@ -264,11 +265,11 @@ class RunningRig:
         self._listen(STATE, lambda message: heard.update({STATE: message}))
         known = self.catalogue
         signals = [signal for signal in known.signals.values() if known.topics[signal.topic].type == "Measurement"]
-        topics = {signal.topic for signal in signals} | ({COMMAND} & known.topics.keys())
+        topics = {signal.topic for signal in signals} | ({CONTROLLER_COMMAND} & known.topics.keys())
         for topic in topics:
             self._listen(topic, lambda message, topic=topic: heard.update({topic: message}))
         self.until(lambda: STATE in heard, STATE)
-        processes = {"rig", "sequencer", "recorder"} | ({"alfa46"} if COMMAND in known.topics else set())
+        processes = {"rig", "sequencer", "recorder"} | ({"alfa46"} if CONTROLLER_COMMAND in known.topics else set())
         try:
             self.until(lambda: topics <= heard.keys() and processes <= health.keys(), "whole status", STATUS)
         except RigError:
@@ -295,6 +296,6 @@ class RunningRig:
                 for name, status in sorted(health.items())
             },
         }
-        if COMMAND in heard:
-            told |= {"gear": heard[COMMAND].gear, "shifting": heard[COMMAND].shifting}
+        if CONTROLLER_COMMAND in heard:
+            told |= {"gear": heard[CONTROLLER_COMMAND].gear, "shifting": heard[CONTROLLER_COMMAND].shifting}
         return told

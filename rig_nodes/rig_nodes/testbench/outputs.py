@@ -16,9 +16,10 @@ from ..bags.cdr import encoder
 from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers import own_signals
 from ..controllers.plug import Plug
+from ..description.signals import CONTROLLER_COMMAND
 from .cuts import topic_of
 from .rig import Rig
-from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
+from .topics import SCALAR_SAMPLES, Heard, States
 
 ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"
@@ -97,7 +98,7 @@ class Outputs:
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
-            yield self._message(COMMAND, answered * SAMPLE_NS, *self.states.command())
+            yield self._message(CONTROLLER_COMMAND, answered * SAMPLE_NS, *self.states.command())
         if rig.cuts.devices:
             yield from self._cuts(now)
         self._watch_status()

@@ -18,18 +18,18 @@ from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
 from ..clocks import ROW, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Plug
+from ..description.signals import CONTROLLER_COMMAND, SHIFT_ORDERED
 from ..errors import RigError
 from .configuration import RigConfig
 from .rig import Rig
 from .rig_base import RigStatus
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
-from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
+from .topics import SCALAR_SAMPLES, Heard, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
 FIRST_ROWS = 200_000  # for which there is room at first: 20 s at 10 kHz
 KEPT_MEMORY = 1 << 28  # bytes that are freed and yet kept for the next run
-ORDER = "shift_ordered"  # event of the controller with the gear as value
 
 
 @dataclass(frozen=True)
@@ -111,16 +111,16 @@ class Listener:
         self.rig, self.plant_states, self.controller, self.events, self.orders = rig, plant_states, controller, [], []
         self._states, self._heard = States(rig), Heard(rig.config.catalogue)
         topics = {self._heard.topic(name) for name in signals}
-        self._command = COMMAND in topics
+        self._command = CONTROLLER_COMMAND in topics
         self._ticked = sorted(topics & self._states.topics.keys())
-        unknown = topics - {COMMAND} - self._states.topics.keys() - self._states.measured.keys()
+        unknown = topics - {CONTROLLER_COMMAND} - self._states.topics.keys() - self._states.measured.keys()
         if unknown:
             raise RigError(f"{', '.join(sorted(unknown))}: no topic that a recorded sequence can wait for")
 
     def period(self, signal: str) -> int:
         """Return the number of controller samples between two messages with this signal."""
         topic = self._heard.topic(signal)
-        return SCALAR_SAMPLES if topic in self._states.measured else 1 if topic == COMMAND else TICK_SAMPLES
+        return SCALAR_SAMPLES if topic in self._states.measured else 1 if topic == CONTROLLER_COMMAND else TICK_SAMPLES
 
     def reading(self, name: str) -> float:
         """Return the reading of Outputs.reading; called at a tick, before any message of that tick is sent."""
@@ -141,7 +141,7 @@ class Listener:
         if self._command:
             self._go(samples - 1)
             samples = 1
-            self._heard.fields[COMMAND] = self._states.command()
+            self._heard.fields[CONTROLLER_COMMAND] = self._states.command()
         self._go(samples)
 
     def _go(self, samples: int) -> None:
@@ -162,7 +162,7 @@ class Listener:
         """Keep an event of the present time."""
         now = self.rig.time_ns / 1e9
         self.events.append((now, name, text, float(value)))
-        if name == ORDER:
+        if name == SHIFT_ORDERED:
             before = self.orders[-1][2] if self.orders else 0
             self.orders.append((now, before, int(value)))
 

@@ -20,6 +20,7 @@ from ..config.schema import SWITCH
 from ..controllers.plug import SAID, Answer, Plug
 from ..controllers.seam import ControllerFailed
 from ..description.settings import CHANGED, CONTROLLER, OWN, own_setting
+from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
 from ..errors import RigError, ended_by
 from ..uninterrupted import Uninterrupted
 from .configuration import RigConfig
@@ -97,14 +98,14 @@ class LocalBench:
         self._order(gear)
         self._ordered = gear
         name = self.rig.config.transmission.names[gear]
-        self.outputs.event("/controller/events", "shift_ordered", f"shift to {name} ordered", gear)
+        self.outputs.event(CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
         """Say whether the gear that was ordered last is engaged; the event of it is sent once."""
         done = not self.rig.shifting and self._ordered in (None, self.rig.gear)
         if done and self._ordered is not None:
             self._ordered = None
-            self.outputs.event("/controller/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
+            self.outputs.event(CONTROLLER_EVENTS, "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
 
     def controller_says(self) -> tuple[int, bool]:
@@ -142,7 +143,7 @@ class LocalBench:
                 self.rig.config = changed
             else:
                 self.rig.set_value(name, value != 0.0 if setting.dimension == SWITCH else value)
-        topic = "/controller/events" if setting.owner == CONTROLLER else "/rig/events"
+        topic = CONTROLLER_EVENTS if setting.owner == CONTROLLER else "/rig/events"
         self.outputs.event(topic, CHANGED, setting.sentence(value), value)
 
     def changed(self) -> bool:

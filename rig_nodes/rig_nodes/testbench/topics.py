@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ..arrays import Floats
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
-COMMAND = "/controller/command"
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
 

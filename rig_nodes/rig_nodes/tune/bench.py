@@ -47,11 +47,11 @@ class Point:
 
     way: str
     speed: float
-    m_wyj: float
+    output_torque: float
 
     def text(self) -> str:
         """As people read it, e.g. ``I-II 1500 rpm 100 Nm``."""
-        return f"{self.way} {self.speed / RPM:.0f} rpm {self.m_wyj:.0f} Nm"
+        return f"{self.way} {self.speed / RPM:.0f} rpm {self.output_torque:.0f} Nm"
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class Bench:
         return self._standing[gear]
 
     def _bring(self, point: Point) -> tuple:
-        rig, torque = self._rig, point.m_wyj
+        rig, torque = self._rig, point.output_torque
         rig.restore(self._standing_in(self.gears[point.way][0]))
         rig.set_controller(self.config.alfa46)
         rig.set("motor", point.speed, True)
@@ -184,13 +184,13 @@ class Bench:
             rig.set("load", min(setting, self._load.pressure_limit), True)
             self._go(1.5)
             speed = rig.measurement(self.transmission.input.speed)
-            miss = point.m_wyj - rig.measurement(self.transmission.output.torque)
+            miss = point.output_torque - rig.measurement(self.transmission.output.torque)
             if abs(miss) < LOAD_WITHIN and abs(speed - point.speed) < SPEED_WITHIN:
                 self._go(LEAD)
                 before = round(BEFORE / ROW)
                 return rig.snapshot(), rig.rows_at(ROW, round(rig.time / ROW) - before, before)
             torque += miss
-        raise NotHeld(f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.m_wyj - miss:.0f} Nm")
+        raise NotHeld(f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.output_torque - miss:.0f} Nm")
 
 
 def _measured(box: Transmission, gears: tuple[int, int], channels: dict[str, np.ndarray], heat: float) -> Shift:

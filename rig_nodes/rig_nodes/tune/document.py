@@ -119,7 +119,7 @@ def _largest_load(found: dict) -> str:
     for one in found["speeds"]:
         within = one["load_within_engine_nm"]
         lines.append(
-            f"| {one['n_wej_rpm']:.0f} rpm | {one['load_nm']:.0f} Nm | {one['m_wej_before_nm']:.0f} Nm | "
+            f"| {one['input_speed_rpm']:.0f} rpm | {one['load_nm']:.0f} Nm | {one['input_torque_before_nm']:.0f} Nm | "
             f"{one['least_peak_nm']:.0f} Nm | {one['compared_peak_nm']:.0f} Nm | {one['engine_nm']:.0f} Nm | "
             f"{within['before_the_shift']:.0f} Nm | {within['least_peak']:.0f} Nm | {within['compared']:.0f} Nm |"
         )

@@ -140,12 +140,12 @@ def _measured(config: RigConfig, item: tuple[Alfa46Config, Point, int]) -> dict 
 
     settings, point, seed = item
     gears = config.transmission.ways()[point.way]
-    up, down = (point.m_wyj, point.m_wyj) if gears[1] > gears[0] else (40.0, point.m_wyj)
+    up, down = (point.output_torque, point.output_torque) if gears[1] > gears[0] else (40.0, point.output_torque)
     sequence = load_sequence(
         "grid_point", {"speed": f"{point.speed / RPM!r} rpm", "load_up": f"{up!r} Nm", "load_down": f"{min(down, 240.0)!r} Nm"}
     )
     run = record(replace(config, alfa46=settings), sequence, seed)
-    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == gears and row["n_wej_rpm"]]
+    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == gears and row["input_speed_rpm"]]
     return rows[-1] if rows and rows[-1]["t_c_s"] is not None else None
 
 
@@ -171,9 +171,9 @@ class Heavy:
     def as_dict(self) -> dict:
         """Speeds [rpm] and torques [Nm] by the names that they have in the folder."""
         return {
-            "n_wej_rpm": self.speed / RPM,
+            "input_speed_rpm": self.speed / RPM,
             "load_nm": self.load,
-            "m_wej_before_nm": self.before,
+            "input_torque_before_nm": self.before,
             "least_peak_nm": self.least,
             "compared_peak_nm": self.compared,
             "engine_nm": ENGINE,
@@ -196,7 +196,7 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
 
     def within(read: Callable[[float], float]) -> float:
         """The largest load at which what is read stays within the engine's torque, by halving."""
-        low, high = LOAD_FROM, point.m_wyj
+        low, high = LOAD_FROM, point.output_torque
         if read(high) <= ENGINE:
             return high
         while high - low > LOAD_WITHIN:
@@ -213,7 +213,7 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
 
     return Heavy(
         point.speed,
-        point.m_wyj,
+        point.output_torque,
         ours.before,
         ours.peak,
         theirs.peak,

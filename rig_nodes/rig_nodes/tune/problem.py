@@ -139,9 +139,9 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
                 bench.check_held(chosen)
                 break
             except NotHeld:
-                if chosen.m_wyj <= LOAD_STEP:
+                if chosen.output_torque <= LOAD_STEP:
                     raise
-                chosen = Point(point.way, point.speed, chosen.m_wyj - LOAD_STEP)
+                chosen = Point(point.way, point.speed, chosen.output_torque - LOAD_STEP)
         if chosen != point:
             said.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
         if chosen not in out:

@@ -214,7 +214,7 @@ def _study(
     base = values_of(config.alfa46, way, config.transmission)
     if name == LEAST:
         points, _ = held(config, problem.ranges[way].heaviest(way))
-        points = [point for point in points if point.m_wyj == max(other.m_wyj for other in points)]
+        points = [point for point in points if point.output_torque == max(other.output_torque for other in points)]
         task = replace(problem.task(points, []), objectives=("peak", "time"), limit=None)
         start = [base, *(entry["values"] for entry in studies[way].front()[:12])]
     else:
@@ -376,7 +376,7 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
     for way, where in problem.ranges.items():
         points += held(problem.config, where.inside(way, 3, problem.drawn(SHOWN)))[0]
     found = judge.as_measured(problem.config, both.values(), points, workers, 1)
-    keys = ("m_wej_max_nm", "t_dt_s", "t_c_s", "k")
+    keys = ("input_torque_max_nm", "t_dt_s", "t_c_s", "k")
     return [
         {"point": point.text(), **{name: None if row is None else {key: row[key] for key in keys} for name, row in zip(both, rows)}}
         for point, *rows in zip(points, *found)
@@ -419,9 +419,9 @@ def text(summary: dict, objectives: Sequence[str]) -> str:
         within = one["load_within_engine_nm"]
         kept = one["least_peak_nm"] is not None and one["least_peak_nm"] <= one["engine_nm"]
         lines.append(
-            f"{summary['largest_load']['way']} at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
+            f"{summary['largest_load']['way']} at {one['input_speed_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
             f"{one['least_peak_nm']:.0f} Nm (compared {one['compared_peak_nm']:.0f} Nm), "
-            f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm "
+            f"{one['input_torque_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm "
             f"{'can' if kept else 'cannot'} be kept. Up to "
             f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; the gear before the shift alone "
             f"reaches it at {within['before_the_shift']:.0f} Nm)"
@@ -446,4 +446,6 @@ def _cell(row: dict | None) -> str:
     """One shift in the table of what was measured."""
     if row is None:
         return "no shift"
-    return f"{row['m_wej_max_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, k {row['k']:.3f}"
+    return (
+        f"{row['input_torque_max_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, k {row['k']:.3f}"
+    )

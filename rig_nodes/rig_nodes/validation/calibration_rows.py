@@ -241,7 +241,7 @@ def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss
     """The rows of :func:`hydraulic_misses`, and the highest peak torque of the 19 delay series, that of series 5, where
     S2 catches an output that nothing else drives: only that says how far p2 shoots over.
     """
-    target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["m_wej_max_nm"]
+    target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["input_torque_max_nm"]
     return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
 
 
@@ -263,7 +263,7 @@ def within(target: Target, value: float, tolerance: float, which: str = "") -> M
 
 def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     """How long S2 holds against S1 (peaks, how far the load moves the lock-up) and drags afterwards (t_o of II to I)."""
-    series_19 = shift(config, 1, set_in=1)["m_wej_max_nm"]  # sequence delay sets the load in gear I, for both ways
+    series_19 = shift(config, 1, set_in=1)["input_torque_max_nm"]  # sequence delay sets the load in gear I, for both ways
     light, heavy, slow_heavy, fast_heavy, fast_light = (
         shift(config, 1, None, speed * RPM, load)
         for speed, load in ((1500, 40.0), (1500, 240.0), (1200, 240.0), (1800, 240.0), (2000, 40.0))
@@ -284,7 +284,7 @@ def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
         return [Miss(target.id, 0.0, UNSHIFTED) for target in (peak, spread, longest, settling, share, most)]
     apart = light["t_c_s"] - heavy["t_c_s"]
     least = min(one["t_o_s"] for one in all_of_them)
-    highest = max(one["m_wej_max_nm"] for one in (slow_heavy, heavy, fast_heavy))
+    highest = max(one["input_torque_max_nm"] for one in (slow_heavy, heavy, fast_heavy))
     return [
         Miss(peak.id, series_19, (series_19 - peak.printed[0]) / peak.tolerance),
         within(spread, apart, TIME_TOLERANCE),
@@ -310,7 +310,7 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     )
     flat, peaks, longest = (targets[name] for name in ("up_k_flat_load", "up_peak_torque_range", "up_t_c_upper"))
     fall = slow["k"] - slow_loaded["k"]
-    least, most = slow["m_wej_max_nm"], fast_loaded["m_wej_max_nm"]
+    least, most = slow["input_torque_max_nm"], fast_loaded["input_torque_max_nm"]
     return [
         Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
         Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),

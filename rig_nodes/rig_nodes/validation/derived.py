@@ -81,9 +81,9 @@ def _dips(records: list[Record]) -> list[Record]:
 
 def _delays(records: list[Record]) -> list[Record]:
     """Which of the 19 series has the smallest upshift peak and the shortest downshift, and where the dip begins."""
-    up = [r for r in _whole(records, "delay_series", "m_wej_max_nm", shift="I-II") if "series" in r.conditions]
+    up = [r for r in _whole(records, "delay_series", "input_torque_max_nm", shift="I-II") if "series" in r.conditions]
     down = [r for r in _whole(records, "delay_series", "t_dt_s", shift="II-I") if "series" in r.conditions]
-    out = _lowest(up, "m_wej_max_nm", TORQUE_ALIKE, "smallest", "not smallest")
+    out = _lowest(up, "input_torque_max_nm", TORQUE_ALIKE, "smallest", "not smallest")
     out += _lowest(down, "t_dt_s", TIME_ALIKE, "shortest", "not shortest")
     if up:
         begins, why = dip_begins(up)
@@ -133,7 +133,12 @@ def dip_begins(series: list[Record]) -> tuple[float | None, str]:
 def _measured(records: list[Record]) -> list[Record]:
     """The grids once more as what chapter 9 compares its simulation with: here the rig stands for the laboratory."""
     return [
-        Record("chapter9", {**r.conditions, "source": "measured"}, {key: r.values[key] for key in ("m_wej_max_nm", "t_p_s")}, r.why)
+        Record(
+            "chapter9",
+            {**r.conditions, "source": "measured"},
+            {key: r.values[key] for key in ("input_torque_max_nm", "t_p_s")},
+            r.why,
+        )
         for name in ("grid_up", "grid_down")
         for r in _whole(records, name, "t_p_s")
     ]

@@ -36,8 +36,8 @@ AXES = {  # condition or quantity -> (name with unit, factor from SI)
     "t_p_s": ("t_p [s]", 1.0),
     "t_c_s": ("t_c [s]", 1.0),
     "t_o_s": ("t_o [s]", 1.0),
-    "m_wej_max_nm": ("highest M_wej [Nm]", 1.0),
-    "n_wyj_min_rpm": ("lowest n_wyj [rpm]", 1.0 / RPM),
+    "input_torque_max_nm": ("highest M_wej [Nm]", 1.0),
+    "output_speed_min_rpm": ("lowest n_wyj [rpm]", 1.0 / RPM),
     "k": ("k", 1.0),
     "e_loss_j": ("E_loss over t_dt [J]", 1.0),
     "e_loss_settled_j": ("E_loss until settled [J]", 1.0),
@@ -89,7 +89,9 @@ def _plans() -> list[_Plan]:
             )
     for shift, delay, numbers in (("I-II", "t12", ("21", "22", "23", "24")), ("II-I", "t21", ("27", "28", "29", "30"))):
         for number, quantity, over in zip(
-            numbers, ("m_wej_max_nm", "n_wyj_min_rpm", "t_dt_s", "n_wyj_min_rpm"), ("series", "series", delay, delay)
+            numbers,
+            ("input_torque_max_nm", "output_speed_min_rpm", "t_dt_s", "output_speed_min_rpm"),
+            ("series", "series", delay, delay),
         ):
             plans.append(
                 _Plan(
@@ -109,7 +111,7 @@ def _plans() -> list[_Plan]:
         ("37", "grid_up", "t_p_s", "m_wyj", "up_t_p_upper"),
         ("38", "grid_up", "t_c_s", "m_wyj", "up_t_c_upper"),
         ("39", "grid_up", "t_o_s", "m_wyj", "up_t_o_upper_2000"),
-        ("40", "grid_up", "m_wej_max_nm", "m_wyj", "up_peak_torque_range"),
+        ("40", "grid_up", "input_torque_max_nm", "m_wyj", "up_peak_torque_range"),
         ("41", "grid_up", "k", "m_wyj", None),
         ("42", "grid_up", "e_loss_j", "m_wyj", None),
         ("42_settled", "grid_up", "e_loss_settled_j", "m_wyj", None),
@@ -118,7 +120,7 @@ def _plans() -> list[_Plan]:
         ("45", "grid_down", "t_p_s", "m_wyj", "down_t_p_range"),
         ("46", "grid_down", "t_c_s", "m_wyj", "down_t_c_upper"),
         ("47", "grid_down", "t_o_s", "m_wyj", "down_t_o_lower"),
-        ("48", "grid_down", "m_wej_max_nm", "m_wyj", None),
+        ("48", "grid_down", "input_torque_max_nm", "m_wyj", None),
         ("49", "grid_down", "k", "m_wyj", "down_k_lower"),
         ("50", "grid_down", "e_loss_j", "m_wyj", None),
         ("50_settled", "grid_down", "e_loss_settled_j", "m_wyj", None),
@@ -177,8 +179,8 @@ def _plans() -> list[_Plan]:
         )
     )
     for number, shift, quantity in (
-        ("5", "I-II", "m_wej_max_nm"),
-        ("6", "II-I", "m_wej_max_nm"),
+        ("5", "I-II", "input_torque_max_nm"),
+        ("6", "II-I", "input_torque_max_nm"),
         ("7", "I-II", "t_p_s"),
         ("8", "II-I", "t_p_s"),
     ):

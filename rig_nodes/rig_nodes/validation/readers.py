@@ -27,15 +27,15 @@ from .records import Record
 if TYPE_CHECKING:
     from ..testbench.record import Run
 
-SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "k", "e_loss_j", "e_loss_settled_j")
-SHIFT_VALUES = (*SHIFT_KEYS, "n_wyj_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")
+SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "e_loss_settled_j")
+SHIFT_VALUES = (*SHIFT_KEYS, "output_speed_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")
 STEADY_AFTER, STEADY_FOR = 0.5, 0.1  # s after M_wej has settled; s, as Annex A takes the settled torque
 TRACE_STEP, TRACE = 2e-3, 0.6  # s; the curves of Annex D end by then, but for p2 falling
 LONG_TRACE = 1.0  # s
 SPEED_STEP = 50e-3  # s between the values of a coast-down, each a mean over SPEED_MEAN
 SPEED_MEAN = 20e-3
 ENGAGEMENT = {
-    "m_wej_mean_nm": "m_wej_mean_nm",
+    "input_torque_mean_nm": "input_torque_mean_nm",
     "p_kiss_mpa": "p_kiss",
     "engagement_s": "engagement_s",
     "engagement_peak_nm": "engagement_peak_nm",
@@ -51,7 +51,7 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
     """The records of a series that could not be measured: every value None, with the reason."""
     values = {
         "valve_response": ("valve_delay_s",),
-        "coast_down": ("coast_down_tangent_s", "coast_down_m_wej_nm"),
+        "coast_down": ("coast_down_tangent_s", "coast_down_torque_nm"),
         "profile_series": tuple(ENGAGEMENT),
         "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
         "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa"),
@@ -127,11 +127,11 @@ def _rows(recording: Recording, shift: str) -> list[dict]:
 
 def _shift(conditions: dict, procedure: str, shift: str, row: dict) -> list[Record]:
     values = {key: row[key] for key in SHIFT_KEYS}
-    lowest = row["n_wyj_min_rpm"]
-    values["n_wyj_min_rpm"] = None if lowest is None else lowest * pi / 30.0
+    lowest = row["output_speed_min_rpm"]
+    values["output_speed_min_rpm"] = None if lowest is None else lowest * pi / 30.0
     values["e_loss_release_j"] = _less(row["e_loss_settled_j"], row["e_loss_j"])
     values["speed_delay_s"] = _less(row["t_dt_s"], row["t_p_s"])
-    load, peak = conditions["m_wyj"], row["m_wej_max_nm"]
+    load, peak = conditions["m_wyj"], row["input_torque_max_nm"]
     values["peak_share"] = None if peak is None or load <= 0.0 else peak / load
     reason = "; ".join(row["why"]) or "was not found"
     why = {name: reason for name, value in values.items() if value is None}
@@ -143,16 +143,16 @@ def _less(one: float | None, other: float | None) -> float | None:
 
 
 def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
-    """m_wej_max_nm of the shift, and the larger of the steady torques before and after it (phase "before")."""
+    """input_torque_max_nm of the shift, and the larger of the steady torques before and after it (phase "before")."""
     steady, torque = None, recording.transmission.input.torque
     if row["t_c_s"] is not None and row["t_o_s"] is not None:
         after = row["t_order_s"] + row["t_c_s"] + row["t_o_s"] + STEADY_AFTER
         means = [_mean(recording, torque, row["t_order_s"] - STEADY_FOR), _mean(recording, torque, after)]
         steady = None if None in means else max(means)
-    why = {"m_wej_max_nm": "; ".join(row["why"]) or f"{torque} was not recorded long enough after the shift"}
+    why = {"input_torque_max_nm": "; ".join(row["why"]) or f"{torque} was not recorded long enough after the shift"}
     return [
-        Record(procedure, {**conditions, "phase": phase}, {"m_wej_max_nm": value}, {} if value is not None else why)
-        for phase, value in (("shift", row["m_wej_max_nm"]), ("before", steady))
+        Record(procedure, {**conditions, "phase": phase}, {"input_torque_max_nm": value}, {} if value is not None else why)
+        for phase, value in (("shift", row["input_torque_max_nm"]), ("before", steady))
     ]
 
 
@@ -229,7 +229,7 @@ def profile_series(conditions: dict, run: Run) -> list[list[Record]]:
     rows = [
         row
         for row in (engagement_metrics(run.recording, *one) for one in found)
-        if row["n_wej_before"] is None or row["n_wej_before"] >= 1.0
+        if row["input_speed_before"] is None or row["input_speed_before"] >= 1.0
     ]
     # the load is set with the clutch closed, before; the engagement that is measured is the last one
     if not rows:
@@ -284,7 +284,7 @@ def coast_down(conditions: dict, run: Run) -> list[list[Record]]:
     w = recording.channels[into.speed]
     fit = fit_coast_down(t, w, recording.channels[into.torque])
     records = [
-        Record("coast_down", conditions, {key: fit[key] for key in ("coast_down_tangent_s", "coast_down_m_wej_nm")}),
+        Record("coast_down", conditions, {key: fit[key] for key in ("coast_down_tangent_s", "coast_down_torque_nm")}),
         Record("coast_down", {"side": "driving"}, {"inertia": fit["inertia"]}),
     ]
     smooth = running_mean(w, odd_width(SPEED_MEAN, recording.period))
