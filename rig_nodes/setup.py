@@ -43,7 +43,6 @@ setup(
             "controllers/examples/**/CMakeLists.txt",
             "controllers/templates/**/*",
             "fmu/c/*",
-            "validation/*.yaml",
         ]
     },
     data_files=[

@@ -17,7 +17,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.rig_base import Tripped
 from rig_nodes.tune.bench import Bench, Point
-from rig_nodes.validation.calibrate import CALIBRATION_FILE, load_stages, search
+from rig_nodes.validation.calibrate import STAGES_FILE, load_stages, search
 from rig_nodes.validation.calibration_rows import Miss
 
 
@@ -87,11 +87,11 @@ def test_rows_of_runs_that_trip_are_not_inside_and_validate_fails(tmp_path, caps
 @pytest.mark.parametrize("stage", ["losses", "clutch_s1", "release"])
 def test_a_calibration_on_a_rig_that_trips_ends_and_changes_nothing(tmp_path, capsys, spoil, stage):
     spoil(1500)
-    before = CALIBRATION_FILE.read_bytes()
+    before = STAGES_FILE.read_bytes()
     assert main(["calibrate", "--stages", stage, "--generations", "0", "--jobs", "1", "--json", str(tmp_path / "c.json")]) == 1
     last, _ = said(capsys)
     assert "rig: the rig tripped: clutch_s1: temperature became nan between 1.500 s and 1.501 s" in last
-    assert not (tmp_path / "c.json").exists() and CALIBRATION_FILE.read_bytes() == before
+    assert not (tmp_path / "c.json").exists() and STAGES_FILE.read_bytes() == before
 
 
 def test_a_search_goes_past_rigs_that_trip(config):

@@ -20,7 +20,7 @@ from rig_nodes.sweep.plan import read_plan
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.procedure import load_procedure, prepare
 from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.validation.calibrate import CALIBRATION_FILE, load_stages
+from rig_nodes.validation.calibrate import STAGES_FILE, load_stages
 from rig_nodes.validation.targets import TARGETS_FILE, load_targets
 
 SECONDS = 4.0  # of the processor, on a machine that has other work; twice what is promised
@@ -321,7 +321,7 @@ def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
     files = [
         ("sweep.yaml", SWEEP, read_plan),
         ("rigs/mine.yaml", ON_BASE, load_rig),
-        ("calibration.yaml", CALIBRATION_FILE.read_text(), load_stages),
+        ("calibration.yaml", STAGES_FILE.read_text(), load_stages),
     ]
     head, _, rows = TARGETS_FILE.read_text().partition("\ntargets:")
     files.append(("targets.yaml", "\n- ".join(f"{head}\ntargets:{rows}".split("\n- ")[:12]) + "\n", load_targets))

@@ -44,7 +44,7 @@ def test_the_rig_lies_within_what_may_change(config):
     ],
 )
 def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
-    text = c.CALIBRATION_FILE.read_text()
+    text = c.STAGES_FILE.read_text()
     assert old in text
     path = tmp_path / "calibration.yaml"
     path.write_text(text.replace(old, new, 1))

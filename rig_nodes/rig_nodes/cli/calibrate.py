@@ -70,6 +70,7 @@ def main(args: argparse.Namespace) -> int:
     from ..validation.calibration_rows import ROWS
     from ..validation.own_calibration import own_calibration
     from ..validation.trade_off import trade_offs
+    from ..validation.which_rows import LABORATORY_RIG
     from .json_output import check_json, write_json
 
     check_json(args.json)
@@ -77,7 +78,7 @@ def main(args: argparse.Namespace) -> int:
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
     config = load_rig(args.rig)
-    stages, rows = (c.load_stages(), ROWS) if args.rig == c.LABORATORY else own_calibration(args.rig, config)
+    stages, rows = (c.load_stages(), ROWS) if args.rig == LABORATORY_RIG else own_calibration(args.rig, config)
     if args.trade_offs and rows is not ROWS:
         raise RigError(f"--trade-offs belongs to the laboratory's rows; those of '{args.rig}' are its own")
     for stage in args.stages or ():

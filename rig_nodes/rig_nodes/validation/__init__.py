@@ -1,8 +1,8 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laboratory's printed results and how far the rig may be from them; used by whoever judges the rig.
+"""What a rig is held against: the laboratory's printed results and the rows of a rig's own folder.
 
-targets.yaml has the rows, targets.py reads and checks them; `validation/` at the top of a checkout links to
-the file.
+Used by the verbs `validate` and `calibrate`. targets.yaml of rigs/hydmag has the laboratory's rows, targets.py reads and checks
+them; validation.yaml of any rig has its own rows, which own_rows.py reads.
 """

@@ -29,13 +29,13 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig, load_rig
 from ..testbench.rig_base import Tripped
 from .calibration_rows import ROWS, Miss, calibrating
+from .which_rows import CALIBRATION_FILE, LABORATORY_FOLDER, LABORATORY_RIG
 
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..config.yaml_file import Map
 
-LABORATORY = "hydmag"  # whose rows targets.yaml has
-CALIBRATION_FILE = Path(__file__).resolve().with_name("calibration.yaml")
+STAGES_FILE = LABORATORY_FOLDER / CALIBRATION_FILE
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Parameter:
     why: str
 
 
-def load_stages(path: Path = CALIBRATION_FILE, config: RigConfig | None = None) -> dict[str, dict[str, Parameter]]:
+def load_stages(path: Path = STAGES_FILE, config: RigConfig | None = None) -> dict[str, dict[str, Parameter]]:
     """The parameters of calibration.yaml, stage -> name -> parameter; RigError with file and line when it is not right.
 
     config: of the rig whose values they are; the laboratory's by default, whose stages have rows of their own each.
@@ -94,7 +94,7 @@ def _setting(config: RigConfig, name: str, where: str) -> Setting:
 @cache
 def _laboratory() -> RigConfig:
     """The rig whose values calibration.yaml names."""
-    return load_rig(LABORATORY)
+    return load_rig(LABORATORY_RIG)
 
 
 def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float]) -> RigConfig:

@@ -21,11 +21,12 @@ from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .programme import summary
 from .records import place_text
 from .targets import Target, load_targets
+from .which_rows import LABORATORY_FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-EXPLANATIONS_FILE = Path(__file__).resolve().with_name("explanations.yaml")
+EXPLANATIONS_FILE = LABORATORY_FOLDER / "explanations.yaml"
 SECTIONS = {
     "7.1": "7.1: instruments, definitions, shape of the rising pressure",
     "7.2": "7.2: response of the valves",
@@ -43,17 +44,17 @@ SECTIONS = {
 HEAD = """# Validation
 
 Made by `./rig validate --write-docs`; a change by hand is lost. Explanations of misses are written in
-`rig_nodes/rig_nodes/validation/explanations.yaml`.
+`rig_nodes/rig_nodes/rigs/hydmag/explanations.yaml`.
 
 ## How
 
 `./rig validate` repeats the measuring programme of thesis 7.1.3 on the rig: every series of every procedure, each as
 often as the laboratory did it (twice, with other noise of the transducers), evaluates the logger's channels by the
 definitions of 7.1.5 ([analysis.md](../background/analysis.md)), averages the repeats, and holds each row of
-[targets.yaml](../validation/targets.yaml) against the result. What a row accepts was set down before anything was
-calibrated; nothing is added to it, and every single value must lie inside (a trend: every line, a curve: every shift),
-unless the row speaks of a mean, a spread or of most. Where several values are judged, the worst one is shown with its
-place.
+[targets.yaml](../../rig_nodes/rig_nodes/rigs/hydmag/targets.yaml) against the result. What a row accepts was set down
+before anything was calibrated; nothing is added to it, and every single value must lie inside (a trend: every line, a
+curve: every shift), unless the row speaks of a mean, a spread or of most. Where several values are judged, the worst one
+is shown with its place.
 
 **Calibrated** rows may be fitted, **predicted** ones must come out by themselves, rows for **information** cannot be
 judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all

@@ -19,13 +19,14 @@ from ..config.conditions import CONDITIONS
 from ..config.schema import check_keys, where_of
 from ..config.units import SI, UNITS, quantity, with_article
 from ..errors import RigError, brief
+from .which_rows import LABORATORY_FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
     from ..config.yaml_file import Map
 
-TARGETS_FILE = Path(__file__).resolve().with_name("targets.yaml")
+TARGETS_FILE = LABORATORY_FOLDER / "targets.yaml"
 
 ROLES = ("calibrate", "predict", "information")
 SIGNS = ("grows", "falls", "flat")

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..config import load_yaml
+from ..config import RIGS_DIR, load_yaml
 from ..config.names import with_bases
 from ..config.schema import check_keys, where_of
 from ..errors import RigError, brief
 
 ROWS_FILE, CALIBRATION_FILE, LABORATORY = "validation.yaml", "calibration.yaml", "laboratory"
+LABORATORY_RIG = "hydmag"  # the rig whose folder has the laboratory's rows
+LABORATORY_FOLDER = RIGS_DIR / LABORATORY_RIG
 
 
 def file_of_rig(rig: str | Path, name: str) -> Path:
