@@ -137,11 +137,9 @@ def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys,
     assert shifts("run") == BOTH
 
 
-# the set looks how long a step takes; two plugs tell what becomes of the record of a rig, in its process and out of it
+# the set measures how long a step takes
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize(
-    "kind", ["c", "udp-python", *(pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "ros-python"))]
-)
+@pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
 def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
     monkeypatch.chdir(tmp_path)
     for command in printed(kind, capsys, on_own_port):
