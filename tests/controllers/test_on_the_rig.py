@@ -16,7 +16,7 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
-from rig_nodes.controllers.bench import controllers_table, format_table
+from rig_nodes.controllers.step_cost import controllers_table, format_table
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.rig_base import RigStatus

@@ -88,7 +88,7 @@ def _measure(part: str, repeats: int, tell: Callable[[str], None]) -> dict | lis
 
         return bench_graph(min(repeats, 3), tell)
     if part == "controllers":
-        from ..controllers.bench import controllers_table
+        from ..controllers.step_cost import controllers_table
         from ..testbench.configuration import load_rig
 
         tell("every plug")
