@@ -180,7 +180,7 @@ def test_a_program_over_udp_that_dies(simulate, tmp_path, free_udp_port):
     process = subprocess.Popen([program, "127.0.0.1", str(free_udp_port)])
     code, _, said = simulate(f"udp:{free_udp_port}", "--level", "current")
     assert process.wait(10) == 9
-    reason = f"controller udp:{free_udp_port}, sample {FAIL}: nobody listens at its port any more"
+    reason = f"controller udp:{free_udp_port}, sample {FAIL}: no program listens at its port any more"
     assert (code, said) == (1, f"rig: {reason}\n")
     assert check_safe_state(tmp_path / "run", 0.001)[0] == reason
 

@@ -276,7 +276,7 @@ def test_a_killed_controller_is_seen_at_the_next_sample(plug, program, config):
     process.kill()
     process.wait()
     advance_with(rig, plug)
-    assert rig.status == RigStatus.TRIPPED and re.search("sample 5: nobody listens at its port any more$", rig.reason)
+    assert rig.status == RigStatus.TRIPPED and re.search("sample 5: no program listens at its port any more$", rig.reason)
 
 
 def test_a_controller_that_is_stopped_says_goodbye(plug, program):

@@ -54,7 +54,7 @@ WRONG = {
         r"rig\.yaml:\d+: .*'loose'",
     ),
     "inertia of 0": ("inertia: [0.02 kg m2", "inertia: [0 kg m2", r"rig\.yaml:\d+: ring\.inertia is 0 kg m2, outside"),
-    "a sun larger than its ring": ("teeth: [40, 72]", "teeth: [72, 40]", "the sun stands first and has fewer"),
+    "a sun larger than its ring": ("teeth: [40, 72]", "teeth: [72, 40]", "give the sun first, which has fewer"),
     "a set of two bodies": ("ring: ring, carrier: output", "ring: output, carrier: output", "must be three bodies"),
     "a set without ring": (SET, SET.replace("ring: ring, ", ""), "set_1 lacks the key 'ring'"),
     "a list for a map": ("planetary_sets:\n  " + SET, "planetary_sets:\n  - " + SET, "planetary_sets must be a map of names"),
@@ -127,7 +127,7 @@ WRONG = {
     "a type that is not there": (N_IN, N_IN.replace("speed, shows", "tacho, shows"), "type is 'tacho', expected one of"),
     "what nobody can show": (N_IN, N_IN.replace("input.speed", "inputs.speed"), "'inputs.speed'; did you mean 'input.speed'"),
     "a device that is not there": (N_IN, N_IN.replace("at: motor", "at: moter"), "did you mean 'motor'"),
-    "a range the wrong way round": (N_IN, N_IN.replace("[0 rpm, 3000 rpm]", "[3000 rpm, 0 rpm]"), "the lowest value stands first"),
+    "a range the wrong way round": (N_IN, N_IN.replace("[0 rpm, 3000 rpm]", "[3000 rpm, 0 rpm]"), "give the lowest value first"),
     "a range of another dimension": (N_IN, N_IN.replace("3000 rpm]", "3000 Nm]"), "expected an angular velocity"),
     "nothing measures what is set": (
         "  p_load: {type: pressure, shows: load_pump.pressure, at: load_pump",
@@ -170,7 +170,7 @@ def test_there_are_at_least_forty_of_them():
 @pytest.mark.parametrize(
     "text, sentence",
     [
-        ("description: x\nbase: {here}\n", "stands on this rig itself"),
+        ("description: x\nbase: {here}\n", "leads back to this rig"),
         ("description: x\nbase: nobody\n", r"rig\.yaml:2: base: there is no rig 'nobody'"),
         (
             'description: x\nbase: three_speed\nparts:\n  motor:\n    rmap: [1 rpm/s, "x"]\n',

@@ -246,7 +246,7 @@ WRONG = {
     "a table that goes back": (
         "[0.2 rad, 60 Nm]]",
         "[0.02 rad, 60 Nm]]",
-        "'0.02 rad' stands behind '0.05 rad'; points of a table rise",
+        "'0.02 rad' comes after '0.05 rad'; the points of a table must rise",
     ),
     "a unit of another dimension": ("[0.2 rad, 60 Nm]]", "[0.2 rad/s, 60 Nm]]", "is an angular velocity, expected an angle"),
     "a point of three": ("[0.2 rad, 60 Nm]]", "[0.2 rad, 60 Nm, 1]]", r"a point is \[angle, torque\], each with its unit"),
@@ -269,7 +269,7 @@ WRONG = {
     "a law over time": (
         "gravity: {body: swing, by: angle",
         "gravity: {body: swing, by: time",
-        "what is by time stands under inputs",
+        "what depends on time belongs under inputs",
     ),
     "a law of nobody": (
         "tyre: {body: right, of: across",
@@ -301,11 +301,11 @@ WRONG = {
     ),
     "an input of another dimension": ("  engine: [12 Nm", "  engine: [12 rpm", "is an angular velocity, expected a torque"),
     "a capacity below 0": ("[0.2 s, 3 Nm]]", "[0.2 s, -3 Nm]]", "inputs.across falls to -3; a capacity is at least 0"),
-    "a time that comes back": ("[0.31 s, -2 Nm]]", "[0.2 s, -2 Nm]]", "inputs.input: '0.2 s' stands behind '0.3 s'"),
+    "a time that comes back": ("[0.31 s, -2 Nm]]", "[0.2 s, -2 Nm]]", "inputs.input: '0.2 s' comes after '0.3 s'"),
     "signals of another kind": (
         "signals: [torques]",
         "signals: [torque]",
-        r"signals is .'torque'., expected .torques., which tells",
+        r"signals is .'torque'., expected .torques., which records",
     ),
     "an unknown key": ("    body: ring", "    body: ring\n    stik: [2 -, x]", "unknown key 'stik' in low; did you mean 'stick'"),
 }
@@ -332,7 +332,7 @@ def test_a_wrong_element_is_refused_in_one_sentence_with_its_line(tmp_path, what
         ("", "needs a heading"),
         ("speed, torque\n0, 0\n", "the heading 'speed' names no unit of angular velocity"),
         ("speed [rpm], torque [Nm]\n0, zero\n", "row 2, '0,zero', is not two numbers"),
-        ("speed [rpm], torque [Nm]\n10, 1\n5, 2\n", "row 3: 5 stands behind 10"),
+        ("speed [rpm], torque [Nm]\n10, 1\n5, 2\n", "row 3: 5 comes after 10"),
         ("speed [rpm], torque [Nm]\n1,2,3\n", "of two columns each"),
         ("speed [rpm], torque [Nm]\n1, inf\n", "all finite"),
     ],

@@ -138,9 +138,8 @@ def test_without_its_device_the_rig_does_not_start_and_says_how():
             [sys.executable, "-P", "-c", GATE, *cut("motor")], env=env, text=True, capture_output=True, timeout=60
         )
         assert done.returncode != 0 and "Traceback" not in done.stderr
-        assert (
-            f"motor is cut out and nobody answers /motor/cut/port; start its node with: ./rig device motor --domain {domain.number}"
-        ) in done.stderr
+        start = f"./rig device motor --domain {domain.number}"
+        assert f"motor is cut out and no node answers /motor/cut/port; start its node with: {start}" in done.stderr
 
 
 def test_a_device_without_a_rig_says_so_and_ends_in_order():

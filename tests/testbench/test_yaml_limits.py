@@ -38,7 +38,7 @@ TOO_MUCH = {
     "a circle of one": (
         load_rig,
         "description: x\nbase: tried.yaml\n",
-        r"tried\.yaml:2: base: 'tried\.yaml' stands on this rig itself",
+        r"tried\.yaml:2: base: 'tried\.yaml' leads back to this rig",
     ),
     "lists in lists": (load_yaml, "a: " + "[" * 500 + "]" * 500, f":1: .* more than {MOST_DEPTH} deep"),
     "maps in maps": (load_yaml, "".join(" " * k + "a:\n" for k in range(500)), f":41: .* more than {MOST_DEPTH} deep"),
@@ -117,13 +117,13 @@ def test_a_file_that_eats_memory_ends_below_300_mb(tmp_path):
 def test_a_circle_of_several_files_and_a_long_row_of_them(tmp_path):
     for name, base in (("a", "b"), ("b", "c"), ("c", "a"), *((f"d{k}", f"d{k + 1}") for k in range(12))):
         (tmp_path / f"{name}.yaml").write_text(f"description: x\nbase: {base}.yaml\n")
-    with pytest.raises(RigError, match=r"c\.yaml:2: base: 'a\.yaml' stands on this rig itself"):
+    with pytest.raises(RigError, match=r"c\.yaml:2: base: 'a\.yaml' leads back to this rig"):
         load_rig(tmp_path / "a.yaml")
-    with pytest.raises(RigError, match=r"d8\.yaml:2: base: the rig stands on more than 8 others"):
+    with pytest.raises(RigError, match=r"d8\.yaml:2: base: the rig is based on more than 8 others"):
         load_rig(tmp_path / "d0.yaml")
     path = tmp_path / "s.yaml"
     path.write_text(f"rig: a.yaml\n{steps('  - wait: {for: 1 s}')}")
-    with pytest.raises(RigError, match=r"s\.yaml:1: rig: .*c\.yaml:2: base: 'a\.yaml' stands on this rig itself"):
+    with pytest.raises(RigError, match=r"s\.yaml:1: rig: .*c\.yaml:2: base: 'a\.yaml' leads back to this rig"):
         load_sequence(path)
 
 
@@ -173,7 +173,7 @@ PARAMETRIC = 'description: x\nparameters:\n  speed: 500 rpm\nsteps:\n  - oil: {p
     [
         ('"${speed}"', '"${sped}"', r":6: there is no parameter '\$\{sped\}'; did you mean '\$\{speed\}'\?"),
         ('"${speed}"', '"${speed}${speed"', r":6: the brace of '\$\{speed' is not closed; write e.g. \$\{speed\}"),
-        ('"${speed}"', '"${speed + 100}"', r":6: between the braces of '\$\{speed \+ 100\}' stands no name; nothing is computed"),
+        ('"${speed}"', '"${speed + 100}"', r":6: between the braces of '\$\{speed \+ 100\}' there is no name; nothing is computed"),
         ('"${speed}"', '"$speed ${speed}"', r":6: '\$speed' has no braces; write \$\{speed\}"),
         ('{speed: "${speed}"}', '{speed:1 rpm, a: "${speed}"}', ":6: there is no space after the colon; write 'speed: 1 rpm'"),
         ("  - motor", "    motor", r":5: a step has one key, .*; found oil, motor; is there a dash missing before 'motor'\?"),

@@ -114,7 +114,7 @@ def test_what_cannot_be_taken_is_not_compared_with_the_reason(folder):
         ("n_in / n_out", "n_in", "ratio.low is '1.59 -', but n_in is given in rpm"),
         ("gear: 2", "gear: 5", "validation.yaml:7: ratio.gear names the gear '5'; known are neutral, 1, 2, 3"),
         ("    gear: 2\n", "", "needs the key gear, whose steady end is taken, or from and to"),
-        ("    gear: 2\n", "    from: 1 s\n", "stands alone; from and to are needed"),
+        ("    gear: 2\n", "    from: 1 s\n", "is given without the other; from and to are needed"),
         ("    gear: 2\n", "    from: 2 s\n    to: 1 s\n", "not before to, which is 1 s"),
         ("low: 1.59 -", "low: 1.62 -", "ratio.low is 1.62 -, above high, which is 1.61 -"),
         ("low: 1.59 -", "low: 1.59", "ratio.low is 1.59, expected a number with its unit"),

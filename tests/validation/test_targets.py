@@ -305,7 +305,7 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
         ("    falls: One", "    peak: One", "peak.conflicts names the row itself"),
         ("falls: One grows, one falls.", "falls:", "peak.conflicts.falls is None, expected one sentence"),
         ("  why: A word.", "  why: A word.\n  conflicts: {peak: Again.}", "falls.conflicts names 'peak', which already"),
-        ("id: delay", "id: falls", r":\d+: the id 'falls' is taken by line \d+; each id stands once"),
+        ("id: delay", "id: falls", r":\d+: the id 'falls' is taken by line \d+; each id may be used once"),
         ("id: delay", "id: delay\n  id: again", r":\d+: .*duplicate key"),
         ("t_p_s: [time,", "t_p_s: [duration,", r":\d+: quantities.t_p_s must be \[dimension, .meaning.\]"),
         ("grid_up: I to II over load and speed", "grid_up:", r":\d+: procedures.grid_up must say what it is"),

@@ -378,7 +378,7 @@ class _Engagement:
             row["fill_slope"] = float(slope)
             row["fill_r2"] = float(1.0 - np.sum(rest**2) / np.sum((p[part] - np.mean(p[part])) ** 2))
         else:
-            self.why.append("no fill phase could be told from what follows")
+            self.why.append("the fill phase cannot be told from what follows")
         if kiss is not None and kiss - self.samples(CONTACT) >= 0 and kiss + self.samples(CONTACT) < p.size:
             row["growth_fill"] = float(p[kiss] - p[kiss - self.samples(CONTACT)])
             row["growth_contact"] = float(p[kiss + self.samples(CONTACT)] - p[kiss])

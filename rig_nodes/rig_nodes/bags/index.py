@@ -175,7 +175,7 @@ class BagIndex:
         try:
             streams = self._read(part).values()
             if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last for stream in streams):
-                raise Damage("a chunk holds messages of other times than are said of it", part.start)
+                raise Damage("a chunk holds messages outside the times that its record gives", part.start)
         except Damage as damage:
             self._tell(damage)
             self._records.take()

@@ -332,7 +332,7 @@ class Records:
                 elif opcode == CHANNEL:
                     self._channel(content, start, position, at)
                 elif opcode < PRIVATE:
-                    raise Damage(f"a record of kind {opcode} stands among messages, where it does not belong,", at)
+                    raise Damage(f"a record of kind {opcode} is among the messages, where it does not belong,", at)
             except (struct.error, ValueError):
                 raise Damage("a record is garbled", at) from None
 

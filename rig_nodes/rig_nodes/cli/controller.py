@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
     check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
     check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/how_to/controllers.md)")
-    check.add_argument("--level", choices=("duty", "current"), help="what it returns, when it knows both")
+    check.add_argument("--level", choices=("duty", "current"), help="what it returns, if it can return both")
     check.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
     check.add_argument(
         "--step-timeout",

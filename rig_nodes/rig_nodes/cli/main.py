@@ -147,7 +147,7 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     refuse_empty(verb, arguments)
     if "--ros-args" in arguments:
         raise RigError(
-            "--ros-args: 'rig' starts processes of its own and hands nothing on to ROS; the executables of "
+            "--ros-args: 'rig' starts its processes itself and passes no ROS arguments to them; the executables of "
             "`ros2 run rig_nodes` and the launch file take it"
         )
     parse = parser.parse_intermixed_args if getattr(module, "INTERMIXED", False) else parser.parse_args

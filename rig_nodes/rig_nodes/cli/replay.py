@@ -108,7 +108,7 @@ def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
         )
         print(
             f"replaying {sum(bag.counts[topic] for topic in sound)} messages of {len(sound)} topics in ROS domain "
-            f"{domain.number}: ROS_DOMAIN_ID={domain.number} lets other tools hear them",
+            f"{domain.number}: ROS_DOMAIN_ID={domain.number} lets other tools receive them",
             flush=True,
         )
         with Keyboard() as keys:

@@ -34,15 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed",
         type=speed,
         metavar="FACTOR",
-        help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
-        "(default: real time, nobody waits)",
+        help="lockstep at so many times real time, or max: every process waits for all the others "
+        "(default: real time, no process waits)",
     )
     parser.add_argument(
         "--keep-domain", action="store_true", help="use the ROS domain of this terminal even when ROS_DOMAIN_ID is not set"
     )
-    parser.add_argument(
-        "--view", action="store_true", help="show the run live in Rerun, by a process of its own that nothing waits for"
-    )
+    parser.add_argument("--view", action="store_true", help="show the run live in Rerun, in a process that the rig never waits for")
     parser.add_argument("--drop", metavar="TOPIC:N", help=argparse.SUPPRESS)
 
 

@@ -110,7 +110,9 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
         "simulated time waits, or none while debugging (default: 5, and 60 to come)",
     )
     parser.add_argument(
-        "--level", choices=("duty", "current"), help="what the controller returns, when it knows both (default: its first)"
+        "--level",
+        choices=("duty", "current"),
+        help="what the controller returns, if it can return both (default: the first that it names)",
     )
     parser.add_argument(
         "--strict",

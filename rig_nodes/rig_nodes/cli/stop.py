@@ -18,7 +18,9 @@ HELP = "end the rig that runs, or with --emergency only stop it"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument(
-        "--emergency", action="store_true", help="the red button: safe state at once, and the rig goes on running until `rig reset`"
+        "--emergency",
+        action="store_true",
+        help="emergency stop: safe state at once; the rig stays in it, running, until `rig reset`",
     )
     add_domain(parser)
 

@@ -73,7 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "python:, c:, simulink: or fmu: (docs/how_to/controllers.md)",
     )
     parser.add_argument(
-        "--level", choices=("duty", "current"), help="what the controller returns, when it knows both (default: its first)"
+        "--level",
+        choices=("duty", "current"),
+        help="what the controller returns, if it can return both (default: the first that it names)",
     )
     parser.add_argument("--delay", type=delay, metavar="N", help="samples of 1 ms until the controller's answer acts (default: 1)")
     parser.add_argument(

@@ -177,9 +177,9 @@ def with_bases(name: str | Path) -> list[tuple[Path, object]]:
         except RigError as error:
             raise RigError(f"{where}: {error}") from None
         if any(os.path.samefile(base, one) for one, _ in out):
-            raise RigError(f"{where}: {brief(str(node['base']))} stands on this rig itself; expected another rig")
+            raise RigError(f"{where}: {brief(str(node['base']))} leads back to this rig; expected another rig")
         if len(out) > MOST_BASES:
-            raise RigError(f"{where}: the rig stands on more than {MOST_BASES} others, one on the other")
+            raise RigError(f"{where}: the rig is based on more than {MOST_BASES} others, one on the other")
         out.append((base, load_yaml(base)))
     return out
 

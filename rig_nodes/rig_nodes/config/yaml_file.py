@@ -232,11 +232,11 @@ class _Builder:
             into.lines.append(self.line)
         elif keys[-1] is _NO_KEY:
             if isinstance(value, (Map, List)):
-                self.refuse('a map or list stands as a key; expected a word (a value in braces needs quotes: "${name}")')
+                self.refuse('a map or list is used as a key; expected a word (a value in braces needs quotes: "${name}")')
             if value == "<<":
                 self.refuse("'<<' takes no other map in; write its keys here")
             if value in into:
-                self.refuse(f"duplicate key {brief(value)}, first in line {into.lines[value] + 1}; each key stands once")
+                self.refuse(f"duplicate key {brief(value)}, first in line {into.lines[value] + 1}; each key may be used once")
             into.lines[value] = self.line
             keys[-1] = value
         else:

@@ -140,10 +140,10 @@ def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
     kind = KINDS.get(name)
     if kind is None or not (rest or kind.alone):
         if meant := _meant(text):
-            raise RigError(f"controller '{text}' is none that can be loaded; did you mean {meant}?")
+            raise RigError(f"controller '{text}' cannot be loaded; did you mean {meant}?")
         if kind is None and name not in OF_A_FILE:
             raise RigError(f"controller '{text}': {unknown('kind', name, ['alfa46', *KINDS])} (expected {forms()})")
-        raise RigError(f"controller '{text}' is none that can be loaded; expected {forms()}")
+        raise RigError(f"controller '{text}' cannot be loaded; expected {forms()}")
     _, sign, other = rest.rpartition("@")
     if sign and other.isidentifier() and not Path(rest).exists():
         raise RigError(f"controller {text}: there is no level '{other}'; expected {' or '.join(LEVELS)} behind the @")

@@ -109,7 +109,7 @@ class Waiting:
 
 # where a controller's level comes from
 GIVEN, SAID, DEFAULT = "as given", "as the controller says", "by default, the controller says none"
-TOLD = "by default, the controller is told and another one does not act"
+TOLD = "by default; a controller of the other level has no effect"
 
 
 class Plug(ABC):

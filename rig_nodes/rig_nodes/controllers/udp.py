@@ -241,7 +241,7 @@ class Udp(Plug):
             except BlockingIOError:
                 break
         if self._peer in gone:
-            raise _Gone("nobody listens at its port any more")
+            raise _Gone("no program listens at its port any more")
 
     # ---- samples
 

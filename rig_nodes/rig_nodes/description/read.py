@@ -123,7 +123,9 @@ class _Reader:
         if name in RESERVED:
             raise RigError(f"{at}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
         if name in self.names:
-            raise RigError(f"{at}: {what}.{name}: there is '{name}' among the {self.names[name]} already; every name stands once")
+            raise RigError(
+                f"{at}: {what}.{name}: there is '{name}' among the {self.names[name]} already; each name may be used once"
+            )
         self.names[name] = what
 
     # ---- the driveline
@@ -218,8 +220,8 @@ class _Reader:
             teeth = self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth")
             if teeth[1] <= teeth[0]:
                 raise RigError(
-                    f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; the sun "
-                    "stands first and has fewer"
+                    f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; give the "
+                    "sun first, which has fewer"
                 )
             out.append(PlanetarySet(name, *wheels, teeth))
         return tuple(out)
@@ -400,7 +402,7 @@ class _Reader:
                 raise RigError(f"{where} must be [lowest, highest], each with its unit, found {brief(ends)}")
             low, high = (quantity(end, dimension, where) for end in ends)
             if not low < high:
-                raise RigError(f"{where} is {brief(list(ends))}; the lowest value stands first")
+                raise RigError(f"{where} is {brief(list(ends))}; give the lowest value first")
             for key in ("text", "sign", "like", "topic"):
                 if key in node and (not isinstance(node[key], str) or not node[key].strip() or not node[key].isprintable()):
                     raise RigError(f"{self.at(node, key)}: {what}.{key} is {brief(node[key])}, expected words")
@@ -426,8 +428,8 @@ class _Reader:
         if False in logged and True in logged[logged.index(False) :]:
             late = out[logged.index(True, logged.index(False))]
             raise RigError(
-                f"{self.at(nodes, late.name)}: transducers.{late.name} is logged and stands behind one that is not; the "
-                "logged ones come first"
+                f"{self.at(nodes, late.name)}: transducers.{late.name} is logged but comes after one that is not; list "
+                "the logged ones first"
             )
         return tuple(out)
 
@@ -510,8 +512,8 @@ class _Reader:
         nodes = self.node.get("signals", List(self.node.line))
         if not isinstance(nodes, List) or any(one != TORQUES for one in nodes):
             raise RigError(
-                f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which tells the torques in all "
-                "that joins bodies"
+                f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which records the "
+                "torques of all elements between bodies"
             )
         return tuple(dict.fromkeys(nodes))
 

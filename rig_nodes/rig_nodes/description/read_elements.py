@@ -153,7 +153,7 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, alo
     for k, (before, after) in enumerate(itertools.pairwise(out)):
         if after[0] < before[0]:
             raise RigError(
-                f"{reader.at(rows, k + 1)}: {what}: {brief(rows[k + 1][0])} stands behind {brief(rows[k][0])}; points of a table "
+                f"{reader.at(rows, k + 1)}: {what}: {brief(rows[k + 1][0])} comes after {brief(rows[k][0])}; the points of a table "
                 "rise"
             )
     return tuple(out)
@@ -194,7 +194,7 @@ def _of_file(path: Path, where: str, across: str, along: str) -> Points:
         except ValueError:
             raise RigError(f"{where}: {path.name}: row {k}, {brief(','.join(row))}, is not two numbers") from None
         if k > 2 and out[-1][0] < out[-2][0]:
-            raise RigError(f"{where}: {path.name}: row {k}: {row[0]} stands behind {rows[k - 3][0]}; points of a table rise")
+            raise RigError(f"{where}: {path.name}: row {k}: {row[0]} comes after {rows[k - 3][0]}; the points of a table must rise")
     return tuple(out)
 
 
@@ -276,8 +276,8 @@ class _Element:
         by, of = node.get("by", by), node.get("of", "")
         if by not in _ACROSS:
             raise RigError(
-                f"{reader.at(node, 'by')}: {what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what is by time "
-                "stands under inputs"
+                f"{reader.at(node, 'by')}: {what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what depends on time "
+                "belongs under inputs"
             )
         if of:
             known = [

@@ -224,7 +224,7 @@ TYPES = {
     "temperature": lambda: {
         "range": param("temperature", 1.0, 1e3, _RANGE),
         "offset": param("temperature", 0.0, 10.0, "Largest error at 0 degC", 0.0),
-        "gain": param("ratio", 0.0, 0.1, "Largest error as a share of the temperature, beside the offset", 0.0),
+        "gain": param("ratio", 0.0, 0.1, "Largest error as a share of the temperature, in addition to the offset", 0.0),
     },
     "travel": lambda: {
         "noise": param("length", 0.0, 1e-3, _NOISE, 0.0),

@@ -44,7 +44,7 @@ def start_server() -> None:
     try:
         forkserver.ensure_running()
     except OSError as error:
-        why = f"{error}; their server's socket stands in the temporary folder"
+        why = f"{error}; their server's socket is in the temporary folder"
         raise RigError(f"the rig's processes cannot be started ({why})") from None
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -53,7 +53,7 @@ OPTIONS = [
     *RIG_OPTIONS,
     ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"}),
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
-    ("--come-timeout", {"type": float, "help": "s that a program of its own may take to come, in lockstep"}),
+    ("--come-timeout", {"type": float, "help": "s that a program outside the rig may take to connect, in lockstep"}),
 ]
 SAMPLES = "/instruments/controller"
 STATE = "/rig/state"

@@ -94,7 +94,7 @@ class CutEnds:
             if not listeners or not node.inputs[topic_of(device, "answer")].get_publisher_count():
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
                 out.append(
-                    f"{device} is cut out and nobody answers {port}; start its node with: ./rig device {device} --domain {domain}"
+                    f"{device} is cut out and no node answers {port}; start its node with: ./rig device {device} --domain {domain}"
                 )
         return out
 

@@ -69,10 +69,10 @@ OPTIONS = [
             "default": [],
             "dest": "settings",
             "metavar": "KEY=VALUE",
-            "help": "beside --rig, what the rig is told: a device cut out has topics of its own",
+            "help": "settings of the rig: a device that is cut out has topics of its own",
         },
     ),
-    ("--controller", {"metavar": "SPEC", "help": "beside --rig, what alfa46 is told: your controller may have signals of its own"}),
+    ("--controller", {"metavar": "SPEC", "help": "the rig's controller, which may have signals of its own"}),
     TOPICS,
     EXCLUDE,
 ]

@@ -30,7 +30,7 @@ class Force:
     """Force on the plates: square p^2 + linear p + offset (Annex D) less the force of the springs at the kiss point."""
 
     force_square: float = param("force per pressure squared", 0.0, 1e-6, "Force on the plates per pressure squared")
-    force_linear: float = param("area", 0.0, 1.0, "Force on the plates per pressure, beside the square one")
+    force_linear: float = param("area", 0.0, 1.0, "Force on the plates per pressure, in addition to the square part")
     force_offset: float = param(
         "force", -1e5, 1e5, "Force on the plates without pressure, negative as springs push the piston back"
     )

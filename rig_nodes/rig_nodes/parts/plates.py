@@ -55,7 +55,10 @@ class PlatePack(PackGeometry):
         "ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines as the pack is let go"
     )
     film_gap: float = param(
-        "length", 1e-6, 1e-2, "Height of the oil film between two plates that are not pressed; drag knows no smaller gap"
+        "length",
+        1e-6,
+        1e-2,
+        "Height of the oil film between two plates that are not pressed; the drag is computed with no smaller gap",
     )
     film_force: float = param("force", 1.0, 1e5, "Clamp force at which the asperities carry everything and no film is sheared")
     film_radius: float = param("length", 1e-3, 1.0, "Radius at which the closed oil film ends, in the drag models that know one")

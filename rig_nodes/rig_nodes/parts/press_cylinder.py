@@ -34,7 +34,7 @@ class PressCylinder:
 
     force_linear: float = param("area", 1e-5, 1e-1, "Force on the piston per pressure")
     force_square: float = param(
-        "force per pressure squared", 0.0, 1e-9, "Force on the piston per pressure squared, beside the linear one"
+        "force per pressure squared", 0.0, 1e-9, "Force on the piston per pressure squared, in addition to the linear part"
     )
     seal_friction: float = param("force", 0.0, 1e4, "Friction of seals and guide rings as the piston goes towards the plates")
     seal_friction_back: float = param("force", 0.0, 1e4, "Friction of seals and guide rings as the piston goes back")

@@ -35,7 +35,7 @@ class Cylinder(PackFriction):
 
     piston_area: float = param("area", 1e-5, 1e-1, "Area of the piston")
     force_per_pressure_squared: float = param(
-        "force per pressure squared", 0.0, 1e-9, "Force on the piston per pressure squared, beside that of its area"
+        "force per pressure squared", 0.0, 1e-9, "Force on the piston per pressure squared, in addition to that of its area"
     )
     spring_preload: float = param("force", 0.0, 1e5, "Force of the return springs on the released piston")
     spring_rate: float = param("stiffness", 1e2, 1e9, "Stiffness of the return springs")
@@ -46,7 +46,7 @@ class Cylinder(PackFriction):
     pack_travel: float = param("length", 1e-5, 1e-2, "Way of the piston beyond the kiss point at which the pack lies flat")
     seal_friction: float = param("force", 0.0, 1e4, "Friction of the piston's seals without pressure")
     seal_friction_share: float = param(
-        "ratio", 0.0, 0.5, "Friction of the seals as a share of the pressure's force, beside that without pressure"
+        "ratio", 0.0, 0.5, "Friction of the seals as a share of the pressure's force, in addition to that without pressure"
     )
     piston_damping: float = param("damping", 1.0, 1e7, "Viscous damping of the piston")
     line_volume: float = param("volume", 1e-7, 1e-2, "Volume of the oil between valve and feed orifice")

@@ -81,7 +81,7 @@ def table_of(what: str, given: tuple[Sequence[float], Sequence[float]], beyond: 
     if x.ndim != 1 or x.shape != y.shape or len(x) == 0 or not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise RigError(f"driveline: the table of {what} needs as many values as points, at least one, all finite")
     if np.any(np.diff(x) < 0.0) or np.any((x[2:] == x[1:-1]) & (x[1:-1] == x[:-2])):
-        raise RigError(f"driveline: the points of the table of {what} fall, or one stands there more than twice")
+        raise RigError(f"driveline: the points of the table of {what} fall, or one is given more than twice")
     if period is not None and not (len(x) > 1 and math.isclose(x[-1] - x[0], period, rel_tol=1e-12)):
         raise RigError(f"driveline: the table of {what} reaches over {x[-1] - x[0]:g}; its period is {period:g}")
     return Table(x, y, beyond, 0.0 if period is None else float(x[-1] - x[0]))

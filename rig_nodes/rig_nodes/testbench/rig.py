@@ -66,8 +66,8 @@ def check_level(config: RigConfig, level: str | None) -> None:
     """
     if level == "duty" and not config.effects.current_loop:
         raise RigError(
-            "effects.current_loop=off makes the coil current its setpoint, and a controller at level duty has "
-            "none that acts; run one that knows it at level current (--level current), or leave the loop on"
+            "effects.current_loop=off makes the coil current follow its setpoint, which a controller at level "
+            "duty does not give; run one that gives it at level current (--level current), or leave the loop on"
         )
 
 

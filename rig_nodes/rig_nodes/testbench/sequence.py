@@ -326,8 +326,8 @@ def filled(text: str, values: dict, where: str, what: str) -> str:
             return str(values[inner])
         if not re.fullmatch(r"\w+", inner):
             raise RigError(
-                f"{where}: between the braces of {brief(match[0])} stands no name; nothing is computed there, "
-                f"give the {what} the value that is wanted"
+                f"{where}: between the braces of {brief(match[0])} there is no name; nothing is computed there, "
+                f"so give the {what} the value that is wanted"
             )
         raise RigError(f"{where}: {unknown(what, f'${{{inner}}}', [f'${{{name}}}' for name in values])}")
 

@@ -44,7 +44,7 @@ def start_server(*modules: str) -> None:
         try:
             forkserver.ensure_running()
         except OSError as error:
-            raise RigError(f"{NO_PROCESSES} ({error}; its socket stands in the temporary folder)") from None
+            raise RigError(f"{NO_PROCESSES} ({error}; its socket is in the temporary folder)") from None
 
 
 class Workers:

@@ -72,7 +72,7 @@ def moved(transmission: Transmission, way: str) -> tuple[Clutch, Clutch]:
     """The clutch that a shift engages and the one that it lets go; RigError where there are several or none."""
     shift = transmission.shift(*transmission.ways()[way])
     if len(shift.engaging) != 1 or len(shift.releasing) != 1:
-        raise RigError(f"the shift {way} does not move one clutch for another, and only such a one can be tuned")
+        raise RigError(f"the shift {way} does not release one clutch for another, and only such a shift can be tuned")
     return shift.engaging[0], shift.releasing[0]
 
 
@@ -80,7 +80,7 @@ def delay_of(transmission: Transmission, way: str) -> str:
     """Name of the box's delay of a shift, e.g. t12 of the first gear to the second; RigError where the box has none."""
     name = "t{}{}".format(*transmission.ways()[way])
     if name not in Alfa46Values.__dataclass_fields__:
-        raise RigError(f"the shift {way} has no delay of its own in the box, and only one that has can be tuned")
+        raise RigError(f"the shift {way} has no delay of its own in the box, and only a shift that has one can be tuned")
     return name
 
 

@@ -101,7 +101,7 @@ def load_rows(path: Path, rig: str | Path, config: RigConfig) -> list[OwnRow]:
     for k, row in enumerate(rows):
         one = _Reader(path, row, where_of(path, rows, k), rig, config).row()
         if one.target.id in out:
-            raise RigError(f"{where_of(path, row, 'id')}: there is a row '{one.target.id}' already; every id stands once")
+            raise RigError(f"{where_of(path, row, 'id')}: there is a row '{one.target.id}' already; each id may be used once")
         out[one.target.id] = one
     return list(out.values())
 
@@ -225,7 +225,7 @@ class _Reader:
             over = self.time("over") if "over" in node else STEADY
             return {"value": str(node["value"]), "gear": self.gear("gear", node["gear"]), "over": over}
         if not ("from" in node and "to" in node):
-            self.refuse("from" if "from" in node else "to", "stands alone; from and to are needed")
+            self.refuse("from" if "from" in node else "to", "is given without the other; from and to are needed")
         window = self.time("from"), self.time("to")
         if not window[0] < window[1]:
             self.refuse("from", f"is {node['from']}, not before to, which is {node['to']}")

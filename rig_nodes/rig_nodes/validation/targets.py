@@ -124,7 +124,7 @@ def load_targets(path: str | Path | None = None) -> list[Target]:
         target = _Row(path, row, procedures, quantities).target()
         if target.id in targets:
             raise RigError(
-                f"{path}:{target.line}: the id '{target.id}' is taken by line {targets[target.id].line}; each id stands once"
+                f"{path}:{target.line}: the id '{target.id}' is taken by line {targets[target.id].line}; each id may be used once"
             )
         targets[target.id] = target
     _mirror_conflicts(path, rows, targets)
@@ -164,7 +164,7 @@ def _mirror_conflicts(path: str | Path, rows: Iterable[Map], targets: dict[str, 
             if other == here.id:
                 raise RigError(f"{where} names the row itself; expected the id of another row")
             if other in here.conflicts:
-                raise RigError(f"{where} names '{other}', which already names this row; a conflict stands at one of the two")
+                raise RigError(f"{where} names '{other}', which already names this row; name a conflict at one of the two")
             here.conflicts[other] = targets[other].conflicts[here.id] = " ".join(sentence.split())
 
 
@@ -212,7 +212,7 @@ class _Row:
                 self.one_of(key, known)
                 values[key] = str(node[key])
         if node.get("absolute", True) is not True:
-            self.refuse("absolute", f"is {brief(node['absolute'])}, expected true or no such key")
+            self.refuse("absolute", f"is {brief(node['absolute'])}, expected true; leave the key out otherwise")
         values["absolute"] = "absolute" in node
         if ("statistic" in node) != ("across" in node):
             self.refuse(
