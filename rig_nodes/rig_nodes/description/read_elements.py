@@ -154,7 +154,7 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, alo
         if after[0] < before[0]:
             raise RigError(
                 f"{reader.at(rows, k + 1)}: {what}: {brief(rows[k + 1][0])} comes after {brief(rows[k][0])}; the points of a table "
-                "rise"
+                "must rise"
             )
     return tuple(out)
 
