@@ -4,6 +4,7 @@
 """The file that `rig view` writes: signals, states, events, report, layout, also of runs with parts missing."""
 
 import json
+import tracemalloc
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -277,6 +278,18 @@ def test_a_view_made_of_many_pieces_of_the_bag_is_the_same(run, shown, read_rrd,
             if name in columns:
                 np.testing.assert_array_equal(pieces.data[entity][name], columns[name], err_msg=f"{entity} {name}")
     assert pieces.views() == shown.views()
+
+
+def test_a_report_made_from_the_bag_takes_no_more_memory_than_a_few_seconds_of_it(run, monkeypatch):
+    (run / "report.json").unlink()
+    monkeypatch.setattr(convert, "PIECE", 1_000_000)
+    tracemalloc.start()
+    try:
+        make_view(run)
+        peak = tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+    assert peak < 18, "MB; the 15 s of the whole run are 45"
 
 
 @pytest.mark.parametrize("piece", [60_000, 1 << 24])

@@ -19,8 +19,10 @@ from ..transmission import Transmission, transmission_of
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
+    from .gathered import Gathered
 
 Series = tuple[np.ndarray, np.ndarray]
+OWN_ACCOUNT, RESIDUAL = "/rig/state", "energy_residual"
 
 
 def signs(box: Transmission) -> dict[str, float]:
@@ -57,6 +59,12 @@ def fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]
         **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
         "/gearbox/state": {"heat_losses": "heat", "w_in": "speed_in", "w_out": "speed_out"},
     }
+
+
+def all_fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]:
+    """Return :func:`fields` and, for a rig of which something turns separately, the rig's own account."""
+    own = {} if all_turn_with(structure) else {OWN_ACCOUNT: {"residual": RESIDUAL}}
+    return fields(structure, box) | own
 
 
 def balance(
@@ -122,7 +130,7 @@ def clutch_heat(account: dict[str, float | None], box: Transmission) -> float:
     return sum(account[f"{clutch.heat}_j"] for clutch in box.clutches)
 
 
-def energies_of(bag: Bag, transmission: Transmission | None = None) -> dict[str, Series]:
+def energies_of(bag: Bag | Gathered, transmission: Transmission | None = None) -> dict[str, Series]:
     """Return the energies for :func:`balance` from a bag's state topics (200 Hz).
 
     The kinetic energy is that of the two shafts with everything that turns with them. Where something turns separately, as in a
@@ -131,7 +139,7 @@ def energies_of(bag: Bag, transmission: Transmission | None = None) -> dict[str,
 
     Parameters
     ----------
-    bag : Bag
+    bag : Bag or Gathered
         The recording.
     transmission : Transmission, optional
         That of the bag's rig by default.
@@ -165,9 +173,9 @@ def all_turn_with(structure: Structure) -> bool:
     return not gives_way and set(structure.bodies) - set(structure.massless) <= known
 
 
-def _left(bag: Bag, energies: dict[str, Series], box: Transmission) -> Series:
+def _left(bag: Bag | Gathered, energies: dict[str, Series], box: Transmission) -> Series:
     """Return the stored energy by the rig's own account, which includes every body: works less heats and its residual."""
-    t, (residual,) = bag.fields("/rig/state", ["energy_residual"])
+    t, (residual,) = bag.fields(OWN_ACCOUNT, [RESIDUAL])
     stored = -residual
     for name, sign in signs(box).items():
         if name in energies:

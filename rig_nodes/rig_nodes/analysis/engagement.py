@@ -201,7 +201,7 @@ class _Engagement:
         if (at - first) * recording.period < 0.05 or (last - at) * recording.period < 0.2:
             why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
             return None
-        raw = {name: np.asarray(recording.channels[name][first:last], dtype=float) for name in box.channels}
+        raw = {name: recording.part(name, first, last) for name in box.channels}
         bad = [name for name in box.channels if not np.all(np.isfinite(raw[name]))]
         if bad:
             why.append(f"{', '.join(bad)} has values that are no numbers")

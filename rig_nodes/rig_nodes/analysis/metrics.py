@@ -23,6 +23,7 @@ All filters are symmetric in time:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import pi
 
@@ -84,6 +85,8 @@ class Recording(Logged):
         is switched first.
     transmission : Transmission
         The transmission that was shifted; the laboratory's by default.
+    begin : int
+        Number of the first row in ``channels``; the rows before it, from ``t0`` on, are not held.
 
     Raises
     ------
@@ -93,6 +96,7 @@ class Recording(Logged):
 
     orders: list[tuple[float, int, int]] = field(default_factory=list)
     transmission: Transmission = field(default_factory=transmission_of)
+    begin: int = 0
 
     use = "shift metrics"
 
@@ -100,6 +104,15 @@ class Recording(Logged):
     def needed(self) -> tuple[str, ...]:
         """The channels without which there are no shift metrics."""
         return self.transmission.channels
+
+    @property
+    def rows(self) -> int:
+        """Number of rows from ``t0`` to the last one held."""
+        return self.begin + super().rows
+
+    def part(self, name: str, first: int, last: int) -> np.ndarray:
+        """Return a channel from row ``first`` to before row ``last``, as far as these rows are held."""
+        return np.asarray(self.channels[name][max(0, first - self.begin) : max(0, last - self.begin)], dtype=float)
 
 
 def shifts(recording: Recording) -> list[dict]:
@@ -112,19 +125,24 @@ def shifts(recording: Recording) -> list[dict]:
 
 def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float | None]]:
     """Return the orders that are shifts, each with the time of the order after it (None for the last)."""
-    orders = sorted(order for order in recording.orders if order[1] != order[2])  # an order of the same gear is not a shift
-    ends = [order[0] for order in orders[1:]] + [None]
-    return [
-        (order, end)
-        for order, end in zip(orders, ends)
-        if order[2] in recording.transmission.ratios and not (order[1] == 0 and stands(recording, order[0]))
-    ]
+    return [(order, end) for order, end in with_ends(recording.orders) if is_shift(recording, order)]
+
+
+def with_ends(orders: Iterable[tuple[float, int, int]]) -> list[tuple[tuple[float, int, int], float | None]]:
+    """Return the orders of another gear by time, each with the time of the order after it (None for the last)."""
+    orders = sorted(order for order in orders if order[1] != order[2])
+    return list(zip(orders, [order[0] for order in orders[1:]] + [None]))
+
+
+def is_shift(recording: Recording, order: tuple[float, int, int]) -> bool:
+    """Return True when the ordered gear drives and is not engaged from neutral while the input shaft stands still."""
+    return order[2] in recording.transmission.ratios and not (order[1] == 0 and stands(recording, order[0]))
 
 
 def stands(recording: Recording, t: float) -> bool:
     """Return True when the input shaft stands still around a time [s]."""
     at = int((t - recording.t0) / recording.period)
-    around = recording.channels[recording.transmission.input.speed][max(0, at - 100) : at + 100]
+    around = recording.part(recording.transmission.input.speed, at - 100, at + 100)
     return len(around) > 0 and bool(np.nanmax(np.abs(around)) < STANDSTILL)
 
 
@@ -198,7 +216,7 @@ class _Shift:
             why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
             return None
         box = recording.transmission
-        raw = {name: np.asarray(recording.channels[name][first:last], dtype=float) for name in box.channels}
+        raw = {name: recording.part(name, first, last) for name in box.channels}
         bad = [name for name in box.channels if not np.all(np.isfinite(raw[name]))]
         if bad:
             why.append(f"{', '.join(bad)} has values that are no numbers")

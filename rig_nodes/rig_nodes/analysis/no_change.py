@@ -25,12 +25,14 @@ from .valve_response import valve_delay
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
+    from .gathered import Gathered
 
 MOTOR = "/motor/command"
+FIELDS = {CONTROLLER_COMMAND: ["duty", "setpoint"], MOTOR: ["enable"]}  # what is read of them
 BEFORE = 0.5  # s before the order from which rest and hum of the pressure are determined
 
 
-def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag | None = None) -> dict:
+def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag | Gathered | None = None) -> dict:
     """Return what a run without a change between gears measured.
 
     Parameters
@@ -39,7 +41,7 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag 
         The logger's channels.
     instruments : dict of str to Instrument
         Instruments of the rig by signal.
-    bag : Bag, optional
+    bag : Bag or Gathered, optional
         The recording's bag with the commands to valves and motor; without it there is neither a valve's response nor a
         coast-down.
 
@@ -115,7 +117,7 @@ def _error(row: dict, key: str, factor: float, digits: int) -> str:
     return f" +- {row['errors'][key] * factor:.{digits}f}" if key in row["errors"] else ""
 
 
-def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> dict:
+def _response(bag: Bag | Gathered, recording: Recording, order: tuple[float, int, int]) -> dict:
     """Return the row of a valve whose clutch was closed at standstill."""
     t_order, _, gear = order
     row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None, "why": []}
@@ -123,7 +125,7 @@ def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> 
         clutch, *others = recording.transmission.engaged(gear)
         if others:
             raise RigError("the gear engages several clutches, and this is about one valve")
-        t, (duty, setpoint) = bag.fields(CONTROLLER_COMMAND, ["duty", "setpoint"])
+        t, (duty, setpoint) = bag.fields(CONTROLLER_COMMAND, FIELDS[CONTROLLER_COMMAND])
         on_coil = duty[:, clutch.output]
         coil = on_coil if on_coil.any() else setpoint[:, clutch.output]  # with a constant current no duty is sent
         on = t[(t >= t_order) & (coil > 0.0)]
@@ -140,9 +142,9 @@ def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> 
     return row
 
 
-def _coast_down(bag: Bag, recording: Recording, instruments: dict[str, Instrument]) -> dict | None:
+def _coast_down(bag: Bag | Gathered, recording: Recording, instruments: dict[str, Instrument]) -> dict | None:
     try:
-        t, (enable,) = bag.fields(MOTOR, ["enable"])
+        t, (enable,) = bag.fields(MOTOR, FIELDS[MOTOR])
     except RigError:
         return None  # the motor was never commanded
     if not t.size or enable[-1]:

@@ -27,6 +27,7 @@ from ..transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import Series, balance, clutch_heat, energies_of
+from .gathered import Gathered
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
@@ -55,7 +56,7 @@ def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
     )
 
 
-def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
+def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
     """Return the report of a bag.
 
     It is ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``. ``uncertainty`` holds for each
@@ -70,8 +71,8 @@ def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool 
 
     Parameters
     ----------
-    bag : Bag
-        An open :class:`rig_nodes.bags.reader.Bag`.
+    bag : Bag or Gathered
+        The bag, or what :func:`gathering` gathered of its pieces, without ``annex_a`` and ``truth``.
     run : dict
         What only the runner knows (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
         of an undamaged bag.
@@ -101,20 +102,19 @@ def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool 
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
             "bench": plain(found)
         }
-    recording = None
+    recording, rows = None, []
     try:
         box, instruments = transmission_of(record), instruments_of(record)
     except UNREADABLE as error:
         raise _no_rig(error) from None
     try:
-        recording = recording_of(bag, box)
+        recording, rows = bag.shifts() if isinstance(bag, Gathered) else _with_shifts(recording_of(bag, box))
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, instruments, annex_a, problems, bag)
+    metrics = _metrics(recording, rows, instruments, annex_a, problems, bag)
     metrics["basis"] = basis_of(record, box, instruments)
     if not says_rig(run.get("configuration") or info_of(bag).get("configuration")):
         metrics["basis"]["taken"] = True
-    rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
         energies = energies_of(bag, box)
@@ -129,7 +129,38 @@ def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool 
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
-def _record_of(bag: Bag, run: dict) -> Mapping:
+def gathering(small: Bag, run: dict) -> Gathered | None:
+    """Return what gathers the sources of build_report from the pieces of a long bag.
+
+    Parameters
+    ----------
+    small : Bag
+        Events and description of the whole run, with the names of all topics (BagIndex.bag).
+    run : dict
+        As in :func:`build_report`.
+
+    Returns
+    -------
+    Gathered or None
+        None for a rig without gears, whose results need the whole bag.
+
+    Raises
+    ------
+    RigError
+        When the bag's record of its rig is invalid.
+    """
+    record = _record_of(small, run)
+    try:
+        return Gathered(small, orders_in(small.events()), transmission_of(record)) if record["structure"]["gears"] else None
+    except UNREADABLE as error:
+        raise _no_rig(error) from None
+
+
+def _with_shifts(recording: Recording) -> tuple[Recording, list[dict]]:
+    return recording, shifts(recording)
+
+
+def _record_of(bag: Bag | Gathered, run: dict) -> Mapping:
     """Return the record of the rig of a run in today's form; RigError when it is invalid."""
     try:
         record = rig_record(run["configuration"], bag.types) if run.get("configuration") else bag.record
@@ -146,7 +177,7 @@ def _no_rig(error: Exception) -> RigError:
     )
 
 
-def info_of(bag: Bag) -> dict:
+def info_of(bag: Bag | Gathered) -> dict:
     """Return the information in a bag about its run, for the run part of a report."""
     info = bag.run_info()
     return info if "configuration" in info else {"configuration": info or None}
@@ -157,7 +188,7 @@ def is_of(bag: Bag, run: dict) -> bool:
     return all(value is None or run.get(key) in (None, value) for key, value in plain(info_of(bag)).items())
 
 
-def _run_data(bag: Bag, run: dict) -> dict:
+def _run_data(bag: Bag | Gathered, run: dict) -> dict:
     """Return the runner's data; unknown lost messages are counted from an undamaged bag."""
     data = {key: run.get(key) for key in RUN_KEYS}
     if data["lost"] is None and not run.get("recovered"):
@@ -197,7 +228,7 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
     problems: list[str] = []
     record = rig_record(record)
     instruments = instruments_of(record)
-    metrics = _metrics(recording, instruments, annex_a, problems)
+    metrics = _metrics(recording, shifts(recording), instruments, annex_a, problems)
     metrics["basis"] = basis_of(record, recording.transmission, instruments)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
@@ -205,16 +236,18 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
 
 def _metrics(
     recording: Recording | None,
+    rows: list[dict],
     instruments: dict[str, Instrument],
     annex_a: float | None,
     problems: list[str],
-    bag: Bag | None = None,
+    bag: Bag | Gathered | None = None,
 ) -> dict:
     """Return everything that comes from the logger's channels; a run without a change of gear also needs the bag's commands."""
-    rows = [] if recording is None else shifts(recording)
     found = {
         "shifts": rows,
-        "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows],
+        "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows]
+        if recording
+        else [],
     }
     if annex_a is not None and recording is not None:
         try:

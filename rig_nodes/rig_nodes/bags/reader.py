@@ -353,7 +353,7 @@ class Bag:
             values = values[:, int(index)]
         return _stamps(self._heads(stream)) / 1e9, np.ascontiguousarray(values, float)
 
-    def logger(self, topic: str = "/instruments/hmg4000", fill: bool = False) -> Logger:
+    def logger(self, topic: str = "/instruments/hmg4000", fill: bool = False, after: Logger | None = None) -> Logger:
         """Return all rows of a logger; the ChannelList on the same node names its columns.
 
         Parameters
@@ -362,6 +362,8 @@ class Bag:
             Topic of the logger's blocks.
         fill : bool
             True to put NaN where rows are missing.
+        after : Logger, optional
+            Rows of the piece before, which these must follow.
 
         Returns
         -------
@@ -384,12 +386,13 @@ class Bag:
             raise BagError(
                 f"{self.path}: a block of {topic} has {head['channels'].max()} columns where the channel list names {len(names)}"
             )
-        if np.any(head["period"] != head["period"][0]):
+        if np.any(head["period"] != (head["period"][0] if after is None else after.period)):
             raise BagError(f"{self.path}: the period of {topic} changes within the run; one logger has one period")
         first, period = int(head["first_sample"][0]), float(head["period"][0])
         starts = head["first_sample"].astype(np.int64) - first
         ends = starts + head["rows"]
-        if np.any(starts[1:] < ends[:-1]):
+        due = 0 if after is None else round(after.t0 / after.period) + after.rows - first
+        if np.any(starts < np.append(due, ends[:-1])):
             raise BagError(
                 f"{self.path}: blocks of {topic} overlap or are out of order; the bag was put together from several runs"
             )
@@ -419,15 +422,9 @@ class Bag:
         dict of str to int
             Lost messages by topic.
         """
-        found = {}
-        for topic, stream in self._streams.items():
-            lives = self._lives(stream)
-            lost = sum(_holes(seqs) for seqs in lives)
-            if lives and self.recorded_from:
-                lost -= int(lives[0].min())
-            if lost:
-                found[topic] = lost
-        return found
+        numbers = Numbers()
+        numbers.add(self)
+        return numbers.gaps(self.recorded_from > 0.0)
 
     @cached_property
     def recorded_from(self) -> float:
@@ -436,17 +433,25 @@ class Bag:
         Other recorders may start late and split a bag into pieces. For their bags it is the first stamp of the rig's own messages,
         without the latched ones, which are sent again to every new subscriber.
         """
+        numbers = Numbers()
+        numbers.add(self)
+        return self.begin_by(numbers)
+
+    def begin_by(self, numbers: Numbers) -> float:
+        """Return :attr:`recorded_from` by the first stamps of all pieces of the bag, of which this may be one."""
         if self._own:
             return 0.0
         known = self.catalogue.all_topics
-        firsts = {
-            topic: _stamps(self._heads(stream)).min()
-            for topic, stream in self._streams.items()
-            if stream.times and self._counted(stream)
-        }
         # users' messages may have no stamp, and latched messages carry the stamp of the run's start
-        measured = [first for topic, first in firsts.items() if topic in known and known[topic].qos == "measurement"]
-        return max(0.0, float(min(measured or firsts.values(), default=0)) / 1e9)
+        measured = [first for topic, first in numbers.firsts.items() if topic in known and known[topic].qos == "measurement"]
+        return max(0.0, float(min(measured or numbers.firsts.values(), default=0)) / 1e9)
+
+    def counted(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        """Yield each topic with counted messages, the stamps [ns] and the sequence numbers of its messages."""
+        for topic, stream in self._streams.items():
+            if stream.times and self._counted(stream):
+                head = self._heads(stream)
+                yield topic, _stamps(head), head["seq"].copy()
 
     def gap_of_last_life(self, topic: str) -> int:
         """Count lost messages of one topic as :meth:`gaps` does, but only since its publisher's last start.
@@ -474,11 +479,7 @@ class Bag:
 
     def _lives(self, stream: Stream) -> list[np.ndarray]:
         """Return a topic's sequence numbers, one array from 0 on per start of its publisher; empty for uncounted messages."""
-        if not stream.times or not self._counted(stream):
-            return []
-        seqs = self._heads(stream)["seq"]
-        life = seqs >> LIFE_BITS
-        return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life)]
+        return _lives(self._heads(stream)["seq"]) if stream.times and self._counted(stream) else []
 
     def check(self) -> list[str]:
         """Return every fault of the bag as sentences: damage, lost messages and logger rows, wrong metadata.
@@ -677,6 +678,36 @@ class Bag:
         raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
 
 
+class Numbers:
+    """Sequence numbers and first stamps of the topics of a bag, gathered piece by piece.
+
+    Attributes
+    ----------
+    firsts : dict of str to int
+        First stamp of each topic with counted messages [ns].
+    """
+
+    def __init__(self) -> None:
+        self.firsts: dict[str, int] = {}
+        self._seqs: dict[str, list[np.ndarray]] = {}
+
+    def add(self, piece: Bag) -> None:
+        """Take those of the next piece, or of a whole bag."""
+        for topic, stamps, seqs in piece.counted():
+            self._seqs.setdefault(topic, []).append(seqs)
+            self.firsts[topic] = min(self.firsts.get(topic, limits.LAST), int(stamps.min()))
+
+    def gaps(self, begun_late: bool) -> dict[str, int]:
+        """Return what Bag.gaps does; ``begun_late`` is True for a bag that begins later than its run."""
+        found = {}
+        for topic, seqs in self._seqs.items():
+            lives = _lives(np.concatenate(seqs))
+            lost = sum(_holes(life) for life in lives) - (int(lives[0].min()) if begun_late else 0)
+            if lost:
+                found[topic] = lost
+        return found
+
+
 def nothing_in(damage: list[str]) -> str:
     """Return the reason why a bag holds nothing to show."""
     return f"nothing of it can be read ({'; '.join(damage)})" if damage else NOTHING
@@ -702,9 +733,16 @@ def _stamps(head: np.ndarray) -> np.ndarray:
     return head["sec"].astype(np.int64) * 1_000_000_000 + head["nanosec"]
 
 
+def _lives(seqs: np.ndarray) -> list[np.ndarray]:
+    """Return the sequence numbers of each start of a publisher, from 0 on."""
+    life = seqs >> LIFE_BITS
+    return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life)]
+
+
 def _holes(seqs: np.ndarray) -> int:
     """Count the numbers from 0 to the highest that are missing."""
-    return int(seqs.max()) + 1 - len(np.unique(seqs))
+    growing = bool(np.all(seqs[1:] > seqs[:-1]))  # as nearly always; sorting out repeated ones takes longer
+    return int(seqs.max()) + 1 - (len(seqs) if growing else len(np.unique(seqs)))
 
 
 def missing(counts_published: dict[str, int], bag: Bag) -> dict[str, int]:

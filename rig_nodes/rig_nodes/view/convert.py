@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
-from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
+from ..analysis.report import REPORT_FILE, build_report, gathering, is_of, orders_in, read_report
 from ..bags.index import BagIndex
 from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
 from ..config.names import unknown
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
-PIECE = 1 << 24  # bytes of messages in memory at a time, some 15 s of a run
+PIECE = 1 << 23  # bytes of messages in memory at a time, some 8 s of a run
 SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # message types that are read of the whole run
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 
@@ -189,10 +189,14 @@ def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | 
     rec.save(path, default_blueprint=layout.blueprint(pages, set(names), layout.choose(shifts), window, own=own))
     rec.send_recording_name(index.path.stem)
     curves = Curves(rr, rec, pages, names, shifts)
+    report, run, of_report = _report(small)
+    gathered = gathering(small, run) if report is None else None
     held = last = 0
     for piece in Bag.pieces(index.path, PIECE, recover=True):
         curves.add(piece)
         rec.flush()
+        if gathered is not None:
+            gathered.add(piece)
         held, last = held + sum(piece.counts.values()), max(last, piece.last)
     if window is not None:
         _check_window(window, curves)
@@ -204,7 +208,10 @@ def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | 
     notes += curves.problems
     if lacking := [name for name in pages.known.signals if name not in names]:
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
-    document = report_document(_report(small, notes), notes)
+    notes += of_report
+    if report is None:
+        report = build_report(Bag(index.path, recover=True) if gathered is None else gathered, run)
+    document = report_document(report, notes)
     rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
     rec.flush()
     rec.disconnect()
@@ -241,27 +248,26 @@ def _check_window(window: tuple[float, float], curves: Curves) -> None:
         raise RigError(f"--window {window[0]:g},{window[1]:g}: lies outside the run, which goes from {first:.2f} s to {last:.2f} s")
 
 
-def _report(bag: Bag, notes: list[str]) -> dict:
-    """Return the report beside the bag, or one made from the bag alone, also when the one beside it is of another run.
+def _report(small: Bag) -> tuple[dict | None, dict, list[str]]:
+    """Return the report beside the bag, the run part for a new one, and notes on what is wrong with either.
 
-    ``bag`` has the description of the run; the sources of a new report are read from the bag's file.
+    The report is None when there is none or it is of another run.
     """
+    report, info, notes = None, {}, []
     try:
-        report = read_report(bag.path.parent)
+        report = read_report(small.path.parent)
     except RigError as error:
         notes.append(str(error))
-        report = None
-    if report is not None and not is_of(bag, report["run"]):
+    if report is not None and not is_of(small, report["run"]):
         notes.append(f"{REPORT_FILE} beside the bag is of another run; this one is made from the bag")
         report = None
-    if report is None or "shifts" not in report:
-        try:
-            info = bag.run_info()
-        except RigError as error:
-            notes.append(str(error))
-            info = {}
-        report = build_report(Bag(bag.path, recover=True), {**info, "end": {"reason": "the run left no report"}})
-    return report
+    if report is not None and "shifts" in report:
+        return report, {}, notes
+    try:
+        info = small.run_info()
+    except RigError as error:
+        notes.append(str(error))
+    return None, {**info, "end": {"reason": "the run left no report"}}, notes
 
 
 def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:

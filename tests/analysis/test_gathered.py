@@ -1,0 +1,103 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A report made of the pieces of a bag: the same as that of the whole bag, whatever was run, lost or recorded by others."""
+
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from rig_nodes.analysis.report import build_report, gathering
+from rig_nodes.bags.index import BagIndex
+from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import BagWriter
+from rig_nodes.errors import BagError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
+LOGGER = "/instruments/hmg4000"
+RUN = {"end": {"reason": "the run left no report"}}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Folder of a run by what is special about it."""
+    root = tmp_path_factory.mktemp("runs")
+
+    def written(name, keep):
+        bag = Bag(SAMPLE)
+        with BagWriter(root / name, "run") as writer:
+            for number, (time, topic, data) in enumerate(bag.timeline()):
+                if keep(topic, number, time / 1e9):
+                    writer.write(topic, bag.types[topic], data, time)
+        return root / name
+
+    def by_another(name):
+        """Log times of the wall clock, chunks of 100 kB, the beginning not recorded."""
+        bag, channels = Bag(SAMPLE), {}
+        (root / name).mkdir()
+        with open(root / name / "run_0.mcap", "wb") as file:
+            writer = Writer(file, chunk_size=100_000)
+            writer.start("ros2", "another")
+            for time, topic, data in bag.timeline():
+                if time < 300_000_000 and topic not in ("/rig/run_info", "/instruments/channels", "/controller/events"):
+                    continue
+                if topic not in channels:
+                    encoding, text, _ = bag.channel(topic)
+                    schema = writer.register_schema(bag.types[topic], "ros2msg", text.encode())
+                    channels[topic] = writer.register_channel(topic, encoding.partition("/")[0], schema)
+                writer.add_message(channels[topic], time + 10**18, data, time + 10**18)
+            writer.finish()
+        return root / name
+
+    simulate(load_rig(), load_sequence("engagement"), root / "no change of gear")
+    return {
+        "a shift": SAMPLE,
+        "no change of gear": root / "no change of gear",
+        "lost rows": written("lost", lambda topic, number, t: not (topic == LOGGER and 1.0 < t < 1.2)),
+        "lost messages": written("lossy", lambda topic, number, t: number % 97 or topic == LOGGER),
+        "ends in the shift": written("short", lambda topic, number, t: t < 1.5),
+        "no rows": written("rowless", lambda topic, number, t: topic != LOGGER),
+        "no energies": written("balanceless", lambda topic, number, t: topic != "/motor/state"),
+        "by another recorder": by_another("another"),
+    }
+
+
+def in_pieces(folder, size):
+    with BagIndex(folder) as index:
+        small = index.bag(["/rig/run_info", "/controller/events", "/sequencer/events", "/rig/events", "/instruments/channels"])
+    gathered = gathering(small, RUN)
+    for piece in Bag.pieces(folder, size):
+        gathered.add(piece)
+    return gathered
+
+
+CASES = [
+    "a shift",
+    "no change of gear",
+    "lost rows",
+    "lost messages",
+    "ends in the shift",
+    "no rows",
+    "no energies",
+    "by another recorder",
+]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_report_of_the_pieces_is_that_of_the_whole(runs, case):
+    folder = runs[case]
+    whole = build_report(Bag(folder), RUN)
+    assert build_report(in_pieces(folder, 200_000), RUN) == whole
+    assert bool(whole["run"].get("problems")) == case.startswith("no ") - (case == "no change of gear")
+    assert (whole["run"]["lost"] > 0) == case.startswith("lost")
+
+
+def test_rows_that_come_again_in_a_later_piece_are_refused(runs):
+    gathered = in_pieces(runs["a shift"], 200_000)
+    gathered.add(next(Bag.pieces(runs["a shift"], 200_000)))
+    with pytest.raises(BagError, match=f"blocks of {LOGGER} overlap or are out of order"):
+        gathered.shifts()
