@@ -94,6 +94,38 @@ def test_foreign_packets_are_counted_and_named_once(config):
     ]
 
 
+def test_a_simulated_run_goes_on_while_a_stranger_sends_a_byte_to_its_port(tmp_path, config, capsys):
+    """The byte comes again with each millisecond of the run, between the frames of the two."""
+    port, stop = 43212, threading.Event()
+    bus = open_bus(GROUP, "udp_multicast", "test", port=port)
+    controller = CanController(bus, config)
+    sequence = tmp_path / "gear.yaml"
+    sequence.write_text("description: gear I at rest\nsteps:\n  - oil: {pressure: 4 MPa}\n  - shift: {to: I, timeout: 3 s}\n")
+
+    def ring():
+        while not stop.wait(1e-3):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                stranger.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+                stranger.sendto(b"x", (GROUP, port))
+
+    threads = [threading.Thread(target=work, daemon=True) for work in (lambda: controller.run(stop), ring)]
+    for thread in threads:
+        thread.start()
+    try:
+        spec = f"can:{GROUP}?interface=udp_multicast&port={port}&timeout=2"
+        code = main(["simulate", str(sequence), "--controller", spec, "--out", str(tmp_path / "run")])
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+        bus.shutdown()
+    printed = capsys.readouterr().out
+    sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
+    assert code == 0 and "end: the sequence ended" in printed
+    assert printed.count(f"{sentence}; it is not used, nor are others like it") == 1
+    assert controller.unread[sentence] > 100, "and the controller on the same bus goes on too"
+
+
 @pytest.mark.parametrize("program", ["example", "template"])
 def test_foreign_packets_end_no_program(tmp_path, program):
     group = {"example": "239.74.163.78", "template": "239.74.163.79"}[program]
