@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig test`: pytest on the checkout's tests, with ROS field checks on; all of them in parts, side by side.
+"""The verb `rig test`: it runs pytest on the checkout's tests with ROS field checks on, by default all of them in parallel parts.
 
-What failed against the clock runs again when nothing else does.
+Files that failed against the clock run again when nothing else runs.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from rig_nodes.errors import RigError, ended_by
 
 HELP = "run the tests"
 PASSES_ON = True
-# The mark of tests of processes in real time: on a machine that stalls for a tenth of a second the rig they look at
-# rightly goes to its safe state. They run one after the other, and their files get further chances, in a process of their
-# own when nothing else runs; that is said. Failures are counted by file, because the tests of a file often share one
-# graph. A graph in lockstep, a replay, or a program that only refuses waits for nobody's clock and bears no mark.
+# The mark of tests of processes in real time: on a machine that stalls for a tenth of a second, the rig under test
+# rightly goes to its safe state. They run one after the other, and files that fail get further chances, in a process of
+# their own when nothing else runs, which is printed. Failures are counted by file, because the tests of a file often share
+# one graph. A graph in lockstep, a replay, or a program that only refuses does not depend on a clock and has no mark.
 AGAINST_THE_CLOCK = "against_the_clock"
 ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
-AT_MOST = 8  # files that get further chances; more are no accident
-CHANCES = 2  # further ones, of a file
-# Folders whose processes wait for each other with limits of time: they come first, in so many parts.
+AT_MOST = 8  # files that get further chances; more failures are no accident
+CHANCES = 2  # further runs of a file that failed
+# Folders whose processes wait for each other with time limits run first; the number is that of their parts.
 FIRST = {"controllers": 2, "graph": 1, "fmu": 1}
-# The others only compute. Of the processor they take what these leave, which is little, and half of it beside the tests
-# against the clock, at the lowest priority there is (SCHED_IDLE; a nice value is not enough): the longest are not to be
-# left to the end, nor those whose processes have limits of time too to begin. Short folders are one part with others: to
-# begin one costs two seconds.
+# The others only compute. They take what the first parts leave of the processor, which is little, and half of it beside the
+# tests against the clock, at the lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should
+# not run last, and those whose processes have time limits too should not run first. Short folders form one part with
+# others, because to start a part costs two seconds.
 BESIDE = ("plant", "tune", "testbench", "description", "view", "the rest", "validation")
-MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
+MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Declare the arguments of the verb."""
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = (
         "Without a path all of tests/ runs, apart from what is marked 'campaign'. "
@@ -58,7 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tests_root() -> Path:
-    """The checkout that holds the tests; raises RigError where rig_nodes was installed without one."""
+    """Return the folder of the checkout that holds the tests.
+
+    Raises
+    ------
+    RigError
+        When rig_nodes was installed without a checkout.
+    """
     root = Path(rig_nodes.__file__).resolve().parents[2]
     if not (root / "pytest.ini").is_file():
         raise RigError(f"no tests beside {root}: 'rig test' works in a checkout only")
@@ -66,9 +72,9 @@ def tests_root() -> Path:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run what is asked for by pytest, or all parts side by side; pytest's exit code."""
+    """Run what the arguments ask for with pytest, or all parts in parallel; return pytest's exit code."""
     root = tests_root()
-    # a script's background ignores it, in all that is started there too, and a test that sends it would wait for ever
+    # a script's background jobs ignore SIGINT, as do the processes that they start, and a test that sends it would wait for ever
     signal.signal(signal.SIGINT, signal.default_int_handler)
     command = [sys.executable, "-m", "pytest", "--rootdir", str(root), "-c", str(root / "pytest.ini")]
     print("rig: " + " ".join(["ROS_PYTHON_CHECK_FIELDS=1", "pytest", *args.passed_on]), flush=True)
@@ -76,7 +82,7 @@ def main(args: argparse.Namespace) -> int:
     env = dict(os.environ, ROS_PYTHON_CHECK_FIELDS="1")
     try:
         if args.passed_on:
-            # Paths given are the caller's; without any, pytest.ini's testpaths count from the checkout.
+            # Given paths count from the caller's folder; without any, pytest.ini's testpaths count from the checkout.
             paths = [a.split("::")[0] for a in args.passed_on if not a.startswith("-")]
             given = any((Path.cwd() / p).exists() for p in paths)
             return subprocess.run([*command, *args.passed_on], env=env, cwd=None if given else root).returncode
@@ -86,10 +92,12 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
-    """Every test: some folders side by side, then those against the clock, the others beside both; then a second chance."""
+    """Run every test: some folders in parallel, then those against the clock, the others beside both; then failed files again."""
     began, counts, codes = time.monotonic(), Counter(), []
-    shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
-    subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
+    shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep failed tests that have another name now
+    subprocess.run(
+        [sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root
+    )  # otherwise two parts would compile at once
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))
     at_a_time = min(cores + 1, MOST_PARTS)
@@ -100,7 +108,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     )
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
-        # with one folder for all, notes would be lost
+        # with one cache folder for all parts, their notes would overwrite each other
         own = ["--no-header", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]
         return subprocess.Popen(
             [*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
@@ -118,7 +126,8 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         counts.update(counted(output))
         codes.append(code)
 
-    # beside the clock one at a time: two fill the caches of a rig in real time and get no more of the processor
+    # Beside the tests against the clock one part runs at a time: two would fill the processor's caches, which a rig in real
+    # time needs, and would get no more of the processor.
     with (
         ThreadPoolExecutor(at_a_time) as together,
         ThreadPoolExecutor(1) as below,
@@ -158,7 +167,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
 
 def _again(command: list[str], env: dict[str, str], root: Path) -> int:
-    """Exit code of the first of CHANCES further goes that passes, or of the last."""
+    """Return the exit code of the first of CHANCES further runs that passes, or else of the last one."""
     for _ in range(CHANCES):
         code = subprocess.run(command, env=env, cwd=root).returncode
         if code == PASSED:
@@ -167,11 +176,24 @@ def _again(command: list[str], env: dict[str, str], root: Path) -> int:
 
 
 def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
-    """Files of the parts that run first and of those that run beside all else, by the parts' names; files of which
-    some tests run against the clock.
+    """Divide the files of the tests into parts.
+
+    Parameters
+    ----------
+    root : Path
+        The checkout.
+
+    Returns
+    -------
+    first : dict of str to list of str
+        Names of the parts that run first, with their files.
+    beside : dict of str to list of str
+        Names of the parts that run beside everything else, with their files.
+    clock : list of str
+        Files with tests that run against the clock.
     """
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
-    # the other way round: what a rig in description/ has to compile is compiled beside the graph's tests
+    # in reverse order, so that the kernels of the rigs in description/ are compiled beside the graph's tests
     clock = [file for file in reversed(files) if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
     folders: dict[str, list[str]] = {}
     for file in files:
@@ -189,13 +211,26 @@ def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], li
 
 
 def counted(output: str) -> Counter:
-    """What pytest's last line counts, e.g. "2 failed, 30 passed in 3.10s"."""
+    """Return the counts in pytest's last line, e.g. "2 failed, 30 passed in 3.10s"."""
     last = output.strip().rpartition("\n")[2]
     return Counter({what: int(number) for number, what in re.findall(r"(\d+) (failed|passed|skipped|error)s?\b", last)})
 
 
 def failed_tests(root: Path, part: str = "*") -> list[str]:
-    """The tests that the parts, or one of them, have noted as failed, by name; none where they keep no notes."""
+    """Return the names of the failed tests.
+
+    Parameters
+    ----------
+    root : Path
+        The checkout.
+    part : str
+        Name of a part; "*" for all parts.
+
+    Returns
+    -------
+    list of str
+        Names that the parts noted; none for a part that keeps no notes.
+    """
     failed: set[str] = set()
     for notes in (root / PARTS).glob(f"{part}/{LAST_FAILED}"):
         failed.update(json.loads(notes.read_text()))
@@ -203,12 +238,12 @@ def failed_tests(root: Path, part: str = "*") -> list[str]:
 
 
 def note_failed(root: Path, failed: list[str]) -> None:
-    """For a later ``rig test --lf``, which looks at one place only."""
+    """Store the failed tests for a later ``rig test --lf``, which reads one place only."""
     notes = root / ".pytest_cache" / LAST_FAILED
     notes.parent.mkdir(parents=True, exist_ok=True)
     notes.write_text(json.dumps(dict.fromkeys(failed, True), indent=2))
 
 
 def may_try_again(failed: list[str], clock: list[str]) -> bool:
-    """True for failures in a few files, all of them among those against the clock."""
+    """Return True for failures in a few files, all of them among the tests that run against the clock."""
     return 0 < len({test.split("::")[0] for test in failed}) <= AT_MOST and set(failed) <= set(clock)

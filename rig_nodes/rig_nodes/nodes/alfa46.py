@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Alfa46 box as a process of its own: samples in, duty out, gears ordered by an action.
+"""The node `alfa46`: the Alfa46 box as a process of its own, with samples in, valve commands out and gears ordered by an action.
 
-Started by graph.supervisor. One sample in gives one command out: in real time in executor callbacks, in lockstep in
-the main thread while another one serves ROS. The controller itself is a plug (controllers.load).
+Started by graph.supervisor. Each sample in gives one command out: in executor callbacks in real time, in the main
+thread in lockstep, where another thread serves ROS. The controller itself is a plug (controllers.load).
 """
 
 from __future__ import annotations
@@ -60,10 +60,19 @@ STATE = "/rig/state"
 
 
 class Alfa46Node(Node):
-    """Publishes /controller/*, serves /controller/shift and what can be set."""
+    """The node that publishes /controller/* and serves /controller/shift and the parameters that can be set.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    process : Process
+        The process that the node runs in. Its ``arguments.controller`` is the specification of a plug, with @level where
+        the level must be given; None for the Alfa46.
+    """
 
     def __init__(self, config: RigConfig, process: Process) -> None:
-        """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
+        """Load the controller and create publishers, action server and parameters."""
         super().__init__("alfa46")
         self.config, self.transmission = config, config.transmission
         self.gears = self.transmission.names
@@ -71,15 +80,15 @@ class Alfa46Node(Node):
         self._pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
         self.box.say = teller(process, self.box)
         self._nothing = (0.0,) * len(self.box.rig_record.outputs)
-        self.frames: Frames | None = None  # in lockstep, once it is known what the controller wants
+        self.frames: Frames | None = None  # in lockstep, as soon as it is known what the controller wants
         self.box.stopped = lambda: process.stopping
         if not process.descriptors():
             self.box.pace(COMMAND_TIMEOUT, real_time=True)
-        else:  # who computes in this very process is watched by the container, which can go on without it
+        else:  # a controller that computes in this process is watched by the container, which can go on without it
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
         own = config.catalogue.controller_topics.values() if self.box.signals or self.box.named_later else ()
         self.outputs = publishers_of(self, config.catalogue, in_lockstep=bool(process.descriptors()), more=own)
-        self._blocks = None  # of its own signals, from the first on
+        self._blocks = None  # of the controller's own signals, from the first message on
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
         self.tap = process.tap(self.outputs)
@@ -92,13 +101,13 @@ class Alfa46Node(Node):
         self._heard_values: dict[str, float] = {}
         self._stamp = 0
         self._heard, self._silent, self._failed = None, False, ""
-        self._phase = None  # of the shift that runs, None when none does
-        self._goal, self._t_order = None, None  # its goal handle and the time of its order [s], once they are there
-        self._ordered_at = -1  # newest sample when it was ordered: the order is taken with the next one
-        self._refusal = None  # why the order that is being taken is refused
-        self._rig_status, self._rig_reason = None, ""  # as heard last
-        self._orders = threading.Lock()  # in lockstep samples and what comes over ROS have different threads
-        self.real_time = False  # samples come over their topic
+        self._phase = None  # of the running shift; None when no shift runs
+        self._goal, self._t_order = None, None  # goal handle of the shift and time of its order [s], as soon as they are known
+        self._ordered_at = -1  # newest sample at the order, which the controller takes with the next sample
+        self._refusal = None  # why the order that is being handled is refused
+        self._rig_status, self._rig_reason = None, ""  # as received last
+        self._orders = threading.Lock()  # in lockstep one thread handles the samples and another one serves ROS
+        self.real_time = False  # True when samples come over their topic
         self._server = GoalServer(self, Shift, "/controller/shift", self.on_goal, self.on_cancel, self.on_request)
         self.settings = BoxSettings(self, self.box, config)
         self.box.named = self.on_named
@@ -107,7 +116,7 @@ class Alfa46Node(Node):
         self.diagnostics = Diagnostics(self, self.health, lambda: self._stamp)
 
     def listen(self) -> None:
-        """Subscribe to samples and state of the rig; called when those who receive the commands are there."""
+        """Subscribe to the samples and the state of the rig; called when the receivers of the commands are connected."""
         self.create_subscription(
             RigState,
             STATE,
@@ -127,7 +136,7 @@ class Alfa46Node(Node):
             self.create_subscription(Measurement, topic.name, partial(self.on_value, name), stream_profile(topic.qos))
 
     def on_named(self) -> None:
-        """A program of its own is there and has said what it wants and which settings it has."""
+        """Declare the settings of a controller program that has come, and subscribe to the transducers that it wants."""
         try:
             self.settings.declare_own()
         except RigError as error:
@@ -136,18 +145,18 @@ class Alfa46Node(Node):
             self.listen_to_wants()
 
     def on_value(self, name: str, message: Measurement) -> None:
-        """A transducer that the controller wants, in real time."""
+        """Keep the newest value of a transducer that the controller wants, in real time."""
         self._heard_values[name] = message.value
 
     # ---- samples
 
     def on_sample(self, data: bytes) -> None:
-        """One sample in, one command out, in real time."""
+        """Answer one sample with one command, in real time."""
         record = self._fields.of(data)
         measured = record["measured"].tolist()
         sample = int(record["sample"])
         try:
-            # in real time from the transducers' own topics, the newest value of each
+            # in real time these are the newest values from the transducers' own topics
             others = [self._heard_values.get(name) for name in self.box.wants]
             if None in others:
                 return
@@ -156,7 +165,15 @@ class Alfa46Node(Node):
             self.fail(failure)
 
     def on_frame(self, frame: bytes, reply: Callable[[bytes], None]) -> None:
-        """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
+        """Answer one sample in lockstep; the rig continues while the rest of this process handles the answer.
+
+        Parameters
+        ----------
+        frame : bytes
+            A sample, or STATUS with the rig's state and the reason for it.
+        reply : callable
+            Sends the answer, as bytes, to the container.
+        """
         if frame.startswith(STATUS):
             status, reason = frame[len(STATUS)], frame[len(STATUS) + 1 :]
             self.hear_status(status, reason.decode())
@@ -181,7 +198,25 @@ class Alfa46Node(Node):
         self.tell(sample, answer, measured)
 
     def ask(self, sample: int, *wires: Iterable[float]) -> Answer | None:
-        """The controller's answer to a sample; None when it discards it."""
+        """Give the controller one sample.
+
+        Parameters
+        ----------
+        sample : int
+            Number of the sample.
+        *wires : iterable of float
+            Currents [A], measured values and the other transducers that the controller wants.
+
+        Returns
+        -------
+        Answer or None
+            The controller's answer; None when it discards the sample.
+
+        Raises
+        ------
+        ControllerFailed
+            When the controller gives no usable answer.
+        """
         if self._last_sample is not None and sample > self._last_sample + 1:
             self.missed += sample - self._last_sample - 1
         self._last_sample, self._heard = sample, time.monotonic()
@@ -190,13 +225,23 @@ class Alfa46Node(Node):
         with self._orders:
             answer = self.box.step(sample, *wires)
         if answer is not None:
-            self._failed = ""  # a controller of its own program may come again
+            self._failed = ""  # a controller that is a program of its own may come again
         for text, value in news:
             self.event(CHANGED, text, value)
         return answer
 
     def tell(self, sample: int, answer: Answer | None, measured: Sequence[float]) -> None:
-        """Publish an answer, and what it means for a running shift."""
+        """Publish an answer, and events, feedback and result of a running shift.
+
+        Parameters
+        ----------
+        sample : int
+            Number of the sample.
+        answer : Answer or None
+            The controller's answer; None when it discarded the sample.
+        measured : sequence of float
+            The measured values of the sample.
+        """
         box = self.box
         if answer is not None:
             self._setpoint = answer.setpoint
@@ -221,7 +266,7 @@ class Alfa46Node(Node):
             self.follow_shift(sample, measured)
 
     def tell_own(self, sample: int) -> None:
-        """Publish the controller's own signals, a block at a time; their names come first of all."""
+        """Publish the controller's own signals in blocks, after one message with their names."""
         if not self.counts[own_signals.CHANNELS]:
             signals = self.box.signals
             self._blocks = own_signals.Blocks(len(signals))
@@ -245,14 +290,17 @@ class Alfa46Node(Node):
             )
 
     def fail(self, failure: ControllerFailed) -> None:
-        """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""
+        """Report once that the controller cannot continue.
+
+        The rig notices the failure by the missing commands, in lockstep by the answer.
+        """
         if not self._failed:
             self._failed = str(failure)
             self.get_logger().error(printable(failure))
             self.event("controller_failed", str(failure), float(failure.status))
 
     def on_watch(self) -> None:
-        """Say once when the samples stop; there is nothing to answer then."""
+        """Log once when the samples stop, for then there is nothing to answer, and once when they come again."""
         if self._heard is None:
             return
         quiet = time.monotonic() - self._heard > COMMAND_TIMEOUT
@@ -263,7 +311,7 @@ class Alfa46Node(Node):
         self._silent = quiet
 
     def health(self) -> list[Health]:
-        """The box's own, for /diagnostics."""
+        """Return the health of the box, for /diagnostics."""
 
         def values() -> dict:
             return {
@@ -289,10 +337,10 @@ class Alfa46Node(Node):
     # ---- shifts
 
     def on_request(self, request: Shift.Goal) -> GoalResponse:
-        """Order a gear before the goal is answered: who hears that it is accepted knows that the order stands.
+        """Order a gear before the goal is answered, so that a client whose goal is accepted knows that the order stands.
 
-        A gear that there is not is rejected. Any other refused order is accepted as a goal all the same, and ended with
-        its reason.
+        A gear that does not exist is rejected. Any other refused order is accepted as a goal all the same, and is then ended
+        with the reason.
         """
         gear = int(request.gear)
         if gear not in self.gears:
@@ -315,7 +363,7 @@ class Alfa46Node(Node):
         return GoalResponse.ACCEPT
 
     def on_goal(self, goal: ServerGoalHandle) -> None:
-        """Keep the goal of the shift that was just ordered, or end it with the reason why there is none."""
+        """Keep the goal of the shift that was just ordered, or end the goal with the reason why the order was refused."""
         with self._orders:
             why = self._refusal
             if why is None:
@@ -325,25 +373,33 @@ class Alfa46Node(Node):
         finish(goal, Shift.Result(success=False, message=why, gear=self.box.gear))
 
     def _refuse(self, why: str, gear: int) -> None:
-        """Count a refused order and say why."""
+        """Count a refused order and report the reason."""
         self.refused += 1
         self.get_logger().warning(why)
         self.event("shift_refused", why, float(gear))
 
     def _check_status(self) -> None:
-        """RigError where the rig would not obey the command that follows from an order."""
+        """Raise RigError when the rig would not obey the command that follows from an order."""
         if self._rig_status == RigStatus.TRIPPED:
             raise RigError(f"shift refused: the rig is in its safe state ({self._rig_reason}); call /rig/reset first")
         if self._rig_status == RigStatus.STARTING:
             raise RigError("shift refused: the rig is starting; wait until /rig/state says that it is ready")
 
     def hear_status(self, status: int, reason: str) -> None:
-        """What the rig does now: after a trip the controller goes on in neutral, and the running order has failed."""
+        """Take the rig's state: after a trip the controller continues in neutral, and the running order has failed.
+
+        Parameters
+        ----------
+        status : int
+            The rig's state, a RigStatus.
+        reason : str
+            Why the rig is in this state.
+        """
         if status == RigStatus.STARTING and self._rig_status is None:
-            return  # it waits for this node's first command
+            return  # the rig waits for this node's first command
         with self._orders:
             was, self._rig_status, self._rig_reason = self._rig_status, status, reason
-            # starting once more: a trip that was over before it could be heard of
+            # a second start means a trip that was over before its state arrived
             again = status == RigStatus.STARTING and was in (RigStatus.READY, RigStatus.RUNNING)
             if not again and (status != RigStatus.TRIPPED or was == status):
                 return
@@ -354,7 +410,7 @@ class Alfa46Node(Node):
             why = "the rig was reset" if again else f"the rig is in its safe state: {reason}"
             text = f"{why}; the shift to {self.gears[phase.new]} was given up"
             if goal is None:
-                self._refusal = text  # the goal of the order is on its way
+                self._refusal = text  # the goal of this order has not arrived yet and will be ended with this reason
         self.event("shift_aborted", text, float(phase.new))
         if goal is not None:
             finish(
@@ -367,7 +423,7 @@ class Alfa46Node(Node):
     def on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         """Withdraw an order that the controller has not seen; a shift that has begun is carried to its end.
 
-        Half a shift has no safe end: held there, both clutches slip under load or none carries it.
+        Half a shift has no safe end: if it were held there, either both clutches would slip under load or neither would carry it.
         """
         gear = int(goal.request.gear)
         with self._orders:
@@ -388,7 +444,7 @@ class Alfa46Node(Node):
         return CancelResponse.ACCEPT
 
     def follow_shift(self, sample: int, measured: Sequence[float]) -> None:
-        """Events, feedback and result of the running shift, after the controller has taken a sample."""
+        """Publish events, feedback and result of the running shift, after the controller has taken a sample."""
         t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
         if self._t_order is None:
             self._t_order = t
@@ -408,7 +464,17 @@ class Alfa46Node(Node):
             )
 
     def event(self, name: str, text: str, value: float) -> None:
-        """Publish an event at the time of the newest sample; in lockstep from either thread."""
+        """Publish an event at the time of the newest sample; in lockstep both threads call this.
+
+        Parameters
+        ----------
+        name : str
+            Name of the event.
+        text : str
+            Sentence for people.
+        value : float
+            Value of the event, for instance the gear.
+        """
         with self._orders:
             self.publish(
                 CONTROLLER_EVENTS,
@@ -416,7 +482,7 @@ class Alfa46Node(Node):
             )
 
     def publish(self, topic: str, data: bytes) -> None:
-        """Send the next message of a topic, to the recorder's tap too in lockstep."""
+        """Send the next message of a topic, in lockstep also to the recorder's tap."""
         self.counts[topic] += 1
         self.outputs[topic].publish(data)
         if self.tap is not None:
@@ -424,9 +490,10 @@ class Alfa46Node(Node):
 
 
 def teller(process: Process, plug: Plug) -> Callable[[str], None]:
-    """Says a plug's sentences in the process's log and, by the supervisor, to the person at the terminal.
+    """Return the function that reports a plug's sentences in the process's log and to the person at the terminal.
 
-    The supervisor learns who has not come yet too, for its last sentence.
+    The sentences reach the terminal through the supervisor. The supervisor also receives which controller has not come
+    yet, for its last sentence.
     """
 
     def say(text: str) -> None:
@@ -437,7 +504,7 @@ def teller(process: Process, plug: Plug) -> Callable[[str], None]:
 
 
 def work(process: Process) -> None:
-    """Gate, samples, orderly end."""
+    """Run the process: wait for the receivers, answer samples, end in order."""
     config = gearbox_rig_config(process.arguments, "alfa46")
     executor = process.start_ros()
     node = Alfa46Node(config, process)
@@ -473,7 +540,7 @@ def work(process: Process) -> None:
 
 
 def answer_in_lockstep(process: Process, node: Alfa46Node, link: Link) -> None:
-    """Answer the container's samples in this thread while another serves ROS, until one of the two leaves."""
+    """Answer the container's samples in this thread while another one serves ROS, until one of the two processes ends."""
     over = threading.Event()
 
     def serve() -> None:
@@ -494,7 +561,7 @@ def answer_in_lockstep(process: Process, node: Alfa46Node, link: Link) -> None:
             else:
                 node.tap.flush()
     except LinkClosed:
-        pass  # the supervisor sees it too and ends this process
+        pass  # the supervisor notices it too and ends this process
     finally:
         over.set()
         thread.join()

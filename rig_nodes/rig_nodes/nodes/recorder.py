@@ -1,11 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recorder: every topic of a run's domain into one MCAP bag, untouched, with simulated time as log time.
+"""The recorder: it writes every topic of a run's domain into one MCAP bag, unchanged, with simulated time as log time.
 
-Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, what rig container and
-alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS. What is no topic of the catalogue is
-found while the run goes on (nodes/other_topics.py) and stands in the bag at the simulated time at which it came.
+Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, the messages of rig
+container and alfa46 come through taps (graph/tap.py) and only the others through DDS. Topics that the catalogue does
+not list are found while the run continues (nodes/other_topics.py), and their messages are stored at the simulated
+time at which they arrived.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-FLUSH_PERIOD = 0.1  # s; what a killed recorder may lose
+FLUSH_PERIOD = 0.1  # s of messages that a killed recorder may lose
 WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
 AHEAD_NS = 1_000_000_000  # ns that a stamp may be ahead of the rig's own time
-IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message that mean: everything is in
+IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message after which everything has arrived
 LONGEST_DRAIN = 5.0  # s that a user's node, which goes on sending, can put off the end
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
@@ -79,7 +80,23 @@ OPTIONS = [
 
 
 class Recorder(Node):
-    """Subscribes to every topic of the run that no tap brings."""
+    """The node that subscribes to every topic of the run that no tap brings.
+
+    Parameters
+    ----------
+    writer : BagWriter
+        The writer of the bag.
+    taps : list of TapReader
+        The taps, which have already sent the names of their topics.
+    early : list of (str, bytes)
+        Topics and messages that came together with those names.
+    topics : dict of str to Topic
+        The topics of the rig by name.
+    wanted : set of str
+        Names of the topics to subscribe to.
+    choice : TopicChoice
+        Which other topics are recorded as well.
+    """
 
     def __init__(
         self,
@@ -90,24 +107,22 @@ class Recorder(Node):
         wanted: set[str],
         choice: TopicChoice,
     ) -> None:
-        """taps: have said what they bring; early: messages that came along; topics: of the rig; wanted: names of those to
-        subscribe to; choice: which others.
-        """
+        """Subscribe to the topics and start the thread that writes."""
         super().__init__("recorder")
         self.writer, self._taps = writer, taps
-        self.received = 0  # on the rig's own topics
-        self.overflow: Counter[str] = Counter()  # did not fit into the queue
-        self.unreadable: Counter[str] = Counter()  # could not be stored: not of their topic's type
-        self.ahead: Counter[str] = Counter()  # their stamps are not the rig's time
+        self.received = 0  # messages on the rig's own topics
+        self.overflow: Counter[str] = Counter()  # messages by topic that did not fit into the queue
+        self.unreadable: Counter[str] = Counter()  # messages that could not be stored, as they are not of their topic's type
+        self.ahead: Counter[str] = Counter()  # messages whose stamps are not the rig's time
         self.failure: RigError | None = None
         self.longest_queue = 0
         self._queue: deque = deque()
         self._closing = threading.Event()
-        # simulated time of the rig's own messages; None: not known before the first, for the rig may run already
+        # simulated time of the rig's newest own message; None before the first one, as the rig may already run
         self._newest: int | None = 0 if taps else None
-        self._early: list[tuple[str, str, bytes, int]] = []  # came before that
+        self._early: list[tuple[str, str, bytes, int]] = []  # messages that came before that time was known
         self._thread = threading.Thread(target=self._write_tapped if taps else self._write, name="writer", daemon=True)
-        # Definitions are read before the first message: later that would hold up the callbacks.
+        # Definitions are read before the first message; later the callbacks would have to wait for that.
         self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
         self._types = {name: topic.ros_type for name, topic in topics.items()}
         self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
@@ -130,7 +145,7 @@ class Recorder(Node):
         self.diagnostics = Diagnostics(self, self.health, lambda: self._newest or 0)
 
     def health(self) -> list[Health]:
-        """The recorder's own, for /diagnostics."""
+        """Return the health of the recorder, for /diagnostics."""
         overflow, unreadable, ahead = (sum(tuple(counts.values())) for counts in (self.overflow, self.unreadable, self.ahead))
 
         def values() -> dict:
@@ -164,7 +179,7 @@ class Recorder(Node):
         return [Health("recorder", OK, "records" if self.received else "waits for the first message", values)]
 
     def _enqueue(self, topic: Topic) -> Callable[[bytes], None]:
-        """Callback of one topic."""
+        """Return the callback of one topic."""
         queue, name, ros_type = self._queue, topic.name, topic.ros_type
 
         def on_message(data: bytes) -> None:
@@ -177,7 +192,7 @@ class Recorder(Node):
         return on_message
 
     def _enqueue_other(self, name: str, ros_type: str, qos: str) -> Callable[[bytes], None]:
-        """Callback of one topic that is none of the rig's."""
+        """Return the callback of one topic that does not belong to the rig."""
         queue = self._queue
         self._others[name] = qos
 
@@ -190,7 +205,7 @@ class Recorder(Node):
         return on_message
 
     def _write(self) -> None:
-        """The writer's thread: what is queued into the bag, until closed and empty."""
+        """Write the queued messages into the bag, in the writer's thread, until the recorder is closed and the queue is empty."""
         try:
             while True:
                 closing = self._closing.wait(FLUSH_PERIOD)
@@ -205,7 +220,7 @@ class Recorder(Node):
             self.failure = error
 
     def _write_tapped(self) -> None:
-        """The writer's thread in lockstep: what the taps bring and what is queued, until closed, ended and empty."""
+        """Write in lockstep what the taps bring and what is queued, until the recorder is closed and nothing more comes."""
         stand_back()
         types, write = self._types, self._put
         flush_at = time.monotonic() + FLUSH_PERIOD
@@ -244,7 +259,7 @@ class Recorder(Node):
         definition = self._definitions[ros_type]
         try:
             data = cdr.exact(definition, data)
-            if definition.tree.ends_aligned and not definition.fixed and not definition.lists:  # whose lengths are seen
+            if definition.tree.ends_aligned and not definition.fixed and not definition.lists:  # only decoding checks its lengths
                 cdr.decode_as(definition, data)
             stamp = cdr.stamp(data)
         except ValueError:
@@ -259,7 +274,7 @@ class Recorder(Node):
             self._store_at_its_coming(topic, ros_type, data, stamp)
 
     def _store_at_its_coming(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
-        """What users may send too: without a stamp, or with one of another clock, it belongs where it arrived."""
+        """Store a message without a stamp, or with one of another clock, as users may send it, at the time of its arrival."""
         now = self._newest
         if now is None:
             self._early.append((topic, ros_type, data, stamp))
@@ -270,41 +285,44 @@ class Recorder(Node):
         self._put(topic, ros_type, data, stamp or now)
 
     def _put(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
-        """Into the bag; a message that it does not take is counted."""
+        """Write a message into the bag; a message that the bag does not take is counted."""
         try:
             self.writer.write(topic, ros_type, data, stamp, self._others.get(topic, "measurement"))
         except MessageRefused:
             self.unreadable[topic] += 1
 
     def _store_early(self) -> None:
-        """What came before the rig's time was known."""
+        """Store the messages that came before the rig's time was known."""
         early, self._early = self._early, []
         self._newest = self._newest or 0
         for message in early:
             self._store_at_its_coming(*message)
 
     def publishers(self) -> int:
-        """How many publishers of the rig's own topics are still connected."""
+        """Return how many publishers of the rig's own topics are still connected."""
         return sum(subscription.get_publisher_count() for subscription in self.inputs)
 
     def close(self) -> None:
-        """Write what is queued and the end of the bag."""
+        """Write the queued messages and the end of the bag."""
         self._closing.set()
         self._thread.join()
         self.writer.close()
 
 
 def tells_time(topic: Topic) -> bool:
-    """True for what only the rig container sends, with its time: no orders, no answers, nothing that is sent again."""
+    """Return True for a topic that only the rig container publishes, stamped with its time.
+
+    These are no orders and no answers, and nothing that is sent again.
+    """
     return topic.qos != "latched" and topic.node not in ("alfa46", "sequencer") and not topic.node.endswith("_device")
 
 
 def work(process: Process) -> None:
-    """Record until told to stop, then take in what is on its way."""
+    """Record until the process is stopped, then take in the messages that are still on their way."""
     arguments = process.arguments
     (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
     for name in wanted:
-        installed(topics[name].ros_type)  # made now: with the first messages it would keep a user's controller waiting
+        installed(topics[name].ros_type)  # read now, because with the first messages it would keep a user's controller waiting
     with BagWriter(arguments.out, arguments.name, arguments.piece, topics) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
@@ -313,7 +331,7 @@ def work(process: Process) -> None:
         node = Recorder(writer, taps, hear_first_words(process, taps), topics, wanted, choice)
         executor.add_node(node)
         process.take_parameters([node])
-        if not taps:  # in lockstep nobody is late
+        if not taps:  # in lockstep no process can be late
             prefer_process(RECORDING)
         try:
             while not process.stopping and node.failure is None:
@@ -337,7 +355,20 @@ def work(process: Process) -> None:
 
 
 def topics_of(arguments: argparse.Namespace) -> tuple[dict[str, Topic], set[str]]:
-    """The topics of the rig of --rig, and names of those that this run of it may have; without it, of all installed rigs."""
+    """Return the topics that a run may have.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Arguments of the process.
+
+    Returns
+    -------
+    topics : dict of str to Topic
+        Topics of the rig of --rig; without --rig, of all installed rigs.
+    wanted : set of str
+        Names of those that this run may have.
+    """
     if arguments.rig is None:
         topics = installed_topics()
         return topics, set(topics)
@@ -347,7 +378,20 @@ def topics_of(arguments: argparse.Namespace) -> tuple[dict[str, Topic], set[str]
 
 
 def hear_first_words(process: Process, taps: list[TapReader]) -> list[tuple[str, bytes]]:
-    """Wait until every tap has said what it will bring, or the process is told to stop; returns what came besides."""
+    """Wait until every tap has sent the names of its topics, or the process is stopped.
+
+    Parameters
+    ----------
+    process : Process
+        The recorder's process.
+    taps : list of TapReader
+        The taps of the run.
+
+    Returns
+    -------
+    list of (str, bytes)
+        Topics and messages that came together with the names.
+    """
     early = []
     with selectors.DefaultSelector() as selector:
         for tap in taps:
@@ -362,9 +406,9 @@ def hear_first_words(process: Process, taps: list[TapReader]) -> list[tuple[str,
 
 
 def drain(process: Process, node: Recorder) -> None:
-    """Serve callbacks until everybody who publishes has left, which is after all of theirs has arrived.
+    """Serve callbacks until every publisher has left, which happens after all of its messages have arrived.
 
-    A killed publisher never leaves: without a message for a while, recording ends all the same.
+    A killed publisher never leaves; so recording also ends after a while without a message.
     """
     before, quiet_since = -1, time.monotonic()
     until = quiet_since + LONGEST_DRAIN

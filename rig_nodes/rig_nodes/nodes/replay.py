@@ -42,14 +42,14 @@ from .ros_arguments import set_parameters
 
 NAME = "rig_replay"
 CLOCK_TOPIC = "/clock"
-HISTORY = 10_000  # messages of a topic that may be unconfirmed; one second of the fastest at ten times
-OPEN_BYTES = 64_000_000  # likewise, for topics of large messages
-PATIENCE, GRACE = 5.0, 0.5  # s that receivers may take to confirm; after Ctrl-C
+HISTORY = 10_000  # messages of a topic that may be unconfirmed: one second of the fastest topic at ten times real time
+OPEN_BYTES = 64_000_000  # bytes of a topic that may be unconfirmed, for large messages
+PATIENCE, GRACE = 5.0, 0.5  # s that receivers may take to confirm; the same after Ctrl-C
 LEASE = 20.0  # s for which DDS keeps a receiver that was killed
-GLANCE = 0.1  # s between two looks at signals meanwhile
-LISTEN = 0.02  # s between two looks at services and keys
-REPEAT = 0.1  # s between two clocks while paused, for those who come in the meantime
-# s that finding each other takes at least; without a new receiver: all are there; until none is waited for
+GLANCE = 0.1  # s between two checks for signals during that wait
+LISTEN = 0.02  # s between two checks of services and keys
+REPEAT = 0.1  # s between two /clock messages while paused, for subscribers that come in the meantime
+# s that discovery takes at least; s without a new receiver after which all are connected; s after which none is waited for
 FIND, QUIET, SETTLE = 1.0, 0.4, 3.0
 _CLOCK = struct.Struct("<4siI")
 _BIN = 1e-4  # s, resolution of the lateness
@@ -57,7 +57,7 @@ _BIN = 1e-4  # s, resolution of the lateness
 
 @dataclass
 class Outcome:
-    """What a replay did: messages per topic, seconds it played, lateness in steps of 0.1 ms, who ended it."""
+    """Result of a replay: messages by topic, seconds of playing, lateness in steps of 0.1 ms, and the signal that ended it."""
 
     counts: dict[str, int]
     seconds: float = 0.0  # without pauses
@@ -65,7 +65,7 @@ class Outcome:
     ended_by: int = 0  # signal, or 0
 
     def late(self, share: float) -> float:
-        """Lateness [s] that this share of the messages did not exceed."""
+        """Return the lateness [s] that a share (0 to 1) of the messages did not exceed."""
         left = share * sum(self.lateness.values())
         for step, count in sorted(self.lateness.items()):
             left -= count
@@ -75,9 +75,21 @@ class Outcome:
 
 
 def offered(bag: BagIndex, topic: str) -> QoSProfile:
-    """Profile with which a topic is offered: as in the catalogue, else as recorded.
+    """Return the profile with which a topic is offered: the one of the catalogue, else the recorded one.
 
-    A latched topic keeps as many messages as the bag holds of it, so that late receivers get one pass of it.
+    A latched topic keeps as many messages as the bag holds of it, so that late receivers get all of them once.
+
+    Parameters
+    ----------
+    bag : BagIndex
+        The bag.
+    topic : str
+        Name of a topic in it.
+
+    Returns
+    -------
+    QoSProfile
+        Quality of service of the publisher.
     """
     known = installed_topics().get(topic)
     if known is not None:
@@ -94,12 +106,12 @@ def offered(bag: BagIndex, topic: str) -> QoSProfile:
 
 
 def latched(profile: QoSProfile) -> bool:
-    """True when late receivers get what was sent before."""
+    """Return True when late receivers get what was sent before."""
     return profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
 def obstacle(bag: BagIndex, topic: str) -> str:
-    """Why a topic cannot be published, empty when it can."""
+    """Return why a topic of a bag cannot be published, empty when it can."""
     ros_type = bag.types[topic]
     encoding, text, _ = bag.channel(topic)
     if topic == CLOCK_TOPIC:
@@ -119,7 +131,7 @@ def obstacle(bag: BagIndex, topic: str) -> str:
 
 
 def _another_version(ros_type: str, text: str) -> bool:
-    """True when the fields of a type differ from the installed ones; False for what cannot be compared."""
+    """Return True when the fields of a type differ from the installed ones, and False for types that cannot be compared."""
     try:
         return parse(ros_type, text).tree != installed(ros_type).tree
     except (RigError, KeyError):
@@ -127,18 +139,32 @@ def _another_version(ros_type: str, text: str) -> bool:
 
 
 class Output:
-    """One topic on its way out; waits for receipts before the history could overflow."""
+    """The publisher of one topic, which waits for receipts before the history could overflow.
+
+    Parameters
+    ----------
+    node : Node
+        The node that publishes.
+    message_type : type
+        Class of the messages.
+    topic : str
+        Name of the topic.
+    profile : QoSProfile
+        Quality of service.
+    session : Session
+        The replay, which limits how long receipts are waited for.
+    """
 
     def __init__(self, node: Node, message_type: type, topic: str, profile: QoSProfile, session: Session) -> None:
         self.publisher = node.create_publisher(message_type, topic, profile)
         self.topic, self.session = topic, session
         self.count = 0
         self._window = max(1, 3 * profile.depth // 4)
-        self._open = self._open_bytes = 0  # sent since all was confirmed
+        self._open = self._open_bytes = 0  # messages and bytes sent since everything was confirmed
         self._silent = False
 
     def send(self, data: bytes) -> None:
-        """Publish stored bytes."""
+        """Publish the stored bytes of a message."""
         self.publisher.publish(data)
         self.count += 1
         self._open += 1
@@ -147,7 +173,10 @@ class Output:
             self.confirm(time.monotonic() + PATIENCE)
 
     def confirm(self, deadline: float) -> None:
-        """Wait until all receivers have what was sent; who never confirms is named and waited for once."""
+        """Wait until all receivers have what was sent, at most until a time of the monotonic clock [s].
+
+        A topic with a receiver that does not confirm is reported, and is waited for only once.
+        """
         if not self._open:
             return
         self._open = self._open_bytes = 0
@@ -166,7 +195,19 @@ class Output:
 
 
 class Replay(Node):
-    """Publishes what a player says is due; serves ~/pause, ~/resume and ~/step."""
+    """The node that publishes the messages that a player gives as due, and serves ~/pause, ~/resume and ~/step.
+
+    Parameters
+    ----------
+    bag : BagIndex
+        The bag.
+    topics : sequence of str
+        Names of the topics that are published.
+    player : Player
+        Gives order and pace.
+    session : Session
+        The replay that this node belongs to.
+    """
 
     def __init__(self, bag: BagIndex, topics: Sequence[str], player: Player, session: Session) -> None:
         super().__init__(NAME, enable_rosout=False)
@@ -189,17 +230,17 @@ class Replay(Node):
         return answer
 
     def pause(self) -> str:
-        """Stop where the recording is; returns a sentence."""
+        """Pause the replay where it is; return a sentence about it."""
         self.player.pause()
         return self._told("paused")
 
     def resume(self) -> str:
-        """Go on; returns a sentence."""
+        """Continue the replay; return a sentence about it."""
         self.player.resume(time.monotonic())
         return self._told("going on")
 
     def step(self) -> str:
-        """All messages of the next recorded time; returns a sentence."""
+        """Publish all messages of the next recorded time; return a sentence about it."""
         return "one step" if self.player.step() else "not paused: pause before stepping"
 
     def _told(self, what: str) -> str:
@@ -219,17 +260,17 @@ class Replay(Node):
             outputs[topic].send(data)
 
     def tell_time(self, recorded: int) -> None:
-        """Publish /clock."""
+        """Publish a recorded time [ns] on /clock."""
         self.clock.send(_CLOCK.pack(b"\x00\x01\x00\x00", recorded // 1_000_000_000, recorded % 1_000_000_000))
         self._repeat_at = time.monotonic() + REPEAT
 
     def stand(self) -> None:
-        """While paused, repeat the clock now and then."""
+        """Repeat the clock every REPEAT seconds while the replay is paused."""
         if self.player.paused and time.monotonic() >= self._repeat_at:
             self.tell_time(self.player.clock)
 
     def refuse_second_clock(self) -> None:
-        """RigError when another node publishes /clock in this domain."""
+        """Raise RigError when another node publishes /clock in this domain."""
         if self.count_publishers(CLOCK_TOPIC) > 1:
             raise RigError(
                 "another node publishes /clock in this ROS domain, and there may be one only; "
@@ -237,17 +278,17 @@ class Replay(Node):
             )
 
     def confirm(self) -> None:
-        """Wait, with one patience for all, until every receiver has everything."""
+        """Wait until every receiver has everything, for PATIENCE seconds in all."""
         deadline = time.monotonic() + PATIENCE
         for output in (*self.outputs.values(), self.clock):
             output.confirm(deadline)
 
     def receivers(self) -> int:
-        """How many subscriptions of the bag's topics are connected."""
+        """Return how many subscriptions of the bag's topics are connected."""
         return sum(output.publisher.get_subscription_count() for output in self.outputs.values())
 
     def unconnected(self) -> list[str]:
-        """Topics with a receiver that is seen but not connected: it asks for another quality of service."""
+        """Return the topics with a receiver that is seen but not connected, because it asks for another quality of service."""
         return [
             topic
             for topic, output in self.outputs.items()
@@ -256,19 +297,49 @@ class Replay(Node):
 
 
 class Session:
-    """One replay from the first node to the last: signals, keys, waiting, playing, leaving."""
+    """One replay from beginning to end: it meets the receivers, plays, and handles signals and keys.
+
+    Parameters
+    ----------
+    say : callable
+        Prints a sentence.
+    keys : callable
+        Returns what was pressed since the last call; a space pauses and resumes, s steps, q ends.
+    """
 
     def __init__(self, say: Callable[[str], None], keys: Callable[[], str]) -> None:
-        """keys: what was pressed since the last call; a space pauses and resumes, s steps, q ends."""
+        """Keep the two functions."""
         self.say, self.keys = say, keys
         self.ended_by = 0
-        self.hurry_until = 0.0  # a receiver has just been waited for in vain: until then for none
-        self.out_of_time = math.inf  # when even receipts are not waited for
+        self.hurry_until = 0.0  # set when a receiver was waited for in vain: no receiver is waited for until then
+        self.out_of_time = math.inf  # time after which not even receipts are waited for
         self._over = False
         self._executor = None
 
     def run(self, bag: BagIndex, topics: Sequence[str], player: Player, wait: int = 0) -> Outcome:
-        """Replay; returns how it went. RigError when another node publishes /clock in this domain."""
+        """Replay a bag.
+
+        Parameters
+        ----------
+        bag : BagIndex
+            The bag.
+        topics : sequence of str
+            Names of the topics that are published.
+        player : Player
+            Gives order and pace.
+        wait : int
+            Number of subscriptions that are waited for before the first message.
+
+        Returns
+        -------
+        Outcome
+            How the replay went.
+
+        Raises
+        ------
+        RigError
+            When another node publishes /clock in this domain.
+        """
         before = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -297,7 +368,7 @@ class Session:
         self.out_of_time = min(self.out_of_time, time.monotonic() + GRACE)
 
     def _meet(self, node: Replay, wait: int) -> None:
-        """Connect with all who are there, and with ``wait`` subscriptions however long that takes."""
+        """Connect with all present subscriptions, and wait for ``wait`` of them however long that takes."""
         began = changed = time.monotonic()
         known = node.receivers()
         waiting_told = False
@@ -333,13 +404,13 @@ class Session:
             if wait > 0.0 or now - listened >= LISTEN:
                 self._listen(node, wait)
                 now = listened = time.monotonic()
-                node.refuse_second_clock()  # one whose first announcements were lost is seen only now
+                node.refuse_second_clock()  # a publisher whose first announcements were lost is seen only now
             if not paused:
                 outcome.seconds += now - last
             last = now
 
     def _listen(self, node: Replay, seconds: float) -> None:
-        """Serve the services for so long; do what the keys say."""
+        """Serve the services for some seconds, and do what the pressed keys ask for."""
         self._executor.spin_until_future_complete(Future(), seconds)
         for key in self.keys():
             if key == " ":
