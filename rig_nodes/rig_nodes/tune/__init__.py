@@ -3,5 +3,5 @@
 
 """Search for settings of the Alfa46: profiles and delays for an operating range, as a front of trade-offs.
 
-Used by the verb ``tune``; docs/how_to/tune.md says how.
+Used by the verb ``tune``; docs/how_to/tune.md describes how.
 """

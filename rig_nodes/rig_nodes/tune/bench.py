@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shifts at operating points, fast: a rig is brought to each point once and put aside; a shift then costs about 1 s.
+"""Fast shifts at operating points: a rig is brought to each point once and stored there; a shift then costs about 1 s.
 
-Used by tune.search and tune.judge in their worker processes. The plant is the rig's own, the channels show the truth
-(no transducers), the metrics are those of analysis.metrics.
+Used by tune.search and tune.judge in their worker processes. The plant is the rig's own, the channels show the true
+values (without transducers), the metrics are those of analysis.metrics.
 """
 
 from __future__ import annotations
@@ -30,19 +30,27 @@ RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
 LEAD = 0.25  # s at rest before the order
 AFTER = 0.25  # s recorded after the last point of both profiles
-LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order; the longer one where the shift has not ended by then
+LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order; the longer one is used when the shift has not ended within the shorter one
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
 LOAD_WITHIN = 1.0  # Nm within which the output's torque is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
-OPEN = 1.0  # of its kiss pressure: a released clutch has less when the shift is over
-# t_o is no objective, and a dip down to standstill is one
+OPEN = 1.0  # times its kiss pressure: a released clutch has less than this when the shift is over
+# reasons that do not make a shift invalid: t_o is no objective, and a dip down to standstill counts in the objective dip
 NO_MATTER = ("did not settle at", "had no time to settle", "the output stood still")
 
 
 @dataclass(frozen=True)
 class Point:
-    """An operating point before a shift: way (Transmission.ways), speed of the input [rad/s], torque at the
-    output [Nm].
+    """An operating point before a shift.
+
+    Parameters
+    ----------
+    way : str
+        Name of the shift, from Transmission.ways.
+    speed : float
+        Speed of the input [rad/s].
+    output_torque : float
+        Torque at the output [Nm].
     """
 
     way: str
@@ -50,17 +58,34 @@ class Point:
     output_torque: float
 
     def text(self) -> str:
-        """As people read it, e.g. ``I-II 1500 rpm 100 Nm``."""
+        """Return the point for people, e.g. ``I-II 1500 rpm 100 Nm``."""
         return f"{self.way} {self.speed / RPM:.0f} rpm {self.output_torque:.0f} Nm"
 
 
 @dataclass(frozen=True)
 class Shift:
-    """What one shift gave, SI; missing numbers are None where it did not come to its end (``why`` says why).
+    """Result of one shift, in SI units; numbers are None where the shift did not come to its end.
 
-    peak: highest torque of the input from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from
-    the fall of the old pressure; dip: how far k lies below 1; heat: of both clutches; jerk: largest change of the
-    output's acceleration [rad/s3]; before: torque in the input before the order; tripped: the rig went into its safe state.
+    Parameters
+    ----------
+    peak : float or None
+        Highest torque of the input from the order to the end of the window [Nm].
+    time : float or None
+        t_c, from the order to the new gear [s].
+    t_dt : float or None
+        Time from the fall of the old pressure [s].
+    dip : float or None
+        How far k lies below 1.
+    heat : float or None
+        Heat of both clutches [J].
+    jerk : float or None
+        Largest change of the output's acceleration [rad/s3].
+    before : float
+        Torque in the input before the order [Nm].
+    why : str
+        Why the shift did not come to its end; empty when it did.
+    tripped : bool
+        True when the rig went into its safe state.
     """
 
     peak: float | None
@@ -75,7 +100,7 @@ class Shift:
 
     @property
     def valid(self) -> bool:
-        """True of a shift that came to its end."""
+        """True for a shift that came to its end."""
         return not self.why
 
 
@@ -84,12 +109,18 @@ class NotHeld(RigError):
 
 
 def no_shift(why: RigError) -> Shift:
-    """What is noted of a shift that could not be made."""
+    """Return what is noted of a shift that could not be made, with the error as the reason."""
     return Shift(None, None, None, None, None, None, 0.0, str(why), isinstance(why, Tripped))
 
 
 class Bench:
-    """One rig with its operating points, each put aside when it was first needed."""
+    """One rig with its operating points, each of which is stored when it is first needed.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration; its transducers are switched off here.
+    """
 
     def __init__(self, config: RigConfig) -> None:
         self.config = config.replaced(effects=replace(config.effects, transducers=False))
@@ -99,18 +130,38 @@ class Bench:
         self.gears = self.transmission.ways()
         self._rig = Rig(self.config)
         self._new = self._rig.snapshot()
-        self._standing: dict[int, tuple] = {}  # gear -> at standstill, oil on
+        self._standing: dict[int, tuple] = {}  # gear -> snapshot at standstill with the oil on
         self._points: dict[Point, tuple | NotHeld | Tripped] = {}
 
     def check_held(self, point: Point) -> None:
-        """NotHeld when the rig does not come to rest in this point, Tripped when it trips on the way."""
+        """Check that the rig comes to rest in an operating point.
+
+        Raises
+        ------
+        NotHeld
+            When the rig does not come to rest there.
+        Tripped
+            When the rig trips on the way.
+        """
         found = self._at(point)
         if isinstance(found, RigError):
             raise found
 
     def shift(self, point: Point, settings: Alfa46Config) -> Shift:
-        """One shift with these settings of the controller from an operating point; their currents of P3, which hold the
-        gear before the shift, must be those of the rig's own controller.
+        """Make one shift from an operating point.
+
+        Parameters
+        ----------
+        point : Point
+            The operating point.
+        settings : Alfa46Config
+            Settings of the controller. Their currents of P3, which hold the gear before the shift, must be those of the rig's
+            own controller.
+
+        Returns
+        -------
+        Shift
+            The result, also of a shift that could not be made.
         """
         found = self._at(point)
         if isinstance(found, RigError):
@@ -126,9 +177,9 @@ class Bench:
         rig.set_controller(settings)
         heat, ordered = self._heat(), rig.time
         rig.order_gear(self.gears[point.way][1])
-        self._go(SAMPLE)  # the order is taken, and says how long the profiles run
+        self._go(SAMPLE)  # the controller takes the order, and then it is known how long the profiles run
         window = min(max(rig.shift_end * SAMPLE - ordered + AFTER, LEAST_WINDOW), WINDOW)
-        for until in (round(window, 3), WINDOW):  # what has not come to its end by then may still do
+        for until in (round(window, 3), WINDOW):  # a shift that has not ended by the first time may still end by the second
             self._go(until - (rig.time - ordered))
             count = round((rig.time - ordered) / ROW)
             rows = np.vstack((before, rig.rows_at(ROW, round(ordered / ROW), count)))
@@ -139,7 +190,7 @@ class Bench:
         return shift
 
     def _go(self, seconds: float) -> None:
-        """Move on; Tripped where the rig does."""
+        """Advance the rig by some seconds; raise Tripped when it trips."""
         self._rig.advance(seconds)
         self._rig.check_runs()
 
@@ -148,7 +199,7 @@ class Bench:
         return sum(energy[clutch.heat] for clutch in self.transmission.clutches)
 
     def _at(self, point: Point) -> tuple | NotHeld | Tripped:
-        """The rig at rest in a point with its rows of the last BEFORE, or why it does not get there."""
+        """Return the rig at rest in a point with its rows of the last BEFORE seconds, or the reason why it does not get there."""
         if point not in self._points:
             try:
                 self._points[point] = self._bring(point)
@@ -157,7 +208,7 @@ class Bench:
         return self._points[point]
 
     def _standing_in(self, gear: int) -> tuple:
-        """Gear in, motor off; pistons have moved before, as in the measuring procedures."""
+        """Return the rig at standstill in a gear, motor off; its pistons have moved before, as in the measuring procedures."""
         if gear not in self._standing:
             rig = self._rig
             rig.restore(self._new)
@@ -179,7 +230,7 @@ class Bench:
         rig.set_controller(self.config.alfa46)
         rig.set("motor", point.speed, True)
         self._go(round(point.speed / self._source.ramp + 1.0, 1))
-        for _ in range(4):  # the load's torque depends on the speed, which it changes a little
+        for _ in range(4):  # the load's torque depends on the speed, which in turn changes a little with the load
             setting = relief_setting_for(torque, rig.measurement(self.transmission.output.speed), self._load)
             rig.set("load", min(setting, self._load.pressure_limit), True)
             self._go(1.5)
@@ -201,7 +252,7 @@ def _measured(box: Transmission, gears: tuple[int, int], channels: dict[str, np.
     before = float(torque[:start].mean())
     slow = 10 * ROW
     speed = running_mean(channels[box.output.speed][::10], odd_width(JERK_MEAN, slow))
-    edge = round(JERK_MEAN / slow)  # where the mean is taken over less
+    edge = round(JERK_MEAN / slow)  # at the ends the mean is taken over fewer rows
     jerk = float(np.abs(np.diff(speed, 2)[start // 10 : -edge]).max() / slow**2)
     why = "; ".join(reason for reason in row["why"] if not any(part in reason for part in NO_MATTER))
     for clutch in box.shift(*gears).releasing:

@@ -3,7 +3,7 @@
 
 """The tables of docs/how_to/tune.md: what a tuning found, and its results on other rigs and operating points.
 
-The verb ``tune`` uses it; the rest of the page is written by hand.
+Used by the verb ``tune``; the rest of the page is written by hand.
 """
 
 from __future__ import annotations
@@ -18,7 +18,13 @@ BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->
 
 
 def page() -> Path:
-    """Return the path of docs/how_to/tune.md in the checkout; RigError when it is missing or has no place for the tables."""
+    """Return the path of docs/how_to/tune.md in the checkout.
+
+    Raises
+    ------
+    RigError
+        When the page is missing or has no place for the tables.
+    """
     path = Path(__file__).resolve().parents[3] / "docs" / "how_to" / "tune.md"
     if not path.is_file():
         raise RigError(f"there is no {path}; --write-docs works in a checkout only")
@@ -29,14 +35,24 @@ def page() -> Path:
 
 
 def write(path: Path, summary: dict, seed: int) -> None:
-    """Write the tables in place of the earlier ones."""
+    """Write the tables into the page, in place of the earlier ones.
+
+    Parameters
+    ----------
+    path : Path
+        The page.
+    summary : dict
+        Summary of a tuning, as tune.run.tune returns it.
+    seed : int
+        Seed of the tuning.
+    """
     text = path.read_text(encoding="utf-8")
     before, after = text[: text.index(BEGIN)], text[text.index(END) :]
     atomic_write(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
 
 
 def tables(summary: dict, seed: int) -> str:
-    """Return a tuning's summary as markdown."""
+    """Return a tuning's summary with its seed as tables in markdown."""
     blocks = [_search(summary, seed), _settings(summary), _verdicts(summary)]
     if "largest_load" in summary:
         blocks.append(_largest_load(summary["largest_load"]))

@@ -3,7 +3,7 @@
 
 """The folder of a tuning: journal, fronts as Parquet, JSON and pictures, and controllers as YAML.
 
-Used by the verb ``tune``.
+Used by the verb ``tune`` through tune.run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
 MANIFEST, JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
-COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed", "left_out")  # of a judgement, as judge.Verdict
+COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed", "left_out")  # counts of a judgement, as in judge.Verdict
 # the units in which the laboratory gave the settings
 SETTING_UNITS = {
     "sample_time": "ms",
@@ -41,7 +41,25 @@ SETTING_UNITS = {
 
 
 def open_journal(folder: Path, manifest: dict) -> Journal:
-    """The journal of a new tuning, or of the same one begun before; RigError when the folder holds something else."""
+    """Open the journal of a new tuning, or of the same tuning that was begun before.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the tuning; it is made when it does not exist.
+    manifest : dict
+        What decides the tuning, from Problem.manifest.
+
+    Returns
+    -------
+    Journal
+        The journal.
+
+    Raises
+    ------
+    RigError
+        When the folder holds something else or cannot be read.
+    """
     path = folder / MANIFEST
     if not path.exists():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -59,7 +77,25 @@ def open_journal(folder: Path, manifest: dict) -> Journal:
 
 
 def controller_yaml(settings: Alfa46Config, title: str) -> str:
-    """The settings as a file for ``controller:`` of a rig, whole ms and mA; RigError when the box would refuse them."""
+    """Return settings as the text of a file for ``controller:`` of a rig, in whole ms and mA.
+
+    Parameters
+    ----------
+    settings : Alfa46Config
+        The settings.
+    title : str
+        First comment of the file.
+
+    Returns
+    -------
+    str
+        The YAML text.
+
+    Raises
+    ------
+    RigError
+        When the box would refuse the settings.
+    """
     check(settings)
     lines = [f"# {title}", '# Values are [value with unit, "its source"]; profiles are [time, current] for P1 to P6.', ""]
     for field in fields(Alfa46Values):
@@ -77,12 +113,22 @@ def controller_yaml(settings: Alfa46Config, title: str) -> str:
 
 
 def rig_yaml(base: str, controller: str, title: str) -> str:
-    """A rig with a controller's file beside it."""
+    """Return the YAML text of a rig: its base, a controller's file beside it, and a title as its description."""
     return f"description: {json.dumps(title, ensure_ascii=False)}\nbase: {base}\ncontroller: {controller}\n"
 
 
 def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
-    """front.parquet: one row for each settings of the fronts, with units in the schema."""
+    """Write front.parquet: one row for each setting of the fronts, with units in the schema.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the tuning.
+    rows : list of dict
+        One row for each setting, with a value for each column.
+    manifest : dict
+        What decides the tuning; it is stored in the schema.
+    """
     pa, pq = parquet()
     objectives = manifest["objectives"]
     columns = [
@@ -114,7 +160,24 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
 
 
 def picture(way: str, rows: list[dict], objectives: list[str], chosen: dict[str, dict]) -> Figure:
-    """The front of one way over its first two objectives; 1 is what the compared settings give."""
+    """Draw the front of one way over its first two objectives; 1 is the value of the compared settings.
+
+    Parameters
+    ----------
+    way : str
+        Name of the shift, e.g. I-II.
+    rows : list of dict
+        The front's rows.
+    objectives : list of str
+        Names of the objectives, at least two.
+    chosen : dict of str to dict
+        Names and rows of the chosen settings.
+
+    Returns
+    -------
+    Figure
+        The figure.
+    """
     x, y = objectives[:2]
     figure = Figure(f"{way}: settings that nothing found is better than", _axis(x), _axis(y))
     for title, kept, suffix in (

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What found settings are worth where they were not sought: other operating points, other rigs, and the largest load.
+"""The value of found settings where they were not sought: at other operating points, on other rigs, and at the largest load.
 
-Used by the verb ``tune`` after the search.
+Used by tune.run after the search.
 """
 
 from __future__ import annotations
@@ -26,20 +26,40 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 ENGINE = 271.0  # Nm, the engine that the gearbox was made for (thesis 1, John Deere 4045TF280)
-LOAD_FROM, LOAD_WITHIN = 20.0, 2.0  # Nm: where the search for the largest load begins, and how near it comes
+LOAD_FROM, LOAD_WITHIN = 20.0, 2.0  # Nm: load at which the search for the largest load begins, and how near that search comes
 
 
-DETAILS = {"peak": ("rise",), "time": ("t_c", "t_dt")}  # objective -> shares that are counted beside its own
+DETAILS = {"peak": ("rise",), "time": ("t_c", "t_dt")}  # objective -> shares that are counted beside its own share
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Settings against the compared ones, shift by shift (each a pair: one rig, one operating point).
+    """Comparison of settings with the compared ones, shift by shift.
 
-    shares: of each objective, and of DETAILS, (worst, mean). better: pairs in which every share is below 1; failed: in
-    which these settings have no shift; missed: in which a bound is not kept; left_out: in which the compared settings
-    do not shift, so that nothing can be compared. rigs: how many there are, better_rigs: on how many of them every share
-    is below 1 in the mean over the operating points, and the highest peak no higher.
+    Each pair is a shift with these settings and the same one with the compared settings, on one rig at one operating point.
+
+    Parameters
+    ----------
+    pairs : int
+        Number of pairs.
+    better : int
+        Pairs in which every share is below 1.
+    failed : int
+        Pairs in which these settings have no shift.
+    missed : int
+        Pairs in which a bound is not kept.
+    left_out : int
+        Shifts that the compared settings do not make, so that nothing can be compared.
+    rigs : int
+        Number of rigs with a pair.
+    better_rigs : int
+        Rigs on which every share is below 1 in the mean over the operating points, and the highest peak is no higher.
+    shares : dict of str to (float, float)
+        Worst and mean share of each objective and of its DETAILS.
+    highest_peak : float
+        Highest peak torque of these settings [Nm].
+    compared_peak : float
+        Highest peak torque of the compared settings [Nm].
     """
 
     pairs: int
@@ -55,11 +75,11 @@ class Verdict:
 
     @property
     def dominates(self) -> bool:
-        """Better in every single shift, none failed, all bounds kept."""
+        """True when the settings are better in every single shift, with no shift failed and all bounds kept."""
         return 0 < self.pairs == self.better and not self.missed
 
     def as_dict(self) -> dict:
-        """The counts and shares by the names that they have in the folder."""
+        """Return the counts and shares by the names that they have in the tuning's folder."""
         return {
             "pairs": self.pairs,
             "better": self.better,
@@ -76,7 +96,22 @@ class Verdict:
 
 
 def verdicts(task: Task, candidates: list[Alfa46Config], workers: Workers) -> list[Verdict]:
-    """Of each of the settings on all rigs and points of the task."""
+    """Judge settings on all rigs and points of a task.
+
+    Parameters
+    ----------
+    task : Task
+        Rigs, points and the settings to compare with.
+    candidates : list of Alfa46Config
+        The settings.
+    workers : Workers
+        The worker processes.
+
+    Returns
+    -------
+    list of Verdict
+        One verdict for each of the settings.
+    """
     items = [(place, rig) for place in range(len(candidates)) for rig in range(len(task.rigs))]
     parts = workers.map(partial(_on_rig, task.pickled(), candidates), items)
     found: list[list[list]] = [[] for _ in candidates]
@@ -126,8 +161,25 @@ def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
 def as_measured(
     config: RigConfig, settings: Iterable[Alfa46Config], points: Iterable[Point], workers: Workers, seed: int
 ) -> list[list[dict | None]]:
-    """For each of the settings and points the metrics of the sequence ``grid_point`` with its transducers, as the
-    laboratory would have measured them; None where the sequence failed.
+    """Measure shifts with the sequence ``grid_point`` and its transducers, as the laboratory would have measured them.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    settings : iterable of Alfa46Config
+        Settings of the controller.
+    points : iterable of Point
+        Operating points.
+    workers : Workers
+        The worker processes.
+    seed : int
+        Seed of the first point; each further point has the next one.
+
+    Returns
+    -------
+    list of list of (dict or None)
+        Metrics for each of the settings and each of the points; None where the sequence failed.
     """
     settings, points = list(settings), list(points)
     items = [(one, point, seed + number) for one in settings for number, point in enumerate(points)]
@@ -154,9 +206,26 @@ def _measured(config: RigConfig, item: tuple[Alfa46Config, Point, int]) -> dict 
 
 @dataclass(frozen=True)
 class Heavy:
-    """Downshifts at one speed. Before the shift the input's torque is ``before`` already, at ``load``; ``least`` and ``compared``
-    are the peaks with the settings sought for this and with the compared ones; the *_load are the largest loads [Nm]
-    at which each of the three stays within the engine's torque.
+    """Downshifts at one speed, with the settings sought for the least peak and with the compared ones.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the input [rad/s].
+    load : float
+        Largest load [Nm].
+    before : float
+        Torque of the input at this load before the shift [Nm].
+    least : float or None
+        Peak with the settings sought for this [Nm].
+    compared : float or None
+        Peak with the compared settings [Nm].
+    before_load : float
+        Largest load at which ``before`` stays within the engine's torque [Nm].
+    least_load : float
+        Largest load at which ``least`` stays within the engine's torque [Nm].
+    compared_load : float
+        Largest load at which ``compared`` stays within the engine's torque [Nm].
     """
 
     speed: float
@@ -169,7 +238,7 @@ class Heavy:
     compared_load: float
 
     def as_dict(self) -> dict:
-        """Speeds [rpm] and torques [Nm] by the names that they have in the folder."""
+        """Return speeds [rpm] and torques [Nm] by the names that they have in the tuning's folder."""
         return {
             "input_speed_rpm": self.speed / RPM,
             "load_nm": self.load,
@@ -186,7 +255,26 @@ class Heavy:
 
 
 def heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, points: list[Point], workers: Workers) -> list[Heavy]:
-    """Each of the points, all of one way down, on the rig itself."""
+    """Examine downshifts on the rig itself.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    best : Alfa46Config
+        Settings sought for the least peak.
+    compared : Alfa46Config
+        Settings to compare with.
+    points : list of Point
+        Operating points, all of one way down.
+    workers : Workers
+        The worker processes.
+
+    Returns
+    -------
+    list of Heavy
+        One result for each point.
+    """
     return workers.map(partial(_heavy, config, best, compared), points)
 
 
@@ -195,7 +283,7 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
     ours, theirs = bench.shift(point, best), bench.shift(point, compared)
 
     def within(read: Callable[[float], float]) -> float:
-        """The largest load at which what is read stays within the engine's torque, by halving."""
+        """Return the largest load at which ``read`` stays within the engine's torque, found by halving."""
         low, high = LOAD_FROM, point.output_torque
         if read(high) <= ENGINE:
             return high

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A whole tuning: searches for both ways and for the largest load, judgement elsewhere, fronts and controllers written.
+"""A whole tuning: searches for both ways and for the largest load, judgement elsewhere, and the files of fronts and controllers.
 
 Used by the verb ``tune``.
 """
@@ -38,26 +38,54 @@ from .uncertainty import sampled_rigs
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-LEAST = "least"  # the search for the smallest peak at the largest load, of the first gear's way down into it
-SCOUT = "scout "  # ahead of a way's name
-# parts of the shifts that are tried: by the scout of each way, by the search of a way up and of one down, and for the least peak
+LEAST = "least"  # the search for the smallest peak at the largest load, in the first of the ways down
+SCOUT = "scout "  # prefix of a way's name, for its scout
+# parts of the tried shifts: of each way's scout, of the search of a way up, of that of a way down, and of the least peak's search
 SCOUTING, UP, DOWN, LEAST_PART = 33, 10, 11, 3
-SCOUT_POINTS = slice(None, None, 2)  # of the search's: corners and middle of the grid
-FOUND = 20  # settings of a scout that a search begins with
-LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
-DRAWS = 10  # times the rigs wanted that are sampled at most
+SCOUT_POINTS = slice(None, None, 2)  # of the search's points: corners and middle of the grid
+FOUND = 20  # settings that a search takes over from its scout
+LIMIT = 1.0  # largest share of any shift, so that no gain costs a shift that is worse than the compared one
+DRAWS = 10  # draws of sampled rigs at most
 SHIFTING = 0.75  # share of the points in which the compared settings must shift on a sampled rig
-SEARCH, JUDGE, FRESH, SHOWN = range(4)  # what rigs and points are drawn for: each its own seeds
-CANDIDATES = 20  # of a front, at most, that are judged elsewhere
+SEARCH, JUDGE, FRESH, SHOWN = range(4)  # uses for which rigs and points are drawn, each with seeds of its own
+CANDIDATES = 20  # settings of a front that are judged elsewhere, at most
 CHOICES = ("soft", "balanced", "fast")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What was asked for. ranges: way -> Range; rigs, judge_rigs: how many sampled rigs there are beside the rig
-    itself, in the search and in a judgement; points: operating points of each way in a judgement; fresh: how many
-    judgements of the written controllers there are, each on rigs and in points of its own; oil: [degC]; shifts: that
-    the search may try, and then ends with its generation.
+    """What a tuning was asked for.
+
+    Parameters
+    ----------
+    rig : str
+        Name or file of the rig.
+    config : RigConfig
+        The rig.
+    ranges : dict of str to Range
+        Operating range of each way.
+    objectives : tuple of str
+        Names of the objectives.
+    bounds : dict of str to float
+        Largest values of objectives [SI].
+    spreads : dict of str to float
+        Spreads of the calibrated parameters [SI].
+    oil : (float, float)
+        Lowest and highest temperature of the oil [degC].
+    rigs : int
+        Number of sampled rigs beside the rig itself in the search.
+    judge_rigs : int
+        Number of sampled rigs beside the rig itself in a judgement.
+    points : int
+        Operating points of each way in a judgement.
+    fresh : int
+        Number of judgements of the written controllers, each on rigs and in points of its own.
+    seed : int
+        Seed of all draws.
+    generations : int or None
+        Generations of each search at most; None for any number.
+    shifts : int
+        Shifts that the search may try; it then ends with the generation that it is in.
     """
 
     rig: str
@@ -76,7 +104,7 @@ class Problem:
     shifts: int
 
     def manifest(self) -> dict:
-        """What decides a tuning but for its length; no clock, host or folder."""
+        """Return everything that decides a tuning except its length; no clock, host or folder is in it."""
         return {
             "rig": self.rig,
             "configuration": self.config.as_dict(),
@@ -99,18 +127,40 @@ class Problem:
         }
 
     def drawn(self, *use: int) -> int:
-        """The seed of what is drawn for a use."""
+        """Return the seed of what is drawn for a use."""
         return int(np.random.SeedSequence([self.seed, *use]).generate_state(1)[0])
 
     def task(self, points: list[Point], rigs: list[RigConfig]) -> Task:
-        """Shifts in these points on the rig itself and on these rigs, against the settings that are there."""
+        """Return the task of shifts in these points, on the rig itself and on these rigs, compared with the rig's own settings."""
         return Task(
             (self.config, *rigs), tuple(points), self.config.alfa46, self.objectives, tuple(sorted(self.bounds.items())), LIMIT
         )
 
     def sampled(self, points: dict[str, list[Point]], count: int, workers: Workers, *use: int) -> list[RigConfig]:
-        """Sampled rigs on which the compared settings shift in SHIFTING of the points at least, of all ways together:
-        one on which they do not is none that the laboratory's rows allow. RigError when hardly any is.
+        """Sample rigs on which the compared settings shift in at least SHIFTING of the points, those of all ways taken together.
+
+        The laboratory's rows do not allow a rig on which they shift in fewer.
+
+        Parameters
+        ----------
+        points : dict of str to list of Point
+            Operating points of each way.
+        count : int
+            Number of rigs.
+        workers : Workers
+            The worker processes.
+        *use : int
+            What the rigs are drawn for.
+
+        Returns
+        -------
+        list of RigConfig
+            The rigs.
+
+        Raises
+        ------
+        RigError
+            When too few sampled rigs shift.
         """
         every = [point for those in points.values() for point in those]
         chosen: list[RigConfig] = []
@@ -141,8 +191,34 @@ def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> fl
 def tune(
     problem: Problem, folder: Path, workers: Workers, journal: Journal, progress: Callable[[float, str], None] | None = None
 ) -> dict:
-    """Search, judge, write; the summary. progress(share of the search that is done, what it is at). An interrupt is
-    passed on: what is noted in the journal is not done again.
+    """Search, judge and write the folder of a tuning.
+
+    An interrupt is passed on; what the journal holds is not done again.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is asked for.
+    folder : Path
+        Folder of the tuning.
+    workers : Workers
+        The worker processes.
+    journal : Journal
+        The folder's journal, with the entries of an interrupted run.
+    progress : callable or None
+        Takes the share of the search that is done, and a text on what is being done.
+
+    Returns
+    -------
+    dict
+        The summary.
+
+    Raises
+    ------
+    RigError
+        When the rig does not hold a point, the compared settings shift in none of a way's points, or too few sampled rigs shift.
+    Tripped
+        When the rig trips in the first point of a way in which no shift succeeds.
     """
     said: list[str] = []
     known: dict[str, list[dict]] = {}
@@ -194,7 +270,20 @@ def tune(
 
 
 def searches(config: RigConfig) -> tuple[dict[str, str], dict[str, int]]:
-    """(search -> way that it is of, search -> its part of the shifts), in their order."""
+    """Return the searches of a rig in their order.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+
+    Returns
+    -------
+    ways : dict of str to str
+        Each search with its way.
+    parts : dict of str to int
+        Each search with its part of the shifts.
+    """
     ways, parts = {}, {}
     for way, (of, to) in config.transmission.ways().items():
         ways |= {SCOUT + way: way, way: way}
@@ -218,13 +307,13 @@ def _study(
         task = replace(problem.task(points, []), objectives=("peak", "time"), limit=None)
         start = [base, *(entry["values"] for entry in studies[way].front()[:12])]
     else:
-        # not at the compared settings: with a share of 1 in every shift they would lead a search that has yet to get there
+        # The compared settings are not among them: with a share of 1 in every shift they would lead a search that is not there yet.
         task, start = problem.task(points, rigs), studies[SCOUT + way].best(FOUND) or [base]
     return search.Study(name, way, config, config.alfa46, task, start, seed, known)
 
 
 def _elsewhere(problem: Problem, workers: Workers, *use: int) -> dict[str, Task]:
-    """Way -> a judgement in operating points and on rigs that are drawn for this use alone."""
+    """Return for each way a judgement in operating points and on rigs that are drawn for this use alone."""
     points = {
         way: held(problem.config, where.inside(way, problem.points, problem.drawn(*use, number)))[0]
         for number, (way, where) in enumerate(problem.ranges.items())
@@ -301,7 +390,7 @@ def _json(data: dict) -> str:
 
 
 def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Workers) -> list[dict]:
-    """Rows of a front, its members judged on other rigs and in other points."""
+    """Return the rows of a front, whose settings are judged on other rigs and in other points."""
     front = study.front()
     if len(front) > CANDIDATES:
         front = [front[k] for k in np.unique(np.linspace(0, len(front) - 1, CANDIDATES).round().astype(int))]
@@ -318,9 +407,22 @@ def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Wo
 
 
 def choose(rows: list[dict], objectives: Sequence[str]) -> dict[str, dict]:
-    """Three settings of a judged front: soft (least mean of the first objective elsewhere), fast (of the second),
-    balanced (whose worst as sought and worst elsewhere are the furthest below 1); of those that dominate, else of those
-    that are better in the most shifts.
+    """Choose three settings of a judged front.
+
+    Soft has the least mean of the first objective elsewhere, fast that of the second. Balanced has its worst value, as sought
+    and elsewhere, furthest below 1. They are chosen from those that dominate, else from those that are better in the most shifts.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Rows of the front.
+    objectives : sequence of str
+        Names of the objectives.
+
+    Returns
+    -------
+    dict of str to dict
+        Row of each choice; empty when there are no rows.
     """
     if not rows:
         return {}
@@ -343,7 +445,7 @@ def choose(rows: list[dict], objectives: Sequence[str]) -> dict[str, dict]:
 
 
 def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str, Alfa46Config]:
-    """Controllers with the settings of both ways, as files; what was read back from them."""
+    """Write controllers with the settings of both ways as files; return what was read back from them."""
     out = {}
     for name in CHOICES:
         controller = problem.config.alfa46
@@ -361,7 +463,7 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
 
 
 def _verdict(tasks: dict[str, Task], controllers: dict[str, Alfa46Config], workers: Workers) -> dict:
-    """Name -> way -> verdict on the written controllers."""
+    """Return the verdicts on the written controllers, by name and way."""
     out: dict[str, dict] = {name: {} for name in controllers}
     for way, task in tasks.items():
         for name, verdict in zip(controllers, judge.verdicts(task, list(controllers.values()), workers)):
@@ -370,7 +472,7 @@ def _verdict(tasks: dict[str, Task], controllers: dict[str, Alfa46Config], worke
 
 
 def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: Workers) -> list[dict]:
-    """Some shifts through sequence, transducers and logger, with the compared settings and the balanced ones."""
+    """Measure some shifts through sequence, transducers and logger, with the compared settings and with the balanced ones."""
     both = {"compared": problem.config.alfa46, "balanced": controllers["balanced"]}
     points = []
     for way, where in problem.ranges.items():
@@ -384,7 +486,7 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
 
 
 def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, workers: Workers) -> dict:
-    """The least peak found at the largest load, and up to which load each speed stays within the engine's torque."""
+    """Return the least peak found at the largest load, and the load up to which each speed stays within the engine's torque."""
     front = study.front()
     best = front[0]["values"] if front else values_of(base, study.way, config.transmission)
     sought = settings(base, study.way, best, config.transmission)
@@ -393,7 +495,7 @@ def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, wo
 
 
 def text(summary: dict, objectives: Sequence[str]) -> str:
-    """The summary for the terminal."""
+    """Return the summary of a tuning with these objectives as text for the terminal."""
     lines = [*summary["said"]]
     for name, one in summary["searches"].items():
         lines.append(
@@ -432,7 +534,7 @@ def text(summary: dict, objectives: Sequence[str]) -> str:
 
 
 def _says(verdict: dict) -> str:
-    """One verdict on the terminal."""
+    """Return one verdict as text for the terminal."""
     shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}" for key, one in verdict["shares"].items())
     return (
         f"{'dominates' if verdict['dominates'] else 'does not dominate'}: better in {verdict['better']} of "
@@ -443,7 +545,7 @@ def _says(verdict: dict) -> str:
 
 
 def _cell(row: dict | None) -> str:
-    """One shift in the table of what was measured."""
+    """Return one shift as a cell of the table of measured shifts."""
     if row is None:
         return "no shift"
     return (

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the search begins: settings whose worst shifts are good, found by the covariance matrix adaptation (CMA-ES).
+"""The start of the search: settings whose worst shifts are good, found by the covariance matrix adaptation (CMA-ES).
 
-Used by tune.run ahead of tune.search. NSGA-II, begun at the settings that are there, stays with them: close by nothing
-is better in every shift, and what is, has another filling. One smooth number over all rigs leads there.
+Used by tune.run ahead of tune.search. NSGA-II alone, started at the existing settings, stays with them: no settings near
+them are better in every shift, and those that are have another filling. One smooth number over all rigs leads there.
 """
 
 from __future__ import annotations
@@ -22,13 +22,27 @@ from .problem import INVALID, REFUSED, Ground, Task, excess, hardest_first, soug
 from .space import BOUNDS, refused, settings
 
 POPULATION = 16
-SIGMA, DONE = 0.03, 0.004  # standard deviation at first, and with which it is over, as shares of the bounds
-POWER = 32.0  # of the mean over shifts: close to the worst, but every shift counts
+SIGMA, DONE = 0.03, 0.004  # standard deviation at the start and at the end of the search, as shares of the bounds
+POWER = 32.0  # exponent of the mean over shifts: the mean is close to the worst shift, but every shift counts
 BOUND_WEIGHT = 2.0
 
 
 class Cma:
-    """CMA-ES (Hansen, The CMA evolution strategy: a tutorial, 2016) over shares of the bounds: ask, then tell."""
+    """CMA-ES over shares of the bounds, used by calling ``ask`` and then ``tell``.
+
+    Parameters
+    ----------
+    start : (n,) array of float
+        Where the search starts, as shares of the bounds.
+    sigma : float
+        Standard deviation of the first generation.
+    seed : int
+        Seed of the draws.
+
+    References
+    ----------
+    Hansen, The CMA evolution strategy: a tutorial, 2016.
+    """
 
     def __init__(self, start: np.ndarray, sigma: float, seed: int) -> None:
         n = len(start)
@@ -42,12 +56,12 @@ class Cma:
         self.c_path = (4.0 + self.mu / n) / (n + 4.0 + 2.0 * self.mu / n)
         self.c_one = 2.0 / ((n + 1.3) ** 2 + self.mu)
         self.c_mu = min(1.0 - self.c_one, 2.0 * (self.mu - 2.0 + 1.0 / self.mu) / ((n + 2.0) ** 2 + self.mu))
-        self.length = np.sqrt(n) * (1.0 - 1.0 / (4.0 * n) + 1.0 / (21.0 * n * n))  # of a normal vector
+        self.length = np.sqrt(n) * (1.0 - 1.0 / (4.0 * n) + 1.0 / (21.0 * n * n))  # expected length of a normal vector
         self.covariance = np.eye(n)
         self.path, self.path_sigma = np.zeros(n), np.zeros(n)
 
     def ask(self) -> np.ndarray:
-        """(POPULATION, n) places to try, the same each time until ``tell``."""
+        """Return (POPULATION, n) places to try, which are the same in each call until ``tell``."""
         values, vectors = np.linalg.eigh(self.covariance)
         self._axes, self._vectors = np.sqrt(np.maximum(values, 1e-14)), vectors
         normal = np.random.default_rng([self.seed, self.generation]).standard_normal((POPULATION, len(self.mean)))
@@ -55,7 +69,7 @@ class Cma:
         return self.mean + self.sigma * self._steps
 
     def tell(self, found: list[float]) -> None:
-        """What was found there; less is better."""
+        """Take the values that were found at these places, of which less is better."""
         n = len(self.mean)
         best = self._steps[np.argsort(found, kind="stable")[: len(self.weights)]]
         step = self.weights @ best
@@ -75,7 +89,7 @@ class Cma:
 
 @dataclass
 class Scout:
-    """One such search; as tune.search.Study. start: settings to begin at."""
+    """One such search, with the fields of tune.search.Study; ``start`` holds the settings to begin at."""
 
     name: str
     way: str
@@ -87,25 +101,25 @@ class Scout:
 
     @property
     def generation(self) -> int:
-        """The next one."""
+        """Number of the next generation."""
         return len(self.entries) // POPULATION
 
     def order(self) -> list[int]:
-        """As tune.search.Study's: those first that were the worst of the most settings."""
+        """Return the order of the shifts, as in tune.search.Study: those first that were the worst of the most settings."""
         return hardest_first(self.entries, self.task)
 
     def cut(self) -> float:
-        """What half of the last generation stayed below: settings beyond it are tried no further."""
+        """Return the value that half of the last generation stayed below; settings beyond it are tried no further."""
         last = sorted(entry["value"] for entry in self.entries[-POPULATION:])
         return last[POPULATION // 2 - 1] if last else INVALID
 
     @property
     def shifts(self) -> int:
-        """How many were tried so far."""
+        """Number of shifts tried so far."""
         return sum(entry["tried"] for entry in self.entries)
 
     def best(self, count: int) -> list[dict[str, int]]:
-        """The best settings so far, each once."""
+        """Return a number of the best settings so far, each once."""
         out: list[dict[str, int]] = []
         for entry in sorted(self.entries, key=lambda e: e["value"]):
             if entry["value"] < INVALID and entry["values"] not in out:
@@ -114,7 +128,19 @@ class Scout:
 
 
 def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None], until: Callable[[], bool]) -> None:
-    """Generations until ``until()`` says so or the search has come to its end; ``note`` as in tune.search."""
+    """Run generations until the search has come to its end or is to stop.
+
+    Parameters
+    ----------
+    scout : Scout
+        The search; its entries of an earlier run are taken over.
+    workers : Workers
+        The worker processes.
+    note : callable
+        Takes each new generation as a list of entries, and its CPU time [s].
+    until : callable
+        Returns True when the search is to stop.
+    """
     low, high = (np.array(column, dtype=float) for column in zip(*BOUNDS.values()))
     cma = Cma((np.array([scout.start[name] for name in BOUNDS]) - low) / (high - low), SIGMA, scout.seed)
     known = list(scout.entries)
@@ -138,9 +164,29 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
 
 
 def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: list[int], values: dict[str, int]) -> dict:
-    """``value``: the POWER mean over all shifts, tried in this order, of the largest share in each, with what bounds are
-    missed by; where that is beyond ``cut``, by the share of shifts that were left to try. REFUSED and INVALID as in
-    tune.search; ``tried``: shifts, ``hardest``: number of the worst one, ``cpu``: seconds.
+    """Judge settings by one number, in a worker process.
+
+    Parameters
+    ----------
+    pickled : bytes
+        The pickled task.
+    way : str
+        Name of the shift, e.g. I-II.
+    base : Alfa46Config
+        Settings that the values replace in part.
+    cut : float
+        Value beyond which no more shifts are tried.
+    order : list of int
+        Numbers of the shifts in the order in which they are tried.
+    values : dict of str to int
+        The settings, by the names of tune.space.BOUNDS.
+
+    Returns
+    -------
+    dict
+        ``value`` is the POWER mean over all shifts of the largest share in each plus the weighted excess over the bounds;
+        where it is beyond ``cut``, it is ``cut`` plus the share of shifts that were left to try. REFUSED and INVALID are as
+        in tune.search. ``tried`` is the number of shifts, ``hardest`` the number of the worst one, ``cpu`` the time [s].
     """
     begun = time.process_time()
     ground = Ground.of(pickled)

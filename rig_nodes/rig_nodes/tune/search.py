@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The search itself: NSGA-II of optuna over whole ms and mA, a generation at a time, judged in worker processes.
+"""The search itself: NSGA-II of optuna over whole ms and mA, one generation at a time, judged in worker processes.
 
-Used by the verb ``tune``. Each generation is noted in the journal when it is whole; from there a search goes on as if
-it had not been interrupted, because every generation draws with a seed of its own.
+Used by tune.run. Each generation is noted in the journal when it is complete. From there an interrupted search continues
+as if it had not been interrupted, because every generation draws with a seed of its own.
 """
 
 from __future__ import annotations
@@ -30,13 +30,33 @@ if TYPE_CHECKING:
     from optuna.samplers import NSGAIISampler
 
 POPULATION = 40
-NEAR = 1.01  # times the front: settings further away are tried in no further shift
+NEAR = 1.01  # times the front: settings further away than this are not tried in any more shifts
 SEEDS_NEARBY = 0.04  # standard deviation of the first settings around those given, as a share of the bounds
 
 
 @dataclass
 class Study:
-    """One search. name: in the journal; way: whose settings are sought; start: settings to begin around."""
+    """One search.
+
+    Parameters
+    ----------
+    name : str
+        Name in the journal.
+    way : str
+        The shift whose settings are sought.
+    rig : RigConfig
+        The rig.
+    base : Alfa46Config
+        Settings that the sought ones replace in part.
+    task : Task
+        The shifts by which settings are judged.
+    start : list of dict
+        Settings to begin around.
+    seed : int
+        Seed of the draws.
+    entries : list of dict
+        Judged settings, as they stand in the journal and in its order.
+    """
 
     name: str
     way: str
@@ -49,26 +69,27 @@ class Study:
 
     @property
     def generation(self) -> int:
-        """The next one."""
+        """Number of the next generation."""
         return len(self.entries) // POPULATION
 
     def order(self) -> list[int]:
-        """Numbers of all shifts (rig by rig, point by point), those first that were the worst of the most settings."""
+        """Return the numbers of all shifts (rig by rig, point by point), those first that were the worst of the most settings."""
         return hardest_first(self.entries, self.task)
 
     def cut(self) -> float:
-        """How far bounds may be missed: with more, settings do not get among the POPULATION that goes on."""
+        """Return how far bounds may be missed: settings that miss them by more do not get among the POPULATION that continues."""
         missed = sorted(entry["excess"] for entry in self.entries)
         return missed[POPULATION - 1] if len(missed) >= POPULATION else INVALID
 
     @property
     def shifts(self) -> int:
-        """How many were tried so far."""
+        """Number of shifts tried so far."""
         return sum(entry["tried"] for entry in self.entries)
 
     def front(self) -> list[dict]:
-        """The settings that were tried in all shifts, keep all bounds and are dominated by none of the others; also
-        such whose worst shift is beyond the task's limit, which only leads the search.
+        """Return the settings that were tried in all shifts, keep all bounds and are dominated by no others.
+
+        They include settings whose worst shift is beyond the task's limit, because the limit only leads the search.
         """
         limit = self.task.limit
         good = [
@@ -80,7 +101,24 @@ class Study:
 
 
 def run(study: Study, workers: Workers, note: Callable[[list[dict], float], None], until: Callable[[], bool]) -> None:
-    """Generations until ``until()`` says so; ``note`` takes each as a list of entries, and its CPU seconds."""
+    """Run generations until the search is to stop.
+
+    Parameters
+    ----------
+    study : Study
+        The search.
+    workers : Workers
+        The worker processes.
+    note : callable
+        Takes each generation as a list of entries, and its CPU time [s].
+    until : callable
+        Returns True when the search is to stop.
+
+    Raises
+    ------
+    RigError
+        When optuna is not installed.
+    """
     optuna = load_optuna()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # optuna calls its SBX crossover and polynomial mutation experimental
@@ -113,7 +151,7 @@ def _run(
             cpu += found.pop("cpu")
             trial.set_constraint("bounds", found["excess"])
             search.tell(trial, found["objectives"])
-            attrs = search.get_trials(deepcopy=False)[trial.number].system_attrs  # a copy of all took seconds
+            attrs = search.get_trials(deepcopy=False)[trial.number].system_attrs  # copying all trials took seconds
             entries.append(
                 {
                     "study": study.name,
@@ -139,7 +177,7 @@ def _sampler(optuna: ModuleType, seed: int) -> NSGAIISampler:
 
 
 def first_settings(study: Study) -> list[dict[str, int]]:
-    """The first generation: the given settings, and others around them."""
+    """Return the first generation: the given settings, and others around them."""
     draw = random.Random(study.seed)
     out = [dict(values) for values in study.start[:POPULATION]]
     while len(out) < POPULATION:
@@ -156,13 +194,35 @@ def first_settings(study: Study) -> list[dict[str, int]]:
 def evaluate(
     pickled: bytes, way: str, base: Alfa46Config, best: list[list[float]], cut: float, order: list[int], values: dict[str, int]
 ) -> dict:
-    """Objectives of settings, in a worker process: each the worst of all shifts, which are tried in this order.
+    """Return the objectives of settings, each the worst of all shifts; called in a worker process.
 
-    ``whole``: all were tried, else ``tried`` of them. That ends where bounds are missed by more than ``cut``, or, when
-    ``cut`` is 0, where settings of the front ``best`` are better in everything by more than NEAR, as the worst only
-    grows. ``excess``: how far bounds are missed, and with the task's limit the worst share. Settings that ask too much of
-    the hardware are not tried: REFUSED and by how much [s]. A shift that has no end gives INVALID and the share of shifts
-    that were left to try. ``hardest``: number of the worst shift; ``cpu``: seconds.
+    Trying ends early where bounds are missed by more than ``cut``, and, when ``cut`` is 0, where settings of the front are
+    better in every objective by more than NEAR, as the worst values only grow.
+
+    Parameters
+    ----------
+    pickled : bytes
+        The pickled task.
+    way : str
+        Name of the shift, e.g. I-II.
+    base : Alfa46Config
+        Settings that the values replace in part.
+    best : list of list of float
+        Objectives of the front.
+    cut : float
+        How far bounds may be missed.
+    order : list of int
+        Numbers of the shifts in the order in which they are tried.
+    values : dict of str to int
+        The settings, by the names of tune.space.BOUNDS.
+
+    Returns
+    -------
+    dict
+        ``objectives``; ``excess``, how far bounds are missed, and with the task's limit also how far the worst share is
+        beyond it; ``whole``, whether all shifts were tried; ``tried``, their number; ``hardest``, the number of the worst
+        shift; ``cpu``, the time [s]. Settings that ask too much of the hardware are not tried: their objectives are REFUSED
+        plus by how much [s]. A shift without an end gives INVALID plus the share of shifts that were left to try.
     """
     begun = time.process_time()
     ground = Ground.of(pickled)
@@ -196,7 +256,7 @@ def evaluate(
         beyond = 0.0 if task.limit is None else max(0.0, max(worst) - task.limit)
         if max(shares) + over > most:
             most, hardest = max(shares) + over, place
-        # as long as settings that miss bounds go on, how far they miss them must be known
+        # as long as settings that miss bounds take part, it must be known how far they miss them
         behind = cut == 0.0 and any(dominates([NEAR * value for value in one], worst) for one in best)
         if missed + beyond > cut or behind:
             return found(worst, missed + beyond, tried, hardest)
@@ -204,7 +264,7 @@ def evaluate(
 
 
 def load_optuna() -> ModuleType:
-    """optuna, quiet; RigError when it is not installed."""
+    """Return optuna, with its messages switched off below warnings; RigError when it is not installed."""
     try:
         import optuna
     except ImportError:

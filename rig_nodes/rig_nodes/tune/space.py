@@ -3,7 +3,7 @@
 
 """The settings of one shift as the tuner sees them: eleven whole numbers, in ms and mA as the box takes them.
 
-Used by tune.search; what comes out is an Alfa46Config within the hardware's currents, times and rates.
+Used by tune.search; the result is an Alfa46Config within the hardware's currents, times and rates.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from ..errors import RigError
 from ..testbench.configuration import RigConfig
 from ..transmission import Clutch, Transmission
 
-# name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 are the engaging valve's,
-# P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
+# name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 belong to the engaging valve,
+# P4 to P6 to the releasing one. The current of P3 is given; that of P6 is 0, because the coil is off after it.
 BOUNDS = {
     "P1.time": (20, 400),
     "P1.current": (0, 800),
@@ -32,10 +32,10 @@ BOUNDS = {
     "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
-# where the search begins, in round numbers, for a change of the laboratory's gearbox; a search of another one begins where its
-# controller is. I-II: the new clutch is filled at once, then clamped along a ramp; the old
-# one is let go as fast as its coil allows. II-I: tab. 7.5's course of both pressures, with its ramp begun where the
-# valve opens and not 150 ms before, and both clutches a little quicker
+# Settings at which the search begins, in round numbers, for the shifts of the laboratory's gearbox; for another gearbox it
+# begins at the settings of its controller. I-II: the new clutch is filled at once, then clamped along a ramp; the old one is
+# released as fast as its coil allows. II-I: the course of both pressures in tab. 7.5, but its ramp begins where the valve
+# opens and not 150 ms before, and both clutches are a little quicker.
 BEGIN = {
     "I-II": {
         "P1.time": 30,
@@ -69,7 +69,27 @@ MS, MA = 1e-3, 1e-3
 
 
 def moved(transmission: Transmission, way: str) -> tuple[Clutch, Clutch]:
-    """The clutch that a shift engages and the one that it lets go; RigError where there are several or none."""
+    """Return the clutches that a shift moves.
+
+    Parameters
+    ----------
+    transmission : Transmission
+        The gearbox.
+    way : str
+        Name of the shift, e.g. I-II.
+
+    Returns
+    -------
+    engaging : Clutch
+        The clutch that is engaged.
+    releasing : Clutch
+        The clutch that is released.
+
+    Raises
+    ------
+    RigError
+        When there are several of them or none.
+    """
     shift = transmission.shift(*transmission.ways()[way])
     if len(shift.engaging) != 1 or len(shift.releasing) != 1:
         raise RigError(f"the shift {way} does not release one clutch for another, and only such a shift can be tuned")
@@ -77,7 +97,13 @@ def moved(transmission: Transmission, way: str) -> tuple[Clutch, Clutch]:
 
 
 def delay_of(transmission: Transmission, way: str) -> str:
-    """Name of the box's delay of a shift, e.g. t12 of the first gear to the second; RigError where the box has none."""
+    """Return the name of the box's delay of a shift, e.g. t12 from the first gear to the second.
+
+    Raises
+    ------
+    RigError
+        When the box has no such delay.
+    """
     name = "t{}{}".format(*transmission.ways()[way])
     if name not in Alfa46Values.__dataclass_fields__:
         raise RigError(f"the shift {way} has no delay of its own in the box, and only a shift that has one can be tuned")
@@ -86,7 +112,17 @@ def delay_of(transmission: Transmission, way: str) -> str:
 
 @dataclass(frozen=True)
 class Rates:
-    """What a coil can follow between two currents: rising with the supply, falling through its own resistance."""
+    """What a coil can follow between two currents: it rises with the supply and falls through its own resistance.
+
+    Parameters
+    ----------
+    supply : float
+        Supply voltage [V].
+    resistance : float
+        Resistance of the coil [ohm].
+    inductance : float
+        Inductance of the coil [H].
+    """
 
     supply: float  # V
     resistance: float  # ohm
@@ -94,32 +130,47 @@ class Rates:
 
     @classmethod
     def of(cls, config: RigConfig, clutch: Clutch) -> Rates:
-        """Those of the coil of a clutch's valve."""
+        """Return the rates of the coil of a clutch's valve."""
         coil = config.values(clutch.valve)
         supply = min(coil.coil_voltage, config.alfa46.values.supply_voltage)
         return cls(supply, coil.coil_resistance, coil.coil_inductance)
 
     def shortest(self, i0: float, i1: float) -> float:
-        """Least time [s] for a straight line from i0 to i1 [A]: the coil still follows its slope at the worse end."""
+        """Return the least time [s] for a straight line from i0 to i1 [A] whose slope the coil still follows at the worse end."""
         if i1 > i0:
             spare = self.supply - self.resistance * i1
             return np.inf if spare <= 0.0 else (i1 - i0) * self.inductance / spare
-        # against its resistance the current falls by itself; a line is followed down to a tenth of its height
+        # The current falls by itself through the coil's resistance; the line is followed down to a tenth of its height.
         return (i0 - i1) * self.inductance / (self.resistance * max(i1, 0.1 * i0)) if i0 > i1 else 0.0
 
 
 def whole(values: dict[str, int]) -> tuple[int, ...]:
-    """The numbers in the order of BOUNDS."""
+    """Return the settings as whole numbers in the order of BOUNDS."""
     return tuple(int(values[name]) for name in BOUNDS)
 
 
 def begin_of(config: RigConfig, way: str) -> dict[str, int]:
-    """Where the search of a way begins."""
+    """Return the settings at which the search of a way begins."""
     return BEGIN.get(way) or values_of(config.alfa46, way, config.transmission)
 
 
 def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dict[str, int]:
-    """The numbers of settings that are there, rounded to whole ms and mA."""
+    """Return the numbers of existing settings, rounded to whole ms and mA.
+
+    Parameters
+    ----------
+    config : Alfa46Config
+        The settings.
+    way : str
+        Name of the shift, e.g. I-II.
+    transmission : Transmission
+        The gearbox.
+
+    Returns
+    -------
+    dict of str to int
+        The numbers by the names of BOUNDS.
+    """
     engaging, releasing = (config.profiles[clutch.output] for clutch in moved(transmission, way))
     t, i = engaging[:, 0] / MS, engaging[:, 1] / MA
     u, j = releasing[:, 0] / MS, releasing[:, 1] / MA
@@ -140,7 +191,24 @@ def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dic
 
 
 def settings(base: Alfa46Config, way: str, values: dict[str, int], transmission: Transmission) -> Alfa46Config:
-    """The base with the numbers of one shift; the current of P3 and the other shift's points stay the base's."""
+    """Return a base with the numbers of one shift put in.
+
+    Parameters
+    ----------
+    base : Alfa46Config
+        Its current of P3 and its points of the other shift are kept.
+    way : str
+        Name of the shift, e.g. I-II.
+    values : dict of str to int
+        The numbers by the names of BOUNDS.
+    transmission : Transmission
+        The gearbox.
+
+    Returns
+    -------
+    Alfa46Config
+        The settings.
+    """
     profiles = base.profiles.copy()
     engaging, releasing = (clutch.output for clutch in moved(transmission, way))
     v = values
@@ -156,7 +224,22 @@ def settings(base: Alfa46Config, way: str, values: dict[str, int], transmission:
 
 
 def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
-    """By how much [s] settings ask for more than the hardware gives, slopes and length together; 0: not at all."""
+    """Return by how much settings ask for more than the hardware gives.
+
+    Parameters
+    ----------
+    base : RigConfig
+        The rig; its controller has the settings that the values replace in part.
+    way : str
+        Name of the shift, e.g. I-II.
+    values : dict of str to int
+        The numbers by the names of BOUNDS.
+
+    Returns
+    -------
+    float
+        Excess of slopes and length together [s]; 0 when there is none.
+    """
     box = base.transmission
     config = settings(base.alfa46, way, values, box)
     engaging, releasing = moved(box, way)
@@ -177,7 +260,13 @@ def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
 
 
 def check(config: Alfa46Config) -> None:
-    """RigError when the box would refuse the settings; whole ms and mA are what it takes."""
+    """Check that the box takes the settings, which are whole ms and mA.
+
+    Raises
+    ------
+    RigError
+        When the box would refuse them.
+    """
     for number, profile in enumerate(config.profiles):
         check_profile(profile, f"output_{number + 1}", config.values.current_limit)
         if not np.allclose(np.round(profile / MS), profile / MS, atol=1e-6):

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rigs that the laboratory's rows allow as well: calibrated parameters within their spreads, oil of other temperatures.
+"""Rigs that the laboratory's rows allow as well: calibrated parameters within their spreads, and oil of other temperatures.
 
-Used by tune.problem; the spreads are those that ``rig calibrate`` prints.
+Used by tune.run; the spreads are those that ``rig calibrate`` prints.
 """
 
 from __future__ import annotations
@@ -28,26 +28,39 @@ DRAWN_BACK = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)  # shares of the way to 
 
 
 def stages_of(config: RigConfig) -> dict[str, dict[str, Parameter]]:
-    """The stages of the calibration, none for a rig that has not the values that they are about: it was never calibrated."""
+    """Return the stages of the calibration; none for a rig without the values that they calibrate, as it was never calibrated."""
     stages = load_stages()
     places = {place.partition(".")[0] for those in stages.values() for one in those.values() for place in one.of}
     return stages if all(config.values(name) is not None for name in places) else {}
 
 
 def parameters(config: RigConfig) -> dict[str, Parameter]:
-    """ "stage.name" -> parameter, of all stages of a rig's calibration."""
+    """Return the parameters of all stages of a rig's calibration, by "stage.name"."""
     return {f"{stage}.{name}": p for stage, those in stages_of(config).items() for name, p in those.items()}
 
 
 def values_now(config: RigConfig) -> dict[str, float]:
-    """ "stage.name" -> its value in this rig [SI], within the bounds of the calibration."""
+    """Return the value [SI] of each parameter in this rig, within the bounds of the calibration, by "stage.name"."""
     known = parameters(config)
     shares = shares_of(config, known)
     return {name: p.low + (p.high - p.low) * share for (name, p), share in zip(known.items(), shares)}
 
 
 def spreads_of(config: RigConfig, workers: Workers) -> dict[str, float]:
-    """Spread of each calibrated parameter of this rig [SI], as ``rig calibrate`` determines it; some seconds."""
+    """Determine the spread of each calibrated parameter of this rig, as ``rig calibrate`` does; this takes some seconds.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    workers : Workers
+        The worker processes.
+
+    Returns
+    -------
+    dict of str to float
+        Spreads [SI] by "stage.name".
+    """
     found = workers.map(partial(_stage_spread, config), list(stages_of(config)))
     return {name: value for one in found for name, value in one.items()}
 
@@ -60,7 +73,25 @@ def _stage_spread(config: RigConfig, stage: str) -> dict[str, float]:
 
 
 def read_spreads(path: str | Path, config: RigConfig) -> dict[str, float]:
-    """The spreads in a file of ``rig calibrate --json``; RigError when it is none or is of another calibration."""
+    """Read the spreads from a file of ``rig calibrate --json``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    config : RigConfig
+        The rig.
+
+    Returns
+    -------
+    dict of str to float
+        Spreads [SI] by "stage.name".
+
+    Raises
+    ------
+    RigError
+        When the file holds no spreads, or those of another calibration.
+    """
     try:
         spread = json.loads(Path(path).read_text(encoding="utf-8"))["spread"]
         spread = {str(name): float(value) for name, value in spread.items()}
@@ -75,9 +106,30 @@ def read_spreads(path: str | Path, config: RigConfig) -> dict[str, float]:
 def sampled_rigs(
     config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int, seed: int, mapped: Callable = map
 ) -> list[RigConfig]:
-    """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between
-    two temperatures [degC], by a Latin hypercube of this seed; each stage drawn back until its rows allow it.
-    mapped: as ``map``, of Workers for instance.
+    """Sample rigs that the laboratory's rows allow, by a Latin hypercube.
+
+    Each parameter lies within its spread around the rig's value and within its bounds; each stage is drawn back towards the
+    rig's values until its rows allow it.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    spreads : dict of str to float
+        Spreads [SI] by "stage.name".
+    oil : (float, float)
+        Lowest and highest temperature of the oil [degC].
+    count : int
+        Number of rigs.
+    seed : int
+        Seed of the draw.
+    mapped : callable
+        Used like ``map``, for instance that of Workers.
+
+    Returns
+    -------
+    list of RigConfig
+        The rigs.
     """
     known, now = parameters(config), values_now(config)
     names = [name for name in known if spreads.get(name, 0.0) > 0.0]
@@ -99,11 +151,11 @@ def _sampled(config: RigConfig, now: dict[str, float], draw: tuple[dict[str, flo
 
 
 def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float]) -> RigConfig:
-    """The rig with these values, each stage of them drawn back towards ``now`` until its rows allow it.
+    """Return the rig with these values, each stage of them drawn back towards ``now`` until its rows allow it.
 
-    A spread is what moves the sum of a stage's squared misses by 1, the others held. So values within the spreads may move
-    it by as many as there are; where they move it further, together or because a row breaks off, they are no rig that
-    the laboratory's rows allow.
+    A spread is the change of one parameter that moves the sum of a stage's squared misses by 1 while the others are held. So
+    values within the spreads may move that sum by as much as their number. Where they move it further, together or because a
+    row cannot be computed, they do not describe a rig that the laboratory's rows allow.
     """
     rig = config
     for stage, those in stages_of(config).items():
@@ -118,5 +170,5 @@ def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float])
 
 
 def _misses(config: RigConfig, stage: str) -> float:
-    """Sum of squared misses of a stage's rows [tolerances]."""
+    """Return the sum of squared misses of a stage's rows [tolerances squared]."""
     return sum(miss.tolerances**2 for miss in ROWS[stage](config, calibrating()))
