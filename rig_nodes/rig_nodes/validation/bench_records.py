@@ -1,12 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from what they recorded.
+"""Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from the runs of these benches.
 
 Used by validation.programme; the evaluation itself is analysis.slip_tests. The friction of chapter 8 is not printed:
 STATED holds the values that reproduce its comparison of models (docs/background/friction_models.md). With them the rig's packs
-follow the thesis's model, so k_kor against that model comes back as 1 within the errors of the instruments; what is
-compared is what the other models make of the same packs.
+follow the thesis's model, so k_kor against that model is 1 within the errors of the instruments; what is compared are
+the results of the other models for the same packs.
 """
 
 from __future__ import annotations
@@ -26,25 +26,36 @@ from .records import Record
 if TYPE_CHECKING:
     from ..testbench.record import Run
 
-# friction [-] of the lined and the steel plates and of all splines; a reading, not a measurement
+# friction [-] of the lined and the steel plates and of all splines; inferred from the thesis, not measured
 STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
 SETTINGS = 0.5e6  # Pa between two settings of p_z in the series
 ALLOWED_PRESSURE = 3e6  # Pa on the plates, thesis 3.3; 8.4 extrapolates to it
 GOOD = 0.10  # chapter 8 speaks of good agreement up to 10 %
 NO_REST = "no M_rest of this pack is printed; it is an input of (6.56), and 0 here"
-KNOWN_REST = "50x76"  # the gearbox's plates: theirs is calibrated on its shifts
+KNOWN_REST = "50x76"  # the gearbox's plates, whose M_rest is calibrated on the gearbox's shifts
 
 
 def friction_of(ring: str) -> float:
-    """Static friction of the plates of a ring."""
+    """Return the static friction [-] of the plates of a ring."""
     return STATED["lined" if ring == "50x76" else "steel"]
 
 
 def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
-    """m_eks, model_torque_nm, k_kor, k_kor_error, m_eks_trend_above_nm, m_rest_nm of one pack.
+    """Return the records of one pack: m_eks, model_torque_nm, k_kor, k_kor_error, m_eks_trend_above_nm and m_rest_nm.
 
-    conditions: ring, surfaces and, but for the gearbox's plates, thickness. M_eks stands at the surface pressure that
-    was set, the line is that of the measured ones.
+    M_eks is recorded at the surface pressure that was set; the fitted line is that over the measured pressures.
+
+    Parameters
+    ----------
+    conditions : dict
+        ring, surfaces and, except for the gearbox's plates, thickness [m].
+    run : Run
+        The recorded run.
+
+    Returns
+    -------
+    list of list of Record
+        One repeat with its records.
     """
     geometry = PACKS[conditions["ring"]].geometry(conditions["surfaces"])
     friction, area = friction_of(conditions["ring"]), ring_area(geometry)
@@ -85,7 +96,7 @@ def _cylinder() -> Any:
 
 
 def set_force(pressure: float) -> float:
-    """Clamp force [N] of the bench at this p_z [Pa], (8.3), with the travel that the pack gives way."""
+    """Return the clamp force [N] of the bench at a pressure p_z [Pa] by (8.3), with the travel by which the pack yields."""
     cylinder = _cylinder()
     return brentq(
         lambda force: force - bench.clamp_force(pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4
@@ -93,7 +104,18 @@ def set_force(pressure: float) -> float:
 
 
 def off_in_most(records: list[Record]) -> list[Record]:
-    """For each model the class over all packs, held at every ring so that a row may ask for any."""
+    """Return for each model the class of k_kor over all packs, once for every ring so that a row may ask for any of them.
+
+    Parameters
+    ----------
+    records : list of Record
+        The records of all packs.
+
+    Returns
+    -------
+    list of Record
+        Records with k_kor "off in most" or "close in most".
+    """
     out = []
     for model in MODELS:
         off = [
@@ -107,9 +129,21 @@ def off_in_most(records: list[Record]) -> list[Record]:
 
 
 def spring_bench(_conditions: dict, run: Run) -> list[list[Record]]:
-    """Forces of the springs over their travel ``s``, or of the cylinder over its pressure, and where that begins.
+    """Return the forces of the springs over their travel ``s``, or of the cylinder over its pressure and where its force begins.
 
-    A run with oil is the cylinder's, for the testing machine needs none.
+    A run with oil is that of the cylinder, because the testing machine of the springs needs none.
+
+    Parameters
+    ----------
+    _conditions : dict
+        Not used.
+    run : Run
+        The recorded run.
+
+    Returns
+    -------
+    list of list of Record
+        One repeat with its records.
     """
     if np.max(run.recording.channels["p_z"]) < SETTINGS:
         travels = np.linspace(0.0, bench.SPRING_TRAVEL, 81)

@@ -1,10 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Finds the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
+"""The search for the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
 
-Used by `rig calibrate`: losses, valve and cylinder of each clutch, then what holds a released clutch. Friction stays as
-printed. calibration.yaml says what may change and how far, calibration_rows.py what a rig makes of the rows.
+Used by `rig calibrate`, in this order: losses, valve and cylinder of each clutch, then what holds a released clutch.
+Friction stays as printed. calibration.yaml lists what may change and how far; calibration_rows.py computes the rows' values
+for a rig.
 """
 
 from __future__ import annotations
@@ -40,7 +41,19 @@ STAGES_FILE = LABORATORY_FOLDER / CALIBRATION_FILE
 
 @dataclass(frozen=True)
 class Parameter:
-    """One unknown: the values of the rig that it is, each so many times, and its bounds (SI)."""
+    """One unknown of the calibration.
+
+    Parameters
+    ----------
+    name : str
+        Name of the unknown.
+    of : dict of str to float
+        The rig's values that it sets, each with the factor by which it is multiplied.
+    low, high : float
+        Bounds [SI].
+    why : str
+        Why it is searched within these bounds.
+    """
 
     name: str
     of: dict[str, float]
@@ -50,9 +63,24 @@ class Parameter:
 
 
 def load_stages(path: Path = STAGES_FILE, config: RigConfig | None = None) -> dict[str, dict[str, Parameter]]:
-    """The parameters of calibration.yaml, stage -> name -> parameter; RigError with file and line when it is not right.
+    """Return the parameters of calibration.yaml.
 
-    config: of the rig whose values they are; the laboratory's by default, whose stages have rows of their own each.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    config : RigConfig or None
+        The rig whose values the parameters are; None for the laboratory's rig, whose stages each have their own rows.
+
+    Returns
+    -------
+    dict of str to dict
+        Stage -> name -> parameter.
+
+    Raises
+    ------
+    RigError
+        With file and line, when the file is not right.
     """
     node = load_yaml(path)
     check_keys(path, node, ("stages",), ("stages",), "the calibration")
@@ -93,12 +121,12 @@ def _setting(config: RigConfig, name: str, where: str) -> Setting:
 
 @cache
 def _laboratory() -> RigConfig:
-    """The rig whose values calibration.yaml names."""
+    """Return the rig whose values calibration.yaml names."""
     return load_rig(LABORATORY_RIG)
 
 
 def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float]) -> RigConfig:
-    """The rig with these values (SI) of parameters."""
+    """Return the rig with these values [SI] of its parameters."""
     for name, value in values.items():
         for place, times in parameters[name].of.items():
             config = config.with_values({place: times * value})
@@ -110,19 +138,46 @@ def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dic
 
 @dataclass
 class Found:
-    """What a calibration found: value of each parameter (SI), the rows' misses before and after, and how well each
-    parameter is determined: ``spread`` is the change that moves the sum of squares by 1 with the others held.
+    """What a calibration found.
+
+    Parameters
+    ----------
+    values : dict of str to float
+        Value of each parameter [SI], by "stage.name".
+    before, after : dict of str to list of Miss
+        The rows' misses of each stage before and after the search.
+    spread : dict of str to float
+        How well each parameter is determined: the change [SI] that moves the sum of squared misses by 1 with the others held.
+    sensitivities : dict of str to dict
+        Parameter -> row -> change of its miss [tolerances] by a tenth of the parameter's bounds.
     """
 
     values: dict[str, float]
-    before: dict[str, list[Miss]]  # of each stage
+    before: dict[str, list[Miss]]  # misses of each stage
     after: dict[str, list[Miss]]
     spread: dict[str, float] = field(default_factory=dict)
     sensitivities: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 def at_shares(config: RigConfig, parameters: dict[str, Parameter], shares: Floats) -> tuple[RigConfig, dict[str, float]]:
-    """The rig with parameters at shares (0 to 1) of their bounds, and their values (SI)."""
+    """Return the rig with parameters at shares of their bounds.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    parameters : dict of str to Parameter
+        The parameters.
+    shares : (n,) array of float
+        Share of the bounds for each parameter, clipped to 0 to 1.
+
+    Returns
+    -------
+    config : RigConfig
+        The rig with these values.
+    values : dict of str to float
+        Values of the parameters [SI].
+    """
     values = {p.name: float(p.low + (p.high - p.low) * u) for p, u in zip(parameters.values(), np.clip(shares, 0.0, 1.0))}
     return with_values(config, parameters, values), values
 
@@ -130,7 +185,26 @@ def at_shares(config: RigConfig, parameters: dict[str, Parameter], shares: Float
 def residuals(
     shares: Floats, config: RigConfig, parameters: dict[str, Parameter], misses: Callable, scale: dict[str, float] | None = None
 ) -> np.ndarray:
-    """Misses [tolerances] of all rows with parameters at shares of their bounds, some rows' scaled."""
+    """Return the misses of all rows with parameters at shares of their bounds.
+
+    Parameters
+    ----------
+    shares : (n,) array of float
+        Share of the bounds (0 to 1) for each parameter.
+    config : RigConfig
+        The rig.
+    parameters : dict of str to Parameter
+        The parameters.
+    misses : callable
+        One of calibration_rows.ROWS.
+    scale : dict of str to float or None
+        Factors for the misses of some rows.
+
+    Returns
+    -------
+    array of float
+        Misses [tolerances]; a curve has several.
+    """
     found = misses(at_shares(config, parameters, shares)[0], calibrating())
     return np.concatenate([(scale or {}).get(miss.row, 1.0) * np.array(miss.residuals) for miss in found])
 
@@ -143,21 +217,40 @@ def nearby(
     scale: dict[str, float] | None = None,
     bounded: bool = True,
 ) -> np.ndarray:
-    """Shares near these that cost less, by least squares; the same ones where there are none.
+    """Return shares near these that cost less, found by least squares, or the same shares when there are none.
 
-    bounded: a miss costs what :func:`total` says, else its square.
+    Parameters
+    ----------
+    shares : (n,) array of float
+        Share of the bounds (0 to 1) for each parameter.
+    config : RigConfig
+        The rig.
+    parameters : dict of str to Parameter
+        The parameters.
+    misses : callable
+        One of calibration_rows.ROWS.
+    scale : dict of str to float or None
+        Factors for the misses of some rows.
+    bounded : bool
+        True when a miss costs what :func:`total` says; False when it costs its square.
+
+    Returns
+    -------
+    (n,) array of float
+        The shares.
     """
     cost = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
-    start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method wants a start inside
+    start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method needs a start inside the bounds
     found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20, loss="arctan" if bounded else "linear").x
     after, before = (total(cost(x)) if bounded else np.sum(cost(x) ** 2) for x in (found, shares))
     return found if after < before else np.asarray(shares)
 
 
 def total(misses: np.ndarray) -> float:
-    """What misses [tolerances] cost: their squares while they are small, each at most pi/2. A row that others do not let
-    be met would else move all of them away from what they ask for. A curve comes by its milliseconds, each a small part
-    of its miss, and costs nearly its square.
+    """Return the cost of misses [tolerances]: their squares while they are small, and each at most pi/2.
+
+    Without this limit, a row that other rows do not allow to be met would move all of them away from what they ask for. A
+    curve's misses come for each millisecond; each is a small part of its whole miss and costs nearly its square.
     """
     return float(np.sum(np.arctan(misses**2)))
 
@@ -165,10 +258,32 @@ def total(misses: np.ndarray) -> float:
 def anywhere(
     best: Floats, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter], misses: Callable
 ) -> np.ndarray:
-    """The best of these shares and of those that :func:`nearby` finds from as many random places as ``starts``.
+    """Return the best of these shares and of those that :func:`nearby` finds from random places.
 
-    Valves and pistons have many minima, each narrow in some directions: steps find their floors, where a search by
-    populations of a size that can be paid does not.
+    Valves and pistons have many minima, each narrow in some directions. Least squares find their floors, which a search by
+    populations of an affordable size does not.
+
+    Parameters
+    ----------
+    best : (n,) array of float
+        The best shares so far.
+    starts : int
+        Number of random places.
+    jobs : int
+        Number of worker processes.
+    seed : int
+        Seed of the places.
+    config : RigConfig
+        The rig.
+    parameters : dict of str to Parameter
+        The parameters.
+    misses : callable
+        One of calibration_rows.ROWS.
+
+    Returns
+    -------
+    (n,) array of float
+        The shares.
     """
     places = np.random.default_rng(seed).uniform(size=(starts, len(parameters)))
     with Workers(jobs) as workers:
@@ -180,7 +295,7 @@ def _cost(shares: Floats, config: RigConfig, parameters: dict[str, Parameter], m
     try:
         return total(residuals(shares, config, parameters, misses))
     except Tripped:
-        return math.inf  # no rig that could be looked at
+        return math.inf  # a rig that trips has no rows to compare
 
 
 def search(
@@ -193,11 +308,35 @@ def search(
     progress: Callable[[int, float], None] | None = None,
     starts: int = 0,
 ) -> dict[str, float]:
-    """Values that make the misses cost little (:func:`total`); an interrupt is passed on.
+    """Find values that make the misses cost little (:func:`total`); an interrupt is passed on.
 
-    Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is,
-    with no generations; and from ``starts`` random places. misses: of calibration_rows.ROWS. The same seed finds the
-    same values for any number of jobs.
+    The search is differential evolution over the bounds and then least squares from its best; without generations it is least
+    squares alone, from the rig as it is. It ends with least squares from random places. The same seed finds the same values
+    for any number of jobs.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    parameters : dict of str to Parameter
+        The parameters.
+    misses : callable
+        One of calibration_rows.ROWS.
+    generations : int
+        Generations of the differential evolution.
+    jobs : int
+        Number of worker processes.
+    seed : int
+        Seed of the search.
+    progress : callable or None
+        Takes the generation and the cost of its best.
+    starts : int
+        Number of random places.
+
+    Returns
+    -------
+    dict of str to float
+        Values of the parameters [SI].
     """
     cost = partial(_cost, config=config, parameters=parameters, misses=misses)
     turn = [0]
@@ -234,7 +373,7 @@ def search(
 
 
 def shares_of(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray:
-    """The rig as it is, as shares of the bounds."""
+    """Return the parameters of the rig as it is, as (n,) shares of their bounds, clipped to 0 to 1."""
     shares = []
     for p in parameters.values():
         place, times = next(iter(p.of.items()))
@@ -247,10 +386,28 @@ def shares_of(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray
 def sensitivities(
     config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float], misses: Callable
 ) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
-    """(change of each row's miss [tolerances] by a tenth of each parameter's bounds, spread of each parameter).
+    """Determine how much the rows' misses depend on each parameter, by differences to both sides.
 
-    Differences to both sides; the spread is what moves the sum of squared misses by 1 to second order, the others held,
-    at most the width of the bounds: a parameter that the rows do not see has that.
+    The spread of a parameter is the change that moves the sum of squared misses by 1, to second order and with the others held.
+    It is at most the width of the bounds, which a parameter without any effect on the rows has.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    parameters : dict of str to Parameter
+        The parameters.
+    values : dict of str to float
+        Their values [SI].
+    misses : callable
+        One of calibration_rows.ROWS.
+
+    Returns
+    -------
+    rows : dict of str to dict
+        Parameter -> row -> change of its miss [tolerances] by a tenth of the parameter's bounds.
+    spread : dict of str to float
+        Spread of each parameter [SI].
     """
     targets, step = calibrating(), 0.02
     rows: dict[str, dict[str, float]] = {}
@@ -261,7 +418,7 @@ def sensitivities(
             misses(with_values(config, parameters, {name: values[name] + way * step * width}), targets) for way in (-1.0, 1.0)
         )
         rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step) for one, other in zip(below, above)}
-        # a curve by its milliseconds: where its mean distance is least, that has no slope, and would allow anything
+        # A curve counts by its milliseconds: its mean distance has no slope where it is least, and would allow any value.
         one, other = (np.concatenate([miss.residuals for miss in side]) for side in (below, above))
         curvature = np.sum(((other - one) / (2.0 * step)) ** 2)
         spread[name] = width * min(1.0, 1.0 / np.sqrt(curvature)) if curvature > 0.0 else width
@@ -279,8 +436,40 @@ def calibrate(
     known: dict[str, dict[str, Parameter]] | None = None,
     rows: Mapping[str, Callable] = ROWS,
 ) -> tuple[Found, RigConfig]:
-    """(what was found, the rig with it): the stages, all or some, one after the other, each on its rows; RigError when
-    calibration.yaml is not right. known, rows: stages and what gives the misses in each, by default the laboratory's.
+    """Search the stages one after the other, each on its own rows.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    generations : int
+        Generations of each search.
+    jobs : int
+        Number of worker processes.
+    seed : int
+        Seed of the searches.
+    stages : list of str or None
+        Names of the stages to search; None for all.
+    progress : callable or None
+        Takes the stage, the generation and the cost of its best.
+    starts : int
+        Number of random places in each search.
+    known : dict of str to dict or None
+        The stages with their parameters; None for the laboratory's.
+    rows : mapping of str to callable
+        Gives the misses in each stage; by default the laboratory's rows.
+
+    Returns
+    -------
+    found : Found
+        What was found.
+    config : RigConfig
+        The rig with the found values.
+
+    Raises
+    ------
+    RigError
+        When calibration.yaml is not right.
     """
     targets, found = calibrating(), Found({}, {}, {})
     for stage, those in (known or load_stages()).items():
@@ -303,10 +492,23 @@ def calibrate(
 def write_values(
     values: dict[str, float], rig_file: Path, controller_file: Path, stages: dict[str, dict[str, Parameter]] | None = None
 ) -> None:
-    """Put values ("stage.name" -> SI) into the YAML files of rig and controller, in the units that stand there.
+    """Write values into the YAML files of rig and controller, in the units that stand there; the rest of the files stays as it is.
 
-    The rest of the files stays as it is. RigError when a value has no line of its own there. stages: the laboratory's by
-    default.
+    Parameters
+    ----------
+    values : dict of str to float
+        Values [SI] by "stage.name".
+    rig_file : Path
+        File of the rig.
+    controller_file : Path
+        File of its controller.
+    stages : dict of str to dict or None
+        The stages with their parameters; None for the laboratory's.
+
+    Raises
+    ------
+    RigError
+        When a value has no line of its own there.
     """
     stages = stages or load_stages()
     texts = {rig_file: rig_file.read_text(), controller_file: controller_file.read_text()}

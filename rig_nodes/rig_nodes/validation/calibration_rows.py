@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a rig makes of the rows of targets.yaml that calibrate, and how far it is from them.
+"""The values that a rig gives for the calibrating rows of targets.yaml, and how far they are from the printed ones.
 
-Used by validation.calibrate, which searches, and validation.trade_off. Nothing here knows what may change.
+Used by validation.calibrate, which searches, and validation.trade_off. This module does not depend on what a search may
+change.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ from .targets import Target, load_targets
 
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
-PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
-FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
-FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
-CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
+PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a constant current
+FIRST_RISE = 10e3  # Pa: about the smallest first rise that the laboratory could see
+FALLEN = 2.2e6  # Pa: the fall has begun when the pressure passes it (22 bar, Annex A)
+CURVES = {  # clutch -> rows of its rising and of its falling pressure in chapter 9
     "S1": ("ch9_pressure_down_p1", "ch9_pressure_up_p1"),
     "S2": ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
 }
-# Start of a fall after the order: Annex D gives both pressures of a change one time, so the falling one starts with the
-# rising one. For II to I that is before ZR-P2 is switched off: there only early counts.
-FALL_STARTS = {"S1": (0.3306, 0.01), "S2": (0.22, 0.05)}  # s, and what counts as one tolerance
+# Start of a fall after the order. Annex D gives both pressures of a change one time, so the falling one starts with the
+# rising one. For II to I that is before ZR-P2 is switched off, so there only an early start counts.
+FALL_STARTS = {"S1": (0.3306, 0.01), "S2": (0.22, 0.05)}  # s after the order, and s that count as one tolerance
 DELAYS = {"S1": "valve_delay_zr_p1", "S2": "valve_delay_zr_p2"}
 PEAK_TOLERANCE = 6.5  # Nm: largest error of a shift's peak by (7.1)
-TIME_TOLERANCE = 0.01  # s: of a time from the laboratory's program (9.2.2)
-UNSHIFTED = 10.0  # tolerances that a shift which does not end counts
+TIME_TOLERANCE = 0.01  # s: tolerance of a time from the laboratory's program (9.2.2)
+UNSHIFTED = 10.0  # tolerances for a shift that does not end
 KISSES = {"S1": "kiss_pressure_s1", "S2": "kiss_pressure_s2"}
 
 
@@ -48,22 +49,36 @@ KISSES = {"S1": "kiss_pressure_s1", "S2": "kiss_pressure_s2"}
 
 
 def _go(rig: Rig, samples: int) -> None:
-    """Move on; Tripped where the rig does, which has no rows to compare with then."""
+    """Advance the rig by some samples; raise Tripped when it trips, because then it has no rows to compare with."""
     rig.advance_samples(samples)
     rig.check_runs()
 
 
 def alone(box: Transmission, name: str) -> tuple[Clutch, int]:
-    """A clutch by its name, and the gear that engages it alone."""
+    """Return a clutch by its name, and the number of the gear that engages it alone."""
     gear = next(gear for gear in box.gears if gear.clutches == (name,))
     return box.engaged(gear.number)[0], gear.number
 
 
 def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Pressure [Pa] of a clutch each millisecond, engaged and then released, from each order on.
+    """Return the pressure of a clutch at each millisecond from each order on.
 
-    At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
-    never moved lies deeper than its seals let it return.
+    The settings are those of the rig's controller, the shafts are at rest, and the values are true ones. The second engagement
+    and release are taken, because a piston that has never moved lies deeper than its seals let it return.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    name : str
+        Name of the clutch, e.g. S1.
+
+    Returns
+    -------
+    rise : (1000,) array of float
+        Pressure while the clutch is engaged [Pa].
+    fall : (1300,) array of float
+        Pressure while it is released [Pa].
     """
     rig = Rig(config.replaced(effects=replace(config.effects, transducers=False)))
     rig.set("oil", SUPPLY, True)
@@ -79,18 +94,18 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_cracking(config: RigConfig, clutch: Clutch, more: float) -> RigConfig:
-    """The rig with that much more cracking current [A] of a clutch's valve."""
+    """Return the rig with the cracking current of a clutch's valve changed by some amperes."""
     valve = getattr(config, clutch.valve)
     return config.replaced(**{clutch.valve: replace(valve, cracking_current=valve.cracking_current + more)})
 
 
 def first_true(values: np.ndarray, missing: float) -> float:
-    """Time [s] of the first True of values each millisecond; ``missing`` where there is none."""
+    """Return the time [s] of the first True of values at each millisecond; ``missing`` where there is none."""
     return float(np.argmax(values)) * SAMPLE if values.any() else missing
 
 
 def on_curve(target: Target, t: np.ndarray) -> np.ndarray:
-    """A curve of chapter 9 [Pa] at times since its start [s], before which it stays as it begins."""
+    """Return the pressure [Pa] of a curve of chapter 9 at times since its start [s]; before the start it keeps its first value."""
     out = np.full(t.shape, np.polyval(target.pieces[0][2], 0.0))
     for low, high, coefficients in target.pieces:
         inside = (t > low) & (t <= high)
@@ -100,26 +115,50 @@ def on_curve(target: Target, t: np.ndarray) -> np.ndarray:
 
 
 def distances(target: Target, p: np.ndarray, start: float) -> np.ndarray:
-    """Distances [Pa] of pressures from a curve that begins at ``start`` [s], each millisecond of the curve.
+    """Return the distances of pressures from a curve, at each millisecond of the curve.
 
-    p: each millisecond since the order; after its end the last one stays.
+    Parameters
+    ----------
+    target : Target
+        The row with the curve.
+    p : (n,) array of float
+        Pressure at each millisecond since the order [Pa]; after its end the last value is used.
+    start : float
+        Time after the order at which the curve begins [s].
+
+    Returns
+    -------
+    array of float
+        Distances [Pa].
     """
     t = np.arange(0.0, target.pieces[-1][1], SAMPLE)
     return np.interp(start + t, SAMPLE * np.arange(len(p)), p) - on_curve(target, t)
 
 
 def fall_begins(target: Target, p: np.ndarray) -> float:
-    """Start [s] of a fall: where the pressure passes 2.2 MPa, less what the curve needs to there."""
+    """Return the start [s] of a fall.
+
+    It is the time at which the pressure passes 2.2 MPa, less the time that the curve takes from its start to there.
+    """
     t = np.arange(0.0, 0.1, 1e-4)
     return first_true(p < FALLEN, 1.0) - float(t[np.argmax(on_curve(target, t) < FALLEN)])
 
 
 @dataclass(frozen=True)
 class Miss:
-    """How far a row is from what is printed, in tolerances, and its value [SI].
+    """How far a row is from the printed value.
 
-    parts: of a curve, its distances in tolerances over the root of their number, so that their squares sum up to that
-    of ``tolerances``; a search by slopes sees more in them than in their sum.
+    Parameters
+    ----------
+    row : str
+        Name of the row.
+    value : float
+        The rig's value [SI].
+    tolerances : float
+        Distance from the printed value [tolerances].
+    parts : tuple of float
+        For a curve, its distances in tolerances over the root of their number, so that their squares sum up to that of
+        ``tolerances``. A search by slopes gets more from them than from their sum.
     """
 
     row: str
@@ -129,12 +168,27 @@ class Miss:
 
     @property
     def residuals(self) -> tuple[float, ...]:
-        """What a least squares search is to make small."""
+        """The numbers that a least squares search makes small."""
         return self.parts or (self.tolerances,)
 
 
 def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -> list[Miss]:
-    """The rows of valve response, kiss point and chapter 9's pressures of one clutch."""
+    """Return the misses of valve response, kiss point and chapter 9's pressures of one clutch.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    targets : dict of str to Target
+        The rows by name.
+    name : str
+        Name of the clutch, e.g. S1.
+
+    Returns
+    -------
+    list of Miss
+        One miss for each row.
+    """
     box = transmission_of(config)
     clutch, gear = alone(box, name)
     rise, fall = pressures(config, name)
@@ -142,7 +196,7 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
     rising, falling = (targets[row] for row in CURVES[name])
     delay, kiss = targets[DELAYS[name]], targets[KISSES[name]]
     first, fallen = first_true(rise > rise[0] + FIRST_RISE, len(rise) * SAMPLE), fall_begins(falling, fall)
-    sees = first_true(early > early[0] + FIRST_RISE, len(early) * SAMPLE)  # the release before may not be over
+    sees = first_true(early > early[0] + FIRST_RISE, len(early) * SAMPLE)  # the release before may have left pressure
     meets = clutch.kiss_pressure
     delays = config.alfa46.values
     order_to_off = max(0.0, -(delays.t12 if gear == min(box.ratios) else delays.t21))
@@ -160,7 +214,24 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
 
 
 def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
-    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
+    """Return the true M_wej [Nm] that turns the rig steadily.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    gear : int
+        The gear; 0 is neutral.
+    speed : float
+        Speed of the input [rad/s].
+    load : float
+        Load [Nm].
+
+    Returns
+    -------
+    float
+        Torque of the input [Nm].
+    """
     rig = Rig(config.replaced(effects=replace(config.effects, transducers=False)))
     rig.set("oil", SUPPLY, True)
     _go(rig, SETTLE)
@@ -175,10 +246,22 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
 
 
 def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """The rows of coast-down and of the mean torques of 7.3.2, in steady state.
+    """Return the misses of coast-down and of the mean torques of 7.3.2, in steady state.
 
     The coast-down follows from the torques M that keep the open driving side at its speeds w: J dw/dt = -M. Its tangent
-    at the start meets zero after J w / M.
+    at the start reaches zero after J w / M.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    targets : dict of str to Target
+        The rows by name.
+
+    Returns
+    -------
+    list of Miss
+        One miss for each row.
     """
     speeds = RPM * np.array([5.0, 50.0, 120.0, 230.0, 350.0, 470.0])
     torques = np.array([steady_torque(config, 0, speed, 0.0) for speed in speeds])
@@ -192,7 +275,7 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     curve = targets["coast_down_curve"]
     start, end, parabola = curve.pieces[0]
     t, w = np.arange(start, end, 1e-2), np.linspace(speeds[0], np.polyval(parabola, start), 500)
-    # the time from one speed to the next, trapezoids of J / M
+    # the time from one speed to the next, by trapezoids of J / M
     gone = config.w0.inertia * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
     apart = np.interp(t, gone[-1] - np.append(0.0, gone)[::-1], w[::-1]) - np.polyval(parabola, t)
     miss = float(np.sqrt(np.mean(apart**2)))
@@ -205,11 +288,27 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
 def shift(
     config: RigConfig, to: int, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0, set_in: int | None = None
 ) -> dict:
-    """Metrics of the shift to gear 1 or 2 with a delay t12 [s], at a speed [rad/s] and load [Nm]; true values, the rig's
-    second shift that way.
+    """Return the metrics of a shift, from true values and from the rig's second shift that way.
 
-    By default the rig's own delay, and speed and load of the delay series (7.1.3.4). set_in: gear in which the load is
-    set, by default the one before the shift.
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    to : int
+        Gear to shift to, 1 or 2.
+    t12 : float or None
+        Delay t12 [s]; None for the rig's own.
+    speed : float
+        Speed of the input [rad/s]; by default that of the delay series (7.1.3.4).
+    load : float
+        Load [Nm]; by default that of the delay series.
+    set_in : int or None
+        Gear in which the load is set; None for the one before the shift.
+
+    Returns
+    -------
+    dict
+        The metrics of analysis.metrics.
     """
     values = config.alfa46.values if t12 is None else replace(config.alfa46.values, t12=t12)
     config = config.replaced(
@@ -238,23 +337,42 @@ def shift(
 
 
 def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """The rows of :func:`hydraulic_misses`, and the highest peak torque of the 19 delay series, that of series 5, where
-    S2 catches an output that nothing else drives: only that says how far p2 shoots over.
+    """Return the misses of :func:`hydraulic_misses` for S2, and that of the highest peak torque of the 19 delay series.
+
+    That peak is series 5's, where S2 catches an output that nothing else drives; only it shows how far p2 overshoots.
     """
     target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["input_torque_max_nm"]
     return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """What released clutches hold and how much of it is left while they slip: the rows of :func:`s1_releases` and of
-    :func:`s2_releases`.
+    """Return the misses of :func:`s1_releases` and :func:`s2_releases`.
+
+    They show what released clutches hold, and how much of it is left while they slip.
     """
     return [*s1_releases(config, targets), *s2_releases(config, targets)]
 
 
 def within(target: Target, value: float, tolerance: float, which: str = "") -> Miss:
-    """A row that accepts all between its ends: what a value lacks to half a tolerance inside them, which is left to the
-    transducers.
+    """Return the miss of a row that accepts every value between its ends.
+
+    The miss is the distance to the range that lies half a tolerance inside these ends; that half is left to the transducers.
+
+    Parameters
+    ----------
+    target : Target
+        The row.
+    value : float
+        The rig's value [SI].
+    tolerance : float
+        One tolerance [SI].
+    which : str
+        Ending for the row's name, where it gives several misses.
+
+    Returns
+    -------
+    Miss
+        The miss; 0 tolerances inside that range.
     """
     low = -np.inf if target.low is None else target.low + 0.5 * tolerance
     high = np.inf if target.high is None else target.high - 0.5 * tolerance
@@ -262,8 +380,11 @@ def within(target: Target, value: float, tolerance: float, which: str = "") -> M
 
 
 def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """How long S2 holds against S1 (peaks, how far the load moves the lock-up) and drags afterwards (t_o of II to I)."""
-    series_19 = shift(config, 1, set_in=1)["input_torque_max_nm"]  # sequence delay sets the load in gear I, for both ways
+    """Return the misses that show how long S2 holds against S1 and how long it drags afterwards.
+
+    The peaks, and how far the load moves the lock-up, show how long it holds; t_o of II to I shows how long it drags.
+    """
+    series_19 = shift(config, 1, set_in=1)["input_torque_max_nm"]  # the sequence delay sets the load in gear I for both ways
     light, heavy, slow_heavy, fast_heavy, fast_light = (
         shift(config, 1, None, speed * RPM, load)
         for speed, load in ((1500, 40.0), (1500, 240.0), (1200, 240.0), (1800, 240.0), (2000, 40.0))
@@ -296,14 +417,14 @@ def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
 
 
 def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """Where over t12 the upshift begins to dip, whether the load lets it dip, and, as what is left of S1 while it slips
-    brakes S2's torque or not, the lowest and the highest peak of the grid.
+    """Return the misses of the upshift: the t12 at which it begins to dip, whether the load makes it dip, and peaks of the grid.
 
-    The border is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
+    The lowest and the highest peak of the grid depend on whether what is left of S1 while it slips brakes S2's torque. The
+    border of the dip is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
     """
     target, (late, early) = targets["delay_up_dip_begins"], (-0.15, -0.19)
     k_late, k_early = (shift(config, 2, t12)["k"] for t12 in (late, early))
-    steep = min(k_late - k_early, -0.02)  # flat where neither dips: the border is then far off, on its side
+    steep = min(k_late - k_early, -0.02)  # flat where neither dips; the border is then far off, on the correct side
     border = early + (late - early) * (NO_DIP - k_early) / steep
     slow, slow_loaded, fast_loaded = (
         shift(config, 2, None, speed * RPM, load) for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0))
@@ -320,7 +441,7 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     ]
 
 
-ROWS: dict[str, Callable] = {  # of each stage
+ROWS: dict[str, Callable] = {  # stage -> function that gives its misses
     "losses": loss_misses,
     "clutch_s1": partial(hydraulic_misses, name="S1"),
     "clutch_s2": clutch_s2_misses,
@@ -330,5 +451,5 @@ ROWS: dict[str, Callable] = {  # of each stage
 
 @cache
 def calibrating() -> dict[str, Target]:
-    """The rows by name, read once in each process."""
+    """Return the rows of targets.yaml by name, which are read once in each process."""
     return {target.id: target for target in load_targets()}

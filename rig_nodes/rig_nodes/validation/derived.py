@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quantities of targets.yaml that need more than one series: ranks, extremes, the border of the dip.
+"""Quantities of targets.yaml that need more than one series: ranks, extremes, and the delay from which shifts dip.
 
 Used by validation.programme on the averaged records of everything that ran.
 """
@@ -14,16 +14,16 @@ from ..analysis.engagement import HOLD_SHORTEST, engagement_ranks
 from .records import Record, group
 
 NO_DIP = 0.95  # k, Annex A and 7.4.2.3
-TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: apart by less, two values count as equal (7.1, 9.2.2)
+TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: two values that differ by less count as equal (7.1, 9.2.2)
 
 
 def derive(records: list[Record]) -> list[Record]:
-    """The further records; the given ones are not changed."""
+    """Return the derived records; the given ones are not changed."""
     return [*_holds(records), *_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
 
 
 def _whole(records: list[Record], procedure: str, quantity: str, **conditions: float | str) -> list[Record]:
-    """Records of whole tests with a number, or None, for a quantity."""
+    """Return the records of whole tests whose value for a quantity is a number or None."""
     return [
         r
         for r in records
@@ -36,7 +36,7 @@ def _whole(records: list[Record], procedure: str, quantity: str, **conditions: f
 
 
 def _holds(records: list[Record]) -> list[Record]:
-    """hold, and the phases of the rise, of each profile series: by the mean length of the level stretch."""
+    """Return hold, and the phases of the rise, of each profile series, by the mean length of the level stretch."""
     out = []
     for r in _whole(records, "profile_series", "level_s"):
         level = r.values["level_s"]
@@ -49,7 +49,7 @@ def _holds(records: list[Record]) -> list[Record]:
 
 
 def _ranks(records: list[Record]) -> list[Record]:
-    """engagement_rank of each profile series among those of its valve."""
+    """Return the engagement_rank of each profile series among those of its valve."""
     out = []
     for _, series in group(_whole(records, "profile_series", "engagement_peak_nm"), ("valve",)):
         rows = []
@@ -63,7 +63,7 @@ def _ranks(records: list[Record]) -> list[Record]:
 
 
 def _dips(records: list[Record]) -> list[Record]:
-    """Dip of every shift, by the mean of its repeats."""
+    """Return the class of dip of every shift, by the mean of its repeats."""
     out = []
     for name in ("delay_series", "grid_up", "grid_down"):
         for r in _whole(records, name, "k"):
@@ -80,7 +80,7 @@ def _dips(records: list[Record]) -> list[Record]:
 
 
 def _delays(records: list[Record]) -> list[Record]:
-    """Which of the 19 series has the smallest upshift peak and the shortest downshift, and where the dip begins."""
+    """Return which of the 19 series has the smallest upshift peak and the shortest downshift, and where the dip begins."""
     up = [r for r in _whole(records, "delay_series", "input_torque_max_nm", shift="I-II") if "series" in r.conditions]
     down = [r for r in _whole(records, "delay_series", "t_dt_s", shift="II-I") if "series" in r.conditions]
     out = _lowest(up, "input_torque_max_nm", TORQUE_ALIKE, "smallest", "not smallest")
@@ -112,8 +112,21 @@ def _lowest(series: list[Record], quantity: str, alike: float, yes: str, no: str
 
 
 def dip_begins(series: list[Record]) -> tuple[float | None, str]:
-    """The t12 above which every series dips: k over t12 (mean of like delays) crosses 0.95 for the last time, between
-    two delays on a straight line [s]; None with the reason where it does not cross.
+    """Return the t12 above which every series dips.
+
+    That is where k over t12 (the mean of equal delays) crosses 0.95 for the last time, on a straight line between two delays.
+
+    Parameters
+    ----------
+    series : list of Record
+        Upshifts with their t12 and k.
+
+    Returns
+    -------
+    t12 : float or None
+        The delay [s]; None where k does not cross 0.95.
+    why : str
+        The reason when there is none.
     """
     points = []
     for key, same in group(series, ("t12",)):
@@ -131,7 +144,7 @@ def dip_begins(series: list[Record]) -> tuple[float | None, str]:
 
 
 def _measured(records: list[Record]) -> list[Record]:
-    """The grids once more as what chapter 9 compares its simulation with: here the rig stands for the laboratory."""
+    """Return the grids once more as the measurements of chapter 9's comparison, in which the rig stands for the laboratory."""
     return [
         Record(
             "chapter9",

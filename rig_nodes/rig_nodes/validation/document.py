@@ -76,7 +76,23 @@ with a measurement take the rig `chapter9` for the one and this rig for the othe
 
 
 def load_explanations(path: str | Path | None = None) -> dict[str, str]:
-    """Id of a row -> why the rig misses it. RigError with file and line for an unknown row or a text without words."""
+    """Return the explanations of rows that the rig misses, by the id of the row.
+
+    Parameters
+    ----------
+    path : str or Path or None
+        The file; None for the one of the package.
+
+    Returns
+    -------
+    dict of str to str
+        Id of a row -> why the rig misses it.
+
+    Raises
+    ------
+    RigError
+        With file and line, for an unknown row or an explanation without words.
+    """
     path = EXPLANATIONS_FILE if path is None else Path(path)
     node = load_yaml(path) or {}
     known = {target.id for target in load_targets()}
@@ -94,14 +110,14 @@ def load_explanations(path: str | Path | None = None) -> dict[str, str]:
 
 
 def number(target: Target, value: float) -> str:
-    """A value of a row in the laboratory's unit, with it."""
+    """Return a value [SI] of a row as text in the laboratory's unit, with the unit."""
     unit = target.unit if UNITS[target.unit][0] == target.dimension else SI[target.dimension]
     text = f"{value / UNITS[unit][1]:.5g}"
     return text if unit == "-" else f"{text} {unit}"
 
 
 def of_rig(row: Row) -> str:
-    """The rig's value, what it is, how many of how many are inside and where the worst stands."""
+    """Return the rig's value as text: what it is, how many values of how many are inside, and where the worst one stands."""
     t = row.target
     if row.value is None:
         return "-"
@@ -113,7 +129,7 @@ def of_rig(row: Row) -> str:
 
 
 def accepted(row: Row) -> str:
-    """What the row accepts, in the laboratory's unit."""
+    """Return what the row accepts as text, in the laboratory's unit."""
     t = row.target
     if t.kind == "classification":
         return t.expected
@@ -135,7 +151,7 @@ def accepted(row: Row) -> str:
 
 
 def laboratory(row: Row) -> str:
-    """What was printed, where it is a number, and what is accepted."""
+    """Return as text what was printed, where it is a number, and what is accepted."""
     t = row.target
     ends = [end for end in (t.low, t.high) if end is not None]
     if not t.printed or t.kind == "fit" or all(any(math.isclose(p, end) for end in ends) for p in t.printed):
@@ -144,7 +160,7 @@ def laboratory(row: Row) -> str:
 
 
 def verdict_line(rows: list[Row]) -> str:
-    """One sentence with the counts."""
+    """Return one sentence with the counts of verdicts."""
     counts = summary(rows)
     parts = [
         f"{basis} inside {counts[basis][INSIDE]} of {counts[basis]['rows']}"
@@ -157,7 +173,7 @@ def verdict_line(rows: list[Row]) -> str:
 
 
 def terminal(rows: list[Row]) -> str:
-    """Counts, misses and what could not be compared."""
+    """Return the text for the terminal: counts, misses and rows that could not be compared."""
     lines = [verdict_line(rows)]
     for title, verdict in (("misses", OUTSIDE), ("not compared", NOT_COMPARED)):
         found = [row for row in rows if row.verdict == verdict and row.basis != "information"]
@@ -174,7 +190,7 @@ def terminal(rows: list[Row]) -> str:
 
 
 def section(target: Target) -> str:
-    """Key of SECTIONS, from the first place that the row names."""
+    """Return the key of SECTIONS for a row, from the first place in the thesis that the row names."""
     chapter = re.search(r"chapter (\d+)|Annex (D)", target.where)
     found = re.search(r"(?<![\d.])(7(?:\.\d)+|[89](?:\.\d)*)", target.where)
     if found is None:
@@ -186,7 +202,22 @@ def section(target: Target) -> str:
 
 
 def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
-    """docs/reference/validation.md as text."""
+    """Return docs/reference/validation.md as text.
+
+    Parameters
+    ----------
+    rows : list of Row
+        The judged rows.
+    explanations : dict of str to str
+        Explanations of misses, from :func:`load_explanations`.
+    rig : str
+        Name of the rig.
+
+    Returns
+    -------
+    str
+        The page in markdown.
+    """
     parts = [HEAD, _summary(rows, rig), _hold(rows), _misses(rows, explanations)]
     for key, title in SECTIONS.items():
         found = [row for row in rows if section(row.target) == key]
@@ -245,7 +276,7 @@ def _summary(rows: list[Row], rig: str) -> str:
 
 
 def _hold(rows: list[Row]) -> str:
-    """Confusion matrix of the hold phase, and the pairs of series that contradict each other."""
+    """Return the confusion matrix of the hold phase, and the pairs of series that contradict each other."""
     held = {row.target.id: row for row in rows if row.target.quantity == "hold" and row.target.expected}
     if not held:
         return ""

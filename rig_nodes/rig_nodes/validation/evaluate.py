@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One target held against the rig's records: value, accepted ends, verdict, and where the worst value stands.
+"""The judgement of one target on the rig's records: value, accepted ends, verdict, and where the worst value stands.
 
-Used by validation.programme and the verb ``validate``. What each kind means says the head of targets.yaml;
-nothing here adds to a row's tolerance and both ends count as inside.
+Used by validation.programme and the verb ``validate``. The head of targets.yaml describes each kind. Nothing is added
+here to a row's tolerance, and both ends count as inside.
 """
 
 from __future__ import annotations
@@ -28,29 +28,61 @@ BASIS = {"calibrate": "calibrated", "predict": "predicted", "information": "info
 INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"
 # variable of a curve -> condition of a record
 VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}
-# variables that one test runs through; fits and trends over them hold for each test by itself
+# variables that one test runs through; fits and trends over them are judged for each test by itself
 WITHIN_A_TEST = ("time", "pressure")
-COVER = 0.05  # share of a curve's span that may be without a point at either end
+COVER = 0.05  # share of a curve's span that may lack points, at either end
 
 
 @dataclass(frozen=True)
 class Judged:
-    """One value of a row: the number or class, its ends (None: open), inside or not, where; None: not found."""
+    """One judged value of a row.
+
+    Parameters
+    ----------
+    value : float, str or None
+        Number [SI] or class; None when it was not found.
+    inside : bool or None
+        Whether it is inside; None when it was not found.
+    place : dict
+        Conditions at which it stands.
+    low, high : float or None
+        Accepted ends [SI]; None for an open end.
+    margin : float
+        Distance to the nearer end, negative outside; the worst value is found by it.
+    judged_by : str
+        What the number is, for instance a statistic.
+    reason : str
+        Why the value was not found.
+    """
 
     value: float | str | None
     inside: bool | None
     place: dict
     low: float | None = None
     high: float | None = None
-    margin: float = 0.0  # distance to the nearer end, negative outside; how the worst one is found
+    margin: float = 0.0
     judged_by: str = ""
     reason: str = ""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A target with the rig's answer. Numbers are SI; value, low, high, place and judged_by are those of the
-    worst single value; count and inside: how many single values were judged and how many lie inside.
+    """A target with the rig's answer; numbers are SI.
+
+    Parameters
+    ----------
+    target : Target
+        The target.
+    verdict : str
+        INSIDE, OUTSIDE or NOT_COMPARED.
+    value, low, high, place, judged_by
+        Those of the worst single value.
+    reason : str
+        Why the row was not compared.
+    count, inside : int
+        How many single values were judged, and how many of them lie inside.
+    every : tuple of Judged
+        All single values.
     """
 
     target: Target
@@ -71,7 +103,7 @@ class Row:
         return BASIS[self.target.role]
 
     def as_dict(self) -> dict:
-        """What programs read, JSON's types only."""
+        """Return the row for programs, with JSON's types only."""
         t = self.target
         return {
             "id": t.id,
@@ -98,10 +130,22 @@ class Row:
 
 
 def evaluate(target: Target, records: list[Record]) -> Row:
-    """The row of a target, from the records there are. Never raises for what the rig did.
+    """Judge a target on the records there are; the rig's behaviour never makes this raise an error.
 
     A value that is outside makes the row outside even where others are missing; a row is inside only when nothing is
-    missing. Rows for information get their value, no verdict.
+    missing. Rows for information get their value but no verdict.
+
+    Parameters
+    ----------
+    target : Target
+        The target.
+    records : list of Record
+        The rig's records.
+
+    Returns
+    -------
+    Row
+        The target with the rig's answer.
     """
     judged, lacking = _JUDGES[target.kind](target, records)
     found = [one for one in judged if one.inside is not None]
@@ -138,7 +182,7 @@ def evaluate(target: Target, records: list[Record]) -> Row:
 
 
 def _telling(target: Target, worst: Judged, judged: list[Judged]) -> dict:
-    """The part of a place that tells it from the others."""
+    """Return the part of a place that distinguishes it from the others."""
     return {
         name: value
         for name, value in worst.place.items()
@@ -158,7 +202,7 @@ def _why_not(target: Target, unknown: list[Judged], lacking: list[str]) -> str:
 
 
 class _Missing(Exception):
-    """A value that a judgement needs is not there; the text says which."""
+    """A value that a judgement needs is missing; the text says which."""
 
 
 def _number(record: Record, quantity: str) -> float:
@@ -206,7 +250,7 @@ def _numbers(target: Target, records: list[Record], conditions: dict[str, tuple 
 
 
 def _single(target: Target) -> set[str]:
-    """The conditions that the row fixes to one value, so that a place need not say them."""
+    """Return the conditions that the row fixes to one value, so that a place need not name them."""
     return {
         name for name, wanted in target.conditions.items() if isinstance(wanted, tuple) and len(wanted) == 1 and wanted[0] != "all"
     }
@@ -228,7 +272,7 @@ def _unknown(place: dict, reason: object) -> Judged:
 
 
 def _values(target: Target, found: list[Record]) -> list[tuple[dict, Callable[[], float]]]:
-    """(place, function that gives the number or raises _Missing) for each single value or statistic."""
+    """Return (place, function that returns the number or raises _Missing) for each single value or statistic."""
     if not target.statistic:
         return [(_varying(target, r), lambda r=r: _number(r, target.quantity)) for r in found]
     names = [n for n in dict.fromkeys((*target.fixed, *target.conditions)) if n != target.across]
@@ -240,7 +284,7 @@ def _values(target: Target, found: list[Record]) -> list[tuple[dict, Callable[[]
 
 
 def _judge_value(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
-    """value, range, upper, lower: each number between low and high."""
+    """Judge the kinds value, range, upper and lower: each number lies between low and high."""
     across = (target.across,) if target.across else ()
     found = _numbers(target, records, target.conditions, across)
     judged = []
@@ -253,9 +297,7 @@ def _judge_value(target: Target, records: list[Record]) -> tuple[list[Judged], l
 
 
 def _judge_pair(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
-    """Difference and ratio: every number under `of` with every one under `to` that agrees in the row's other
-    conditions.
-    """
+    """Judge differences and ratios: every number under `of` with every one under `to` that agrees in the row's other conditions."""
     own = {*target.of, *target.to, target.across}
     names = [n for n in dict.fromkeys((*target.conditions, *target.fixed)) if n not in own]
     sides, lacking = [], []
@@ -305,8 +347,9 @@ def _pairs(target: Target, common: dict, of_records: list[Record], to_records: l
 def _lines(
     target: Target, records: list[Record], variable: str
 ) -> tuple[list[tuple[dict, list[tuple[float, list[Record]]]]], list[str]]:
-    """(place, [(x, records at x)]) with rising x for each line that is judged by itself; a variable within a
-    test makes each test a line, otherwise the conditions in `fixed` do.
+    """Return (place, [(x, records at x)]) with rising x for each line that is judged by itself, and what is missing.
+
+    A variable within a test makes each test a line; otherwise the conditions in `fixed` do.
     """
     across = (target.across,) if target.across else ()
     found = _numbers(target, records, target.conditions, (variable, *across))
@@ -325,7 +368,7 @@ def _lines(
 
 
 def _at(target: Target, records: list[Record]) -> float:
-    """The number at one x: the statistic, or the mean of what was tested there."""
+    """Return the number at one x: the statistic, or the mean of what was tested there."""
     if target.statistic:
         return _statistic(target, records)
     return math.fsum(_number(r, target.quantity) for r in records) / len(records)
@@ -336,7 +379,7 @@ def _judge_trend(target: Target, records: list[Record]) -> tuple[list[Judged], l
     judged = []
     for place, points in lines:
         if len(points) < 2:
-            continue  # one value has no trend, whatever the other lines say
+            continue  # one value has no trend, whatever the other lines show
         try:
             xs, ys = [x for x, _ in points], [_at(target, same) for _, same in points]
         except _Missing as reason:
@@ -359,7 +402,7 @@ def _flat(target: Target, place: dict, xs: list[float], ys: list[float]) -> Judg
 
 
 def _monotone(target: Target, place: dict, xs: list[float], ys: list[float]) -> Judged:
-    """The last value beyond the first, strictly, and no step back by more than the tolerance."""
+    """Judge that the last value is strictly beyond the first and that no step goes back by more than the tolerance."""
     sign = 1.0 if target.sign == "grows" else -1.0
     whole, steps = ys[-1] - ys[0], np.diff(ys)
     if not sign * whole > 0.0:
@@ -389,7 +432,20 @@ def _judge_fit(target: Target, records: list[Record]) -> tuple[list[Judged], lis
 
 
 def r_squared(x: Floats, y: Floats, degree: int) -> float:
-    """Coefficient of determination of the least-squares polynomial of this degree; 1-D arrays of one length."""
+    """Return the coefficient of determination of a least-squares polynomial.
+
+    Parameters
+    ----------
+    x, y : (n,) array of float
+        The points.
+    degree : int
+        Degree of the polynomial.
+
+    Returns
+    -------
+    float
+        R2.
+    """
     about = y - y.mean()
     total = float(about @ about)
     if total <= (1e-12 * np.abs(y).max()) ** 2 * y.size:
@@ -415,7 +471,7 @@ def _judge_curve(target: Target, records: list[Record]) -> tuple[list[Judged], l
 
 
 def _deviation(target: Target, x: Floats, y: Floats) -> float:
-    """Root mean square deviation from the pieces, weighted by the variable (trapezoids), in their unit."""
+    """Return the root mean square deviation from the pieces, weighted by the variable (trapezoids), in their unit."""
     start, end = target.pieces[0][0], target.pieces[-1][1]
     inside = (x >= start - 1e-9 * (end - start)) & (x <= end + 1e-9 * (end - start))
     x, y = x[inside], y[inside]
@@ -427,7 +483,20 @@ def _deviation(target: Target, x: Floats, y: Floats) -> float:
 
 
 def curve(target: Target, x: Floats) -> Floats:
-    """The printed curve at x, in variable_unit; values in the curve's unit. At a joint the later piece counts."""
+    """Return the printed curve at some places; at a joint the later piece counts.
+
+    Parameters
+    ----------
+    target : Target
+        The row with the curve.
+    x : (n,) array of float
+        Places, in variable_unit.
+
+    Returns
+    -------
+    (n,) array of float
+        Values in the curve's unit; not a number outside the pieces.
+    """
     x = np.asarray(x, dtype=float)
     out = np.full(x.shape, np.nan)
     for start, end, coefficients in target.pieces:

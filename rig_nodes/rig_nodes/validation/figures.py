@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Line and scatter plots as SVG text: axes with ticks, a legend, nothing else.
+"""Line and scatter plots as SVG text, with nothing but axes with ticks and a legend.
 
-Used by validation.pictures; the rig has no plotting library, and these few charts need none.
+Used by validation.pictures and other modules that draw; the rig has no plotting library, and these few charts need none.
 """
 
 from __future__ import annotations
@@ -13,14 +13,26 @@ from dataclasses import dataclass, field
 from html import escape
 
 WIDTH, HEIGHT = 760, 440
-LEFT, RIGHT, TOP, BOTTOM = 74, 190, 44, 56  # margins; the legend stands on the right
+LEFT, RIGHT, TOP, BOTTOM = 74, 190, 44, 56  # margins [px]; the legend stands on the right
 COLOURS = ("#1b6ca8", "#c0392b", "#2e8b57", "#8e44ad", "#d68910", "#34495e", "#16a2b8", "#7f8c8d")
-TICKS = 6  # about as many on an axis
+TICKS = 6  # approximate number of ticks on an axis
 
 
 @dataclass(frozen=True)
 class Series:
-    """One set of points: x and y of one length, None leaves a gap; drawn as marks, a line or both."""
+    """One set of points, drawn as marks, as a line or as both.
+
+    Parameters
+    ----------
+    name : str
+        Name in the legend.
+    x, y : list
+        Places of equal number; None in y leaves a gap.
+    line, marks : bool
+        Whether a line and marks are drawn.
+    dashed : bool
+        Whether the line is dashed.
+    """
 
     name: str
     x: list[float]
@@ -32,7 +44,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Band:
-    """A shaded stretch of y, as what is accepted; None: open."""
+    """A shaded stretch of y, for instance what is accepted; an end that is None is open."""
 
     name: str
     low: float | None
@@ -50,7 +62,13 @@ class Figure:
     bands: list[Band] = field(default_factory=list)
 
     def svg(self) -> str:
-        """The chart as SVG. Raises ValueError when there is no point to draw."""
+        """Return the chart as SVG text.
+
+        Raises
+        ------
+        ValueError
+            When there is no point to draw.
+        """
         points = [(x, y) for s in self.series for x, y in zip(s.x, s.y) if y is not None]
         if not points:
             raise ValueError(f"the figure '{self.title}' has no point to draw")
@@ -83,7 +101,7 @@ class Figure:
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Round numbers that enclose low to high, about TICKS of them."""
+    """Return about TICKS round numbers that enclose the range from low to high."""
     if high - low <= 1e-9 * max(abs(low), abs(high), 1e-12):
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
     rough = (high - low) / TICKS
@@ -94,23 +112,23 @@ def ticks(low: float, high: float) -> list[float]:
 
 
 class _Scale:
-    """From values to places on the sheet."""
+    """The scale from values to places on the sheet."""
 
     def __init__(self, x_ticks: list[float], y_ticks: list[float]) -> None:
         self.x_ticks, self.y_ticks = x_ticks, y_ticks
 
     def x(self, value: float) -> float:
-        """Where a value stands across the sheet."""
+        """Return the place of a value across the sheet [px]."""
         share = (value - self.x_ticks[0]) / (self.x_ticks[-1] - self.x_ticks[0])
         return round(LEFT + share * (WIDTH - LEFT - RIGHT), 1)
 
     def y(self, value: float) -> float:
-        """Where a value stands down the sheet."""
+        """Return the place of a value down the sheet [px]."""
         share = (value - self.y_ticks[0]) / (self.y_ticks[-1] - self.y_ticks[0])
         return round(HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM), 1)
 
     def axes(self, x_name: str, y_name: str) -> list[str]:
-        """Grid, numbers and names of both axes as SVG."""
+        """Return grid, numbers and names of both axes as SVG."""
         out = []
         bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
         for value in self.x_ticks:
@@ -128,7 +146,7 @@ class _Scale:
         return out
 
     def band(self, band: Band) -> str:
-        """A shaded stretch as SVG."""
+        """Return a shaded stretch as SVG."""
         high = self.y(self.y_ticks[-1] if band.high is None else band.high)
         low = self.y(self.y_ticks[0] if band.low is None else band.low)
         return (
@@ -136,7 +154,7 @@ class _Scale:
         )
 
     def draw(self, series: Series, colour: str) -> list[str]:
-        """A series in its colour as SVG."""
+        """Return a series in its colour as SVG."""
         out, run = [], []
         places = [None if y is None else (self.x(x), self.y(y)) for x, y in zip(series.x, series.y)]
         dash = ' stroke-dasharray="6 4"' if series.dashed else ""

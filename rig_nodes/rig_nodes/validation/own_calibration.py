@@ -3,7 +3,7 @@
 
 """The calibration of a rig's folder: calibration.yaml, on those of its validation rows whose role is to calibrate.
 
-Used by ``rig calibrate --rig``; the search is validation.calibrate's.
+Used by ``rig calibrate --rig``; the search itself is in validation.calibrate.
 """
 
 from __future__ import annotations
@@ -26,7 +26,27 @@ if TYPE_CHECKING:
 
 
 def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[str, Parameter]], dict[str, Callable]]:
-    """(stages with what may change in each, what gives the misses in each) of a rig; RigError where there is none."""
+    """Return what is searched for a rig that has rows of its own.
+
+    Parameters
+    ----------
+    rig : str or Path
+        Name or file of the rig.
+    config : RigConfig
+        Its configuration.
+
+    Returns
+    -------
+    stages : dict of str to dict
+        Stage -> name -> parameter.
+    misses : dict of str to callable
+        Stage -> function that gives its misses.
+
+    Raises
+    ------
+    RigError
+        When the rig has no rows of its own, none with the role calibrate, or no right calibration.yaml.
+    """
     path = rows_file(rig)
     if is_laboratory(path):
         raise RigError(f"the rows of '{rig}' are the laboratory's; ./rig calibrate without --rig searches on these")
@@ -38,9 +58,26 @@ def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[
 
 
 def own_misses(rig: str, rows: list[OwnRow], config: RigConfig, _targets: dict[str, Target] | None = None) -> list[Miss]:
-    """How far the rows of a rig are from the middle of what they accept, or from what is printed; true values are taken.
+    """Return how far the rows of a rig are from the middle of what they accept, or from what is printed; true values are taken.
 
-    A tolerance is half of what a row accepts. A value that the run does not give counts as many as a shift that does not end.
+    A tolerance is half of what a row accepts. A value that the run does not give counts as many tolerances as a shift that
+    does not end.
+
+    Parameters
+    ----------
+    rig : str
+        Name or file of the rig.
+    rows : list of OwnRow
+        The rows.
+    config : RigConfig
+        The rig with the values that are tried.
+    _targets : dict or None
+        Not used.
+
+    Returns
+    -------
+    list of Miss
+        One miss for each row.
     """
     config, out = config.replaced(effects=replace(config.effects, transducers=False)), []
     for group in by_run(rows):

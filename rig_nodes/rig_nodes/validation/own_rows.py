@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The validation rows of a rig's folder: validation.yaml, what each takes of a run, and their judgement.
+"""The validation rows of a rig's folder: validation.yaml, the value that each row takes from a run, and their judgement.
 
-Used by ``rig validate --rig`` for rigs that have rows of their own; those of the laboratory are validation.programme's.
+Used by ``rig validate --rig`` for rigs that have rows of their own; validation.programme handles those of the laboratory.
 """
 
 from __future__ import annotations
@@ -67,10 +67,28 @@ _FUNCTIONS: dict[str, Callable] = {"mean": np.mean, "min": np.min, "max": np.max
 
 @dataclass(frozen=True)
 class OwnRow:
-    """A row: its target, the run that it needs, and what it takes of it.
+    """A row: its target, the run that it needs, and the value that it takes from the run.
 
-    sequence, parameters, settings: of the run; value: expression of signals; metric: key of a shift in the report, with
-    its unit; gear, over: the last ``over`` s before the next order; window: start and end [s]; shift: gears by number.
+    Parameters
+    ----------
+    target : Target
+        What is accepted.
+    sequence : str
+        Name or file of the run's sequence.
+    parameters, settings : tuple of (str, str)
+        Names and values of the sequence's parameters and of the rig's settings in the run.
+    value : str
+        An expression of signals; empty for a metric.
+    metric : str
+        Key of a shift in the report, which ends with its unit; empty for an expression.
+    gear : int or None
+        Gear whose steady end is averaged.
+    over : float
+        Time before the next order over which it is averaged [s].
+    window : (float, float) or None
+        Start and end of the averaged time [s], in place of a gear.
+    shift : (int, int) or None
+        Gears before and after the shift of a metric.
     """
 
     target: Target
@@ -86,12 +104,32 @@ class OwnRow:
 
     @property
     def run(self) -> tuple:
-        """What rows of the same run have in common."""
+        """What all rows of one run have in common."""
         return self.sequence, self.parameters, self.settings
 
 
 def load_rows(path: Path, rig: str | Path, config: RigConfig) -> list[OwnRow]:
-    """The rows of a file, in its order; RigError with file and line for what this rig has not, or no row can be."""
+    """Read the rows of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rig : str or Path
+        Name or file of the rig.
+    config : RigConfig
+        Its configuration.
+
+    Returns
+    -------
+    list of OwnRow
+        The rows in the file's order.
+
+    Raises
+    ------
+    RigError
+        With file and line, for names that this rig does not have and for entries that are no row.
+    """
     node = load_yaml(path)
     check_keys(path, node, ("rows",), ("rows",), "the validation")
     rows = node["rows"]
@@ -107,7 +145,25 @@ def load_rows(path: Path, rig: str | Path, config: RigConfig) -> list[OwnRow]:
 
 
 def chosen(rows: list[OwnRow], patterns: Iterable[str]) -> list[OwnRow]:
-    """The rows whose id matches one of the patterns, all without any; RigError for a pattern that matches nothing."""
+    """Return the rows whose id matches one of some patterns, or all rows when there are no patterns.
+
+    Parameters
+    ----------
+    rows : list of OwnRow
+        The rows.
+    patterns : iterable of str
+        Patterns with shell wildcards.
+
+    Returns
+    -------
+    list of OwnRow
+        The rows.
+
+    Raises
+    ------
+    RigError
+        For a pattern that matches nothing.
+    """
     patterns = list(patterns)
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(row.target.id, pattern) for row in rows):
@@ -123,11 +179,11 @@ class _Reader:
         self.path, self.node, self.rig, self.config = path, node, rig, config
 
     def refuse(self, key: str, reason: str) -> NoReturn:
-        """Raises RigError about a key of the row, with file and line."""
+        """Raise RigError about a key of the row, with file and line."""
         raise RigError(f"{where_of(self.path, self.node, key)}: {self.node['id']}.{key} {reason}")
 
     def row(self) -> OwnRow:
-        """The row as its file has it; RigError with file and line otherwise."""
+        """Return the row as its file has it; RigError with file and line when it is not right."""
         node = self.node
         for key in ("id", "text", "source"):
             if not isinstance(node[key], str) or not node[key].strip():
@@ -165,14 +221,14 @@ class _Reader:
         return OwnRow(target, name, parameters, settings, **where)
 
     def texts(self, key: str) -> tuple[tuple[str, str], ...]:
-        """Names and values under a key, as texts."""
+        """Return names and values under a key as texts."""
         entries = self.node.get(key, {})
         if not isinstance(entries, dict):
             self.refuse(key, f"is {brief(entries)}, expected a map of names and values")
         return tuple((str(name), str(value)) for name, value in entries.items())
 
     def numbers(self) -> tuple[str, dict]:
-        """The dimension of low, high and printed, and these [SI]."""
+        """Return the dimension of low, high and printed, and these numbers [SI]."""
         node, found = self.node, {}
         dimension = dimension_of(str(node["low"]))
         if dimension not in SI:
@@ -187,7 +243,7 @@ class _Reader:
         return dimension, {"unit": str(node["low"]).split(None, 1)[1].strip(), **found}
 
     def gear(self, key: str, name: object) -> int:
-        """Number of the gear of this name."""
+        """Return the number of the gear with this name."""
         numbers = self.config.transmission.numbers if self.config.structure.gears else {}
         if str(name) not in numbers:
             self.refuse(
@@ -196,7 +252,7 @@ class _Reader:
         return numbers[str(name)]
 
     def of_shift(self, dimension: str) -> dict:
-        """A metric of the first shift of a way."""
+        """Return metric and gears of a row on the first shift of a way."""
         node = self.node
         if more := next((key for key in ("gear", "over", "from", "to") if key in node), None):
             self.refuse(more, "goes with value; a metric is that of a shift")
@@ -210,7 +266,7 @@ class _Reader:
         return {"metric": node["metric"], "shift": (self.gear("shift", old), self.gear("shift", new))}
 
     def of_window(self, dimension: str) -> dict:
-        """An expression of signals over a window."""
+        """Return expression and time of a row on signals over a window."""
         node, signals = self.node, self.config.catalogue.signals
         names = names_in(str(node["value"]), f"{where_of(self.path, node, 'value')}: {node['id']}.value")
         for name in names:
@@ -232,7 +288,7 @@ class _Reader:
         return {"value": str(node["value"]), "window": window}
 
     def time(self, key: str) -> float:
-        """Seconds under a key, 0 or more."""
+        """Return the seconds under a key, 0 or more."""
         value = quantity(self.node[key], "time", f"{where_of(self.path, self.node, key)}: {self.node['id']}.{key}")
         if value < 0.0:
             self.refuse(key, f"is {self.node[key]}, expected 0 s or more")
@@ -240,7 +296,7 @@ class _Reader:
 
 
 def unit_of(metric: str) -> str:
-    """The unit of a key of the report's shifts, which its end says."""
+    """Return the unit of a key of the report's shifts, which its ending names."""
     return {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}.get(metric.rpartition("_")[2], "-")
 
 
@@ -248,7 +304,25 @@ def unit_of(metric: str) -> str:
 
 
 def names_in(text: str, where: str) -> list[str]:
-    """The signals of an expression of +, -, *, /, brackets, numbers and mean, min and max of one; RigError otherwise."""
+    """Return the signals of an expression.
+
+    Parameters
+    ----------
+    text : str
+        Signals, numbers, +, -, *, /, brackets, and mean, min and max of one signal.
+    where : str
+        File, line and key, for the error.
+
+    Returns
+    -------
+    list of str
+        Names of the signals, each once.
+
+    Raises
+    ------
+    RigError
+        When the text is no such expression or names no signal.
+    """
     try:
         tree = ast.parse(text, mode="eval").body
         names: list[str] = []
@@ -258,14 +332,14 @@ def names_in(text: str, where: str) -> list[str]:
             f"{where} is {brief(text)}, expected signals, numbers and + - * / ( ), mean(...), min(...), max(...)"
         ) from None
     except ZeroDivisionError:
-        pass  # with other values than 1 it may be right
+        pass  # every signal was 1 here; with other values the expression may be right
     if not names:
         raise RigError(f"{where} is {brief(text)}, which names no signal")
     return list(dict.fromkeys(names))
 
 
 def _walk(node: ast.expr, value: Callable[[str, str], float]) -> float:
-    """The number of an expression; value(name, function) gives what a signal stands for."""
+    """Return the number of an expression; value(name, function) returns the number that a signal stands for."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         return float(node.value)
     if isinstance(node, ast.Name):
@@ -284,7 +358,22 @@ def _walk(node: ast.expr, value: Callable[[str, str], float]) -> float:
 
 
 def measure_rows(config: RigConfig, rig: str | Path, rows: list[OwnRow]) -> list[tuple[float | None, str]]:
-    """(value [SI], or None and the reason) of rows that share one run of a rig (load_rig's, with the changes of ``--set``)."""
+    """Run a rig once and return the values of rows that share this run.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig, with the changes of ``--set``.
+    rig : str or Path
+        Name or file of the rig.
+    rows : list of OwnRow
+        Rows of the same run.
+
+    Returns
+    -------
+    list of (float or None, str)
+        Value of each row [SI], or None and the reason.
+    """
     sequence, parameters, settings = rows[0].run
     changed = with_overrides(config, dict(settings))
     logged = {one.name for one in changed.structure.transducers}
@@ -335,7 +424,22 @@ def _of_signals(row: OwnRow, run: Run) -> tuple[float | None, str]:
 
 
 def judge(row: OwnRow, value: float | None, reason: str) -> Row:
-    """The row with the rig's answer."""
+    """Return the row with the rig's answer.
+
+    Parameters
+    ----------
+    row : OwnRow
+        The row.
+    value : float or None
+        The rig's value [SI]; None when there is none.
+    reason : str
+        Why there is none.
+
+    Returns
+    -------
+    Row
+        The target with the rig's answer.
+    """
     target = row.target
     if value is None:
         return Row(target, NOT_COMPARED, low=target.low, high=target.high, reason=reason)
@@ -344,7 +448,7 @@ def judge(row: OwnRow, value: float | None, reason: str) -> Row:
 
 
 def check_settings(rows: list[OwnRow], settings: dict[str, str]) -> None:
-    """RigError when a row sets one of these values of the rig itself."""
+    """Raise RigError when a row sets one of these values of the rig itself."""
     for row in rows:
         if both := sorted(set(settings) & {name for name, _ in row.settings}):
             raise RigError(f"setting {both[0]}: row '{row.target.id}' sets it itself; choose other --rows")
@@ -355,7 +459,7 @@ def _measured(rig: str, settings: dict[str, str], rows: list[OwnRow]) -> list[tu
 
 
 def by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
-    """The rows of each run."""
+    """Return the rows of each run, run by run."""
     out: dict[tuple, list[OwnRow]] = {}
     for row in rows:
         out.setdefault(row.run, []).append(row)
@@ -365,7 +469,26 @@ def by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
 def validate(
     rows: list[OwnRow], rig: str, settings: dict[str, str], workers: Workers, progress: Callable[[int, int], None] | None = None
 ) -> list[Row]:
-    """Run what the rows need and judge them, in their order. progress(done, of) counts runs."""
+    """Run what the rows need and judge them.
+
+    Parameters
+    ----------
+    rows : list of OwnRow
+        The rows.
+    rig : str
+        Name or file of the rig.
+    settings : dict of str to str
+        Changes of the rig.
+    workers : Workers
+        The worker processes.
+    progress : callable or None
+        Takes the number of finished runs and that of all.
+
+    Returns
+    -------
+    list of Row
+        The judged rows in their order.
+    """
     groups = by_run(rows)
     answers = {}
     for group, found in zip(groups, workers.map(partial(_measured, rig, settings), groups, progress)):

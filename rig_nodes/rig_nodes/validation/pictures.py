@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figures of chapters 7 to 9 that the thesis's text lets one redraw, from the rig's records.
+"""The figures of chapters 7 to 9 that can be redrawn from the thesis's text, drawn from the rig's records.
 
-Used by the verb ``validate``. The laboratory's points are lost; what its text still says of them is drawn as a band or
+Used by the verb ``validate``. The laboratory's points are lost; what the text still says of them is drawn as a band or
 as the printed curve.
 """
 
@@ -22,7 +22,7 @@ from .records import Record, group, shown
 from .targets import Target, load_targets
 
 RPM = pi / 30.0
-MOST_MARKS = 50  # points of a line that are marked; more are a curve
+MOST_MARKS = 50  # points of a line that are marked at most; a line with more is drawn without marks
 AXES = {  # condition or quantity -> (name with unit, factor from SI)
     "n_wej": ("n_wej [rpm]", 1.0 / RPM),
     "m_wyj": ("M_wyj before the shift [Nm]", 1.0),
@@ -57,8 +57,9 @@ AXES = {  # condition or quantity -> (name with unit, factor from SI)
 
 @dataclass(frozen=True)
 class _Plan:
-    """One figure: quantity over a condition, a line for each value of ``by``; where: conditions that choose; target:
-    the row whose ends or curve are drawn too.
+    """The plan of one figure: a quantity over a condition, with a line for each value of ``by``.
+
+    ``where`` holds the conditions that choose records, ``target`` the row whose ends or curve are drawn too.
     """
 
     name: str
@@ -215,7 +216,20 @@ def _plans() -> list[_Plan]:
 
 
 def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
-    """(file name without ending, figure) of every figure for which there are records."""
+    """Draw every figure for which there are records.
+
+    Parameters
+    ----------
+    records : list of Record
+        The rig's records.
+
+    Yields
+    ------
+    name : str
+        Name of the file without its ending.
+    figure : Figure
+        The figure.
+    """
     targets = {target.id: target for target in load_targets()}
     for plan in _plans():
         found = [
@@ -226,7 +240,7 @@ def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
             and isinstance(r.values.get(plan.quantity), float)
             and "phase" not in r.conditions
             and ("time" in r.conditions) == (plan.over == "time")
-            and r.conditions.get("m_wyj") != 0.0  # without load nothing was measured
+            and r.conditions.get("m_wyj") != 0.0  # the laboratory measured nothing without load
             and all(shown(name, r.conditions.get(name, "")) == shown(name, value) for name, value in plan.where)
         ]
         if found:
@@ -252,7 +266,20 @@ def _figure(plan: _Plan, found: Iterable[Record], target: Target | None) -> Figu
 
 
 def write_pictures(found: Iterable[tuple[str, Figure]], folder: str | Path) -> list[Path]:
-    """Write (name, figure) as SVG files into a folder, which is made; their paths."""
+    """Write figures as SVG files.
+
+    Parameters
+    ----------
+    found : iterable of (str, Figure)
+        Names of the files without ending, and figures.
+    folder : str or Path
+        Folder of the files; it is made when it does not exist.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []

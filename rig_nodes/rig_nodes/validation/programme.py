@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laboratory's measuring programme on the rig: which procedures chosen rows need, run, and turned into records.
+"""The laboratory's measuring programme on the rig: the procedures that chosen rows need are run and turned into records.
 
-Used by the verb ``validate``; the series are testbench.procedure's, what each run gives says validation.readers.
+Used by the verb ``validate``; the series are those of testbench.procedure, and validation.readers evaluates each run.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .targets import Target, load_targets
 
 RPM = pi / 30.0
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")
-# procedure -> what turns (conditions, run) into repeats of records
+# procedure -> function that turns (conditions, run) into repeats of records
 READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
     "valve_response": readers.valve_response,
     "coast_down": readers.coast_down,
@@ -41,16 +41,16 @@ READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
     "clutch_bench": bench_records.clutch_bench,
     "spring_bench": bench_records.spring_bench,
 }
-# procedures on rigs of their own, which the settings of the gearbox's do not touch, and the files of their series
+# procedures on rigs of their own, which the gearbox rig's settings do not change -> files of their series
 BENCHES = {"clutch_bench": ("clutch_bench_series",), "spring_bench": ("spring_bench_series", "cylinder_bench_series")}
-WETTING = "1 s"  # the plant has no film that would need the 10 s of 8.1.6; the laboratory's own series have them
+WETTING = "1 s"  # the plant has no oil film that would need the 10 s of 8.1.6, which the laboratory's own series have
 PROCEDURES = tuple(READERS)
 SIMULATION = "chapter9"  # rig of the thesis's own simulation, and the procedure of the rows on it
 SIMULATED_SPEEDS = (1200.0, 1500.0)  # rpm, 9.2
-# rows that compare an up- with a downshift, whatever procedure they stand under, need both grids
+# rows that compare an upshift with a downshift need both grids, whichever procedure they name
 GRIDS = ("grid_up", "grid_down")
-BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
-# seconds of one run on one core, about; only what they are against each other counts
+BEYOND_T21 = ("-240 ms", "-260 ms")  # delays for which the laboratory only states an expectation, 7.3.3
+# approximate seconds of one run on one core; only their ratios matter
 SIZES = {
     "valve_response": 5.0,
     "coast_down": 0.4,
@@ -66,8 +66,18 @@ SIZES = {
 
 @dataclass(frozen=True)
 class Result:
-    """What a programme gave: the rows in the order of the targets, the records they were judged by, and a sentence on
-    each run that tripped.
+    """What a programme gave.
+
+    Parameters
+    ----------
+    rows : list of Row
+        The judged rows in the order of the targets.
+    records : list of Record
+        The records by which they were judged.
+    procedures : tuple of str
+        The procedures that ran.
+    trips : list of str
+        A sentence on each run that tripped.
     """
 
     rows: list[Row]
@@ -86,9 +96,24 @@ def _targets() -> tuple[Target, ...]:
 
 
 def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list[Target]:
-    """The targets whose id matches one of the patterns (shell wildcards) and that belong to one of the procedures.
+    """Return the targets whose id matches one of some patterns and that belong to one of some procedures.
 
-    Empty: all. RigError for a pattern that matches nothing and for an unknown procedure.
+    Parameters
+    ----------
+    patterns : iterable of str
+        Patterns with shell wildcards; empty for all ids.
+    procedures : iterable of str
+        Names of procedures; empty for all.
+
+    Returns
+    -------
+    list of Target
+        The targets.
+
+    Raises
+    ------
+    RigError
+        For a pattern that matches nothing, an unknown procedure, and when no target matches both.
     """
     targets = _targets()
     for name in procedures:
@@ -109,8 +134,9 @@ def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list
 
 
 def needed(targets: Iterable[Target]) -> tuple[str, ...]:
-    """The procedures that must run for these targets, in the order in which they do. Rows for information alone
-    make nothing run.
+    """Return the procedures that must run for these targets, in the order in which they run.
+
+    Rows for information do not need a run.
     """
     wanted = set()
     for target in targets:
@@ -118,7 +144,7 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
             continue
         wanted.add(target.procedure)
         if target.procedure == SIMULATION:
-            wanted.update(GRIDS)  # what the simulation is compared with
+            wanted.update(GRIDS)  # the simulation is compared with them
         if target.procedure in GRIDS:
             shifts = {shift for side in (target.conditions, target.of, target.to) for shift in side.get("shift", ())}
             wanted.update(grid for grid, shift in zip(GRIDS, transmission_of().ways()) if shift in shifts)
@@ -126,14 +152,14 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
 
 
 def series_of(procedure: str) -> list[Series]:
-    """The procedure's own series and those that rows ask for beyond the laboratory's."""
+    """Return the procedure's own series and those that rows need beyond the laboratory's."""
     if procedure == SIMULATION:
         return _simulated()
     if procedure in BENCHES:
         return _on_benches(procedure)
     series = load_procedure(procedure).series()
     if procedure == "grid_up":
-        # 7.4.1.1 says what an upshift without load should be like; it was not measured
+        # 7.4.1.1 describes what an upshift without load should be like; it was not measured
         lowest = {one.conditions["n_wej"]: one for one in reversed(series)}
         series += [
             _further(one, f"{one.label} without load", {"m_wyj": 0.0}, {"load_up": "0 Nm", "load_down": "0 Nm"})
@@ -149,7 +175,7 @@ def series_of(procedure: str) -> list[Series]:
 
 
 def _simulated() -> list[Series]:
-    """The grids' points at the speeds of 9.2, once each, for the rig of the simulation."""
+    """Return the grids' points at the speeds of 9.2, once each, for the rig of the simulation."""
     return [
         replace(
             one, procedure=SIMULATION, label=f"{name} {one.label}", repeats=1, conditions={**one.conditions, "source": "simulated"}
@@ -161,7 +187,7 @@ def _simulated() -> list[Series]:
 
 
 def _on_benches(procedure: str) -> list[Series]:
-    """The series of one or two benches under the procedure's name, the packs wetted for less time."""
+    """Return the series of one or two benches under the procedure's name; the packs are wetted for less time."""
     out = [replace(one, procedure=procedure) for name in BENCHES[procedure] for one in load_procedure(name).series()]
     if procedure == "clutch_bench":
         out = [replace(one, parameters={**one.parameters, "wetting": WETTING}) for one in out]
@@ -173,9 +199,9 @@ def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Ser
 
 
 def measure(series: Series, run: Run) -> list[list[Record]] | str:
-    """Repeats of records of one run, or the reason why it gave none; runs where the rows are."""
+    """Return repeats of records of one run, or the reason why it gave none; called in the process in which the run's rows are."""
     if run.end["state"] != "ended":
-        reason = FOLDER.sub("", run.end["reason"])  # where the rig is installed is no part of a result
+        reason = FOLDER.sub("", run.end["reason"])  # the folder in which the rig is installed does not belong to a result
         return Trip(reason) if run.end["state"] == "tripped" else reason
     try:
         return READERS[series.procedure](series.conditions, run)
@@ -191,12 +217,31 @@ def measure_procedure(
     progress: Callable[[int, int], None] | None = None,
     trips: list[str] | None = None,
 ) -> list[Record]:
-    """The records of one procedure, repeats averaged. progress(done, of) counts runs; ``trips`` gets a sentence on each
-    run that tripped.
+    """Run one procedure and return its records, with repeats averaged.
+
+    Parameters
+    ----------
+    procedure : str
+        Name of the procedure.
+    workers : Workers or None
+        The worker processes.
+    rig : str or None
+        Name or file of the rig; simulation and benches have their own.
+    settings : dict of str to str or None
+        Changes of the rig.
+    progress : callable or None
+        Takes the number of finished runs and that of all.
+    trips : list of str or None
+        A sentence on each run that tripped is appended to it.
+
+    Returns
+    -------
+    list of Record
+        The records; a series that failed has the reason in place of each value.
     """
     series = series_of(procedure)
     if procedure == SIMULATION:
-        rig, settings = SIMULATION, None  # the rig's own changes are none of the simulation's
+        rig, settings = SIMULATION, None  # the rig's own changes do not apply to the simulation
     elif procedure in BENCHES:
         rig, settings = None, None
     records: list[Record] = []
@@ -214,7 +259,7 @@ def measure_procedure(
 
 
 def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
-    """RigError when a series sets one of these values of the rig itself."""
+    """Raise RigError when a series sets one of these values of the rig itself."""
     for name in procedures:
         for one in series_of(name) if name not in (SIMULATION, *BENCHES) else ():
             both = sorted(set(settings) & set(one.overrides))
@@ -223,7 +268,7 @@ def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
 
 
 def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
-    """Procedure -> (number of runs, size of one), to tell the time that is left."""
+    """Return for each procedure the number of its runs and the size of one, from which the remaining time is estimated."""
     return {name: (sum(one.repeats for one in series_of(name)), SIZES[name]) for name in procedures}
 
 
@@ -234,7 +279,26 @@ def validate(
     settings: dict[str, str] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
-    """Run what the targets need and judge them. progress(procedure, done, of) counts runs."""
+    """Run what the targets need and judge them.
+
+    Parameters
+    ----------
+    targets : list of Target
+        The targets.
+    workers : Workers or None
+        The worker processes.
+    rig : str
+        Name or file of the rig.
+    settings : dict of str to str or None
+        Changes of the rig.
+    progress : callable or None
+        Takes the procedure, the number of its finished runs and that of all its runs.
+
+    Returns
+    -------
+    Result
+        The judged rows and what they were judged by.
+    """
     procedures = needed(targets)
     records: list[Record] = []
     trips: list[str] = []
@@ -250,7 +314,7 @@ def validate(
 
 
 def summary(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
-    """Basis -> how many rows are inside, outside, not compared, and how many there are."""
+    """Return for each basis how many rows are inside, outside and not compared, and how many there are."""
     out = {basis: {"inside": 0, "outside": 0, "not compared": 0, "rows": 0} for basis in ("calibrated", "predicted", "information")}
     for row in rows:
         out[row.basis][row.verdict] += 1

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From a recorded run of a procedure to records, one function for each procedure of the gearbox rig.
+"""The step from a recorded run to records, with one function for each procedure of the gearbox rig.
 
-Used by validation.programme. Each takes a series' conditions and its Run and gives a list of repeats, each a list of
-records, or raises RigError with why there are none; quantities derived from one shift are computed here.
+Used by validation.programme. Each function takes a series' conditions and its Run and returns a list of repeats, each a list
+of records, or raises RigError with the reason why there are none. Quantities derived from one shift are computed here.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "e_loss_settled_j")
 SHIFT_VALUES = (*SHIFT_KEYS, "output_speed_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")
-STEADY_AFTER, STEADY_FOR = 0.5, 0.1  # s after M_wej has settled; s, as Annex A takes the settled torque
-TRACE_STEP, TRACE = 2e-3, 0.6  # s; the curves of Annex D end by then, but for p2 falling
-LONG_TRACE = 1.0  # s
+STEADY_AFTER, STEADY_FOR = 0.5, 0.1  # s after M_wej has settled; s over which Annex A averages the settled torque
+TRACE_STEP, TRACE = 2e-3, 0.6  # s; the curves of Annex D end by then, except the falling p2
+LONG_TRACE = 1.0  # s, for the falling p2
 SPEED_STEP = 50e-3  # s between the values of a coast-down, each a mean over SPEED_MEAN
 SPEED_MEAN = 20e-3
 ENGAGEMENT = {
@@ -48,7 +48,22 @@ class NotMeasured(RigError):
 
 
 def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
-    """The records of a series that could not be measured: every value None, with the reason."""
+    """Return the records of a series that could not be measured: every value is None, with the reason.
+
+    Parameters
+    ----------
+    procedure : str
+        Name of the procedure.
+    conditions : dict
+        Conditions of the series [SI].
+    reason : str
+        Why it could not be measured.
+
+    Returns
+    -------
+    list of Record
+        The records.
+    """
     values = {
         "valve_response": ("valve_delay_s",),
         "coast_down": ("coast_down_tangent_s", "coast_down_torque_nm"),
@@ -69,7 +84,25 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
 
 
 def delay_series(conditions: dict, run: Run) -> list[list[Record]]:
-    """Each I-II and each II-I of one run is a repeat of its own."""
+    """Return the shifts of a run of the delay series; each I-II with a II-I is a repeat of its own.
+
+    Parameters
+    ----------
+    conditions : dict
+        Conditions of the series [SI].
+    run : Run
+        The recorded run.
+
+    Returns
+    -------
+    list of list of Record
+        Repeats of records.
+
+    Raises
+    ------
+    NotMeasured
+        When a shift did not take place.
+    """
     found = {
         shift: [_shift(conditions, "delay_series", shift, row) for row in _rows(run.recording, shift)]
         for shift in run.recording.transmission.ways()
@@ -84,17 +117,35 @@ def delay_series(conditions: dict, run: Run) -> list[list[Record]]:
 
 
 def grid_up(conditions: dict, run: Run) -> list[list[Record]]:
-    """The upshift, with its pressures over time and its torque before, during and after."""
+    """Return the records of the upshifts, with pressures over time and torques before, during and after.
+
+    Raises
+    ------
+    NotMeasured
+        When there was no upshift.
+    """
     return _grid("grid_up", conditions, run)
 
 
 def grid_down(conditions: dict, run: Run) -> list[list[Record]]:
-    """The downshift, likewise."""
+    """Return the records of the downshifts, with the same quantities as :func:`grid_up`.
+
+    Raises
+    ------
+    NotMeasured
+        When there was no downshift.
+    """
     return _grid("grid_down", conditions, run)
 
 
 def chapter9(conditions: dict, run: Run) -> list[list[Record]]:
-    """The shift of the thesis's own simulation; its pressures are prescribed."""
+    """Return the records of the shifts of the thesis's own simulation, whose pressures are prescribed.
+
+    Raises
+    ------
+    NotMeasured
+        When there was no shift.
+    """
     rows = _rows(run.recording, conditions["shift"])
     if not rows:
         raise NotMeasured(f"the shift {conditions['shift']} did not take place")
@@ -143,7 +194,7 @@ def _less(one: float | None, other: float | None) -> float | None:
 
 
 def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
-    """input_torque_max_nm of the shift, and the larger of the steady torques before and after it (phase "before")."""
+    """Return input_torque_max_nm of the shift, and the larger of the steady torques before and after it (phase "before")."""
     steady, torque = None, recording.transmission.input.torque
     if row["t_c_s"] is not None and row["t_o_s"] is not None:
         after = row["t_order_s"] + row["t_c_s"] + row["t_o_s"] + STEADY_AFTER
@@ -163,7 +214,7 @@ def _mean(recording: Recording, name: str, since: float) -> float | None:
 
 
 def _trace(procedure: str, conditions: dict, recording: Recording, row: dict, clutch: Clutch) -> list[Record]:
-    """The pressure of one clutch over the time since its own fall or rise began."""
+    """Return the pressure of one clutch over the time since its own fall or rise began."""
     name, quantity = clutch.pressure, f"{clutch.pressure}_mpa"
     falling = clutch in recording.transmission.shift(row["from_gear"], row["to_gear"]).releasing
     smooth = running_mean(recording.channels[name], odd_width(PRESSURE_MEAN, recording.period))
@@ -187,10 +238,26 @@ def _trace(procedure: str, conditions: dict, recording: Recording, row: dict, cl
 
 
 def rise_start(recording: Recording, smooth: np.ndarray, clutch: Clutch, t_order: float) -> float | None:
-    """When the pressure of an engaging clutch begins to rise after an order [s], None where it does not.
+    """Return when the pressure of an engaging clutch begins to rise after an order.
 
-    As the fall in analysis.metrics: the last passing of a level just above the rest before the kiss pressure is
+    As for the fall in analysis.metrics, this is the last passing of a level just above the rest before the kiss pressure is
     reached, followed back along its slope.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    smooth : (n,) array of float
+        The clutch's pressure, averaged [Pa].
+    clutch : Clutch
+        The clutch.
+    t_order : float
+        Time of the order [s].
+
+    Returns
+    -------
+    float or None
+        Start of the rise [s]; None when the pressure does not rise.
     """
     order = int(np.ceil((t_order - recording.t0) / recording.period))
     before = smooth[max(0, order - 1000) : order]
@@ -209,8 +276,9 @@ def rise_start(recording: Recording, smooth: np.ndarray, clutch: Clutch, t_order
 
 
 def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
-    """Whether the pressure of the engaging clutch dips; the shape of a rise does not ask what the other clutch did,
-    so the order is taken as one from neutral.
+    """Return whether the pressure of the engaging clutch dips.
+
+    The shape of the rise does not depend on the other clutch, so the order is taken as one from neutral.
     """
     rise = engagement_metrics(recording, (row["t_order_s"], 0, row["to_gear"]))
     why = {} if rise["disturbed"] else {"pressure_rise": "; ".join(rise["why"])}
@@ -221,7 +289,13 @@ def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dic
 
 
 def profile_series(conditions: dict, run: Run) -> list[list[Record]]:
-    """Each engagement of the series' clutch from neutral is a repeat."""
+    """Return the records of the last engagement of the series' clutch from neutral.
+
+    Raises
+    ------
+    NotMeasured
+        When there was no such engagement.
+    """
     box, orders = run.recording.transmission, run.recording.orders
     gear = next(gear.number for gear in box.gears if gear.clutches == (conditions["clutch"],))
     ends = [order[0] for order in orders[1:]] + [None]
@@ -231,7 +305,7 @@ def profile_series(conditions: dict, run: Run) -> list[list[Record]]:
         for row in (engagement_metrics(run.recording, *one) for one in found)
         if row["input_speed_before"] is None or row["input_speed_before"] >= 1.0
     ]
-    # the load is set with the clutch closed, before; the engagement that is measured is the last one
+    # the load was set before, with the clutch closed, so the last engagement is the measured one
     if not rows:
         raise NotMeasured("the engagement did not take place")
     return [_engagement(conditions, run.recording, rows[-1])]
@@ -265,7 +339,13 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
 
 
 def valve_response(conditions: dict, run: Run) -> list[list[Record]]:
-    """The delay from coil voltage and pressure."""
+    """Return the record of the delay from coil voltage and pressure.
+
+    Raises
+    ------
+    NotMeasured
+        When the coil voltage was not recorded.
+    """
     channels, recording = run.recording.channels, run.recording
     clutch = next(one for one in recording.transmission.clutches if one.valve_name == conditions["valve"])
     coil = clutch.voltage
@@ -277,7 +357,7 @@ def valve_response(conditions: dict, run: Run) -> list[list[Record]]:
 
 
 def coast_down(conditions: dict, run: Run) -> list[list[Record]]:
-    """Tangent, torque and inertia, and the speed over the time since the drive was cut off."""
+    """Return the records of tangent, torque and inertia, and of the speed over the time since the drive was cut off."""
     recording = run.recording
     t = recording.t0 + recording.period * np.arange(recording.rows)
     into = recording.transmission.input

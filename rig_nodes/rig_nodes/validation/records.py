@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rig gave under known conditions, as records that can be selected like the rows of targets.yaml.
+"""The rig's results under known conditions, as records that can be selected like the rows of targets.yaml.
 
-Made by validation.programme, read by validation.evaluate; knows nothing of how a procedure is run.
+Made by validation.programme and read by validation.evaluate; this module does not depend on how a procedure is run.
 """
 
 from __future__ import annotations
@@ -21,22 +21,30 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
 REL = 1e-9  # two settings are the same within this share; they come from the same decimal numbers
-# how many series "all" means: procedure -> valve (None: whatever the valve) -> number, tab. 7.4, Annexes B and C
+# number of series that "all" means: procedure -> valve (None: any valve) -> number, tab. 7.4, Annexes B and C
 SERIES = {"delay_series": {None: 19}, "profile_series": {"ZR-P1": 37, "ZR-P2": 10}}
-# a record under such a condition shows a part or a moment of a test and answers only rows that name it
+# a record with such a condition shows a part or a moment of a test, and is selected only by rows that name the condition
 ASPECTS = ("phase", "time", "pressure")
-# rows of one grid compare with shifts of the other one
+# rows of one grid are compared with shifts of the other one
 SHARED = {"grid_up": ("grid_up", "grid_down"), "grid_down": ("grid_up", "grid_down")}
 PEOPLE = {"angular velocity": "rpm", "time": "ms", "pressure": "MPa", "length": "mm"}
 
 
 @dataclass(frozen=True)
 class Record:
-    """Results of one test under its conditions, SI throughout; ``series`` may be "all" for what all gave together.
+    """Results of one test under its conditions, all in SI units.
 
-    conditions: names as in targets.yaml and the variable of a curve that has no such name (``s``); values:
-    quantities of targets.yaml -> number, class (text), or None where it could not be found; why: quantity ->
-    the reason of a None.
+    Parameters
+    ----------
+    procedure : str
+        Name of the procedure.
+    conditions : dict
+        Names as in targets.yaml, and the variable of a curve that has no such name (``s``), with their values. ``series`` may
+        be "all" for a result of all series together.
+    values : dict
+        Quantities of targets.yaml with a number, a class as text, or None when the value could not be found.
+    why : dict of str to str
+        Quantity -> the reason of a None.
     """
 
     procedure: str
@@ -46,15 +54,26 @@ class Record:
 
 
 def same(one: float | str, other: float | str) -> bool:
-    """Whether two values of a condition are the same: text exactly, numbers within REL of the larger."""
+    """Return whether two values of a condition are the same: text exactly, numbers within REL of the larger."""
     if isinstance(one, str) or isinstance(other, str):
         return one == other
     return math.isclose(one, other, rel_tol=REL, abs_tol=1e-12)
 
 
 def allowed(value: float | str, wanted: tuple | Span) -> bool:
-    """Whether a record's value of a condition is among those wanted: a tuple of values ("all": every one) or a
-    Span, ends included.
+    """Return whether a record's value of a condition is among those wanted.
+
+    Parameters
+    ----------
+    value : float or str
+        The record's value [SI].
+    wanted : tuple or Span
+        A tuple of values, in which "all" stands for every one, or a Span with its ends included.
+
+    Returns
+    -------
+    bool
+        True when it is.
     """
     if isinstance(wanted, Span):
         if isinstance(value, str):
@@ -65,10 +84,27 @@ def allowed(value: float | str, wanted: tuple | Span) -> bool:
 
 
 def select(records: Iterable[Record], procedure: str, quantity: str, conditions: dict, named: Iterable[str] = ()) -> list[Record]:
-    """The records of a procedure that hold a quantity under the given conditions, in their order.
+    """Return the records of a procedure that hold a quantity under the given conditions, in their order.
 
-    conditions: name -> tuple or Span, as a Target has them; named: further conditions that a record must have.
-    A record with a condition out of ASPECTS that is neither is left out.
+    A record with a condition of ASPECTS is left out unless that condition is among the given ones or named.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        The records.
+    procedure : str
+        Name of the procedure.
+    quantity : str
+        Name of the quantity.
+    conditions : dict
+        Name -> tuple or Span, as in a Target.
+    named : iterable of str
+        Further conditions that a record must have.
+
+    Returns
+    -------
+    list of Record
+        The records.
     """
     procedures = SHARED.get(procedure, (procedure,))
     known = {*conditions, *named}
@@ -84,10 +120,24 @@ def select(records: Iterable[Record], procedure: str, quantity: str, conditions:
 
 
 def missing(records: list[Record], procedure: str, conditions: dict) -> list[str]:
-    """What is wanted by name and has no record, one short text each.
+    """Return what is wanted by name and has no record.
 
-    Every combination of listed values must be there; of a Span, something; of ``series: all``, each series of
-    the procedure.
+    Every combination of listed values must have a record, a Span must have one, and ``series: all`` must have one for each
+    series of the procedure.
+
+    Parameters
+    ----------
+    records : list of Record
+        The selected records.
+    procedure : str
+        Name of the procedure.
+    conditions : dict
+        Name -> tuple or Span, as in a Target.
+
+    Returns
+    -------
+    list of str
+        One short text each.
     """
     combinations = [{}]
     for name, wanted in conditions.items():
@@ -117,7 +167,7 @@ def _missing_series(found: list[Record], procedure: str) -> list[str]:
 
 
 def group(records: Iterable[Record], names: Collection[str]) -> list[tuple[dict, list[Record]]]:
-    """Records that agree in all of ``names``, as (those conditions, records), in the order of first sight."""
+    """Return records that agree in all of ``names``, as (those conditions, records), in the order in which they first occur."""
     groups: dict[tuple, tuple[dict, list[Record]]] = {}
     for record in records:
         key = tuple(canonical(record.conditions[name]) for name in names)
@@ -126,16 +176,30 @@ def group(records: Iterable[Record], names: Collection[str]) -> list[tuple[dict,
 
 
 def canonical(value: float | str) -> float | str:
-    """A condition's value as a key: equal for all that are :func:`same`, but for the last digit's luck."""
+    """Return a condition's value as a key, which is equal for all values that are :func:`same` except when rounding parts them."""
     return value if isinstance(value, str) else float(f"{value:.8e}") + 0.0
 
 
 def average(repeats: list[list[Record]]) -> list[Record]:
-    """One list of records for the repeats of a test, each a list of records in the same order.
+    """Return one list of records for the repeats of a test, each a list of records in the same order.
 
     Numbers become their mean, as the laboratory averaged its repeats (7.1.3). A number that one repeat lacks is
-    None, and so is a class on which the repeats disagree. Traces (records with a time) are the first repeat's.
-    Raises RigError when the repeats do not hold the same records.
+    None, and so is a class on which the repeats disagree. Traces (records with a time) are those of the first repeat.
+
+    Parameters
+    ----------
+    repeats : list of list of Record
+        The repeats.
+
+    Returns
+    -------
+    list of Record
+        The records.
+
+    Raises
+    ------
+    RigError
+        When the repeats do not hold the same records.
     """
     if len(repeats) == 1:
         return list(repeats[0])
@@ -171,7 +235,7 @@ def _mean(records: Sequence[Record]) -> Record:
 
 
 def shown(name: str, value: float | str) -> str:
-    """A condition for people, in their unit: ``1500 rpm``, ``series 19``, ``ZR-P1``."""
+    """Return a condition as text in the unit that people use: ``1500 rpm``, ``series 19``, ``ZR-P1``."""
     takes = CONDITIONS.get(name)
     if isinstance(value, str):
         return value if name != "series" else f"series {value}"
@@ -185,7 +249,7 @@ def shown(name: str, value: float | str) -> str:
 
 
 def place_text(place: dict) -> str:
-    """A place (conditions, or [one, other] for the two sides of a comparison) for people."""
+    """Return a place (conditions, or [one, other] for the two sides of a comparison) as text."""
     parts = [
         " against ".join(shown(name, one) for one in value) if isinstance(value, (list, tuple)) else shown(name, value)
         for name, value in place.items()

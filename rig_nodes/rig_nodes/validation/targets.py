@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the laboratory printed, from targets.yaml: one frozen :class:`Target` for each number or trend.
+"""The laboratory's printed results, from targets.yaml: one frozen :class:`Target` for each number or trend.
 
-Used by what compares the rig with the laboratory; knows nothing of how a procedure is run. The head of
-targets.yaml says what each key and kind means.
+Used by the modules that compare the rig with the laboratory; this one does not depend on how a procedure is run. The head
+of targets.yaml describes each key and kind.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ PARTS = ("all", "most")  # of a row's single values that must be inside
 
 @dataclass(frozen=True)
 class Span:
-    """All values of a condition between two, ends included (SI)."""
+    """All values of a condition between two, ends included [SI]."""
 
     low: float
     high: float
@@ -60,13 +60,62 @@ class Span:
 
 @dataclass(frozen=True)
 class Target:
-    """One printed number or trend and what counts as meeting it. Numbers are SI, curves excepted.
+    """One printed number or trend, and what counts as meeting it; numbers are SI, except those of curves.
 
-    dimension: of printed, low, high and tolerance (a ratio for the kinds ratio and fit and for spread_share); unit: the
-    laboratory's, for people. conditions, of, to: name -> tuple of values, or a :class:`Span`. inside: which of its single values
-    must be inside, all or most (more than half). conflicts: id of another target -> how the two pull against each other, the same
-    at both. pieces: of a curve, (from, to, coefficients with the highest power first) in variable_unit and unit.
-    tolerance_is_share: the tolerance of a trend is a share of the lowest value. line: where the row stands.
+    Parameters
+    ----------
+    id : str
+        Name of the row.
+    text, where : str
+        What is claimed, and the place in the thesis.
+    kind : str
+        One of KINDS.
+    quantity : str
+        Name of the quantity.
+    dimension : str
+        Dimension of printed, low, high and tolerance; a ratio for the kinds ratio and fit and for spread_share.
+    procedure : str
+        Name of the procedure.
+    role : str
+        One of ROLES.
+    why : str
+        Why this much is accepted, or why the row cannot be judged.
+    line : int
+        Line of the file at which the row stands.
+    conditions, of, to : dict
+        Name -> tuple of values, or a :class:`Span`.
+    unit : str
+        The laboratory's unit, for people.
+    printed : tuple of float
+        The printed number, or the lowest and the highest.
+    low, high : float or None
+        Ends of what is accepted.
+    tolerance : float or None
+        The tolerance.
+    tolerance_is_share : bool
+        True when the tolerance of a trend is a share of the lowest value.
+    absolute : bool
+        True when a difference counts without its sign.
+    sign, shape : str or None
+        Sign of a trend, shape of a fit.
+    over : str or None
+        Condition over which a trend or fit is taken.
+    fixed : tuple of str
+        Conditions that must be the same for values that are compared.
+    inside : str
+        Which single values must be inside: all, or most (more than half).
+    statistic, across : str or None
+        Statistic of the values, and the condition across which it is taken.
+    classes, expected
+        Names of a classification, and the one that is expected.
+    variable, variable_unit : str or None
+        Variable of a curve and its unit.
+    pieces : tuple
+        Pieces of a curve: (from, to, coefficients with the highest power first) in variable_unit and unit.
+    conflicts : dict of str to str
+        Id of another target -> how the two pull against each other; the same sentence stands at both.
+    note : str
+        A remark.
     """
 
     id: str
@@ -106,9 +155,22 @@ class Target:
 
 
 def load_targets(path: str | Path | None = None) -> list[Target]:
-    """The targets of a file, by default the one that ships with the package, in its order.
+    """Read the targets of a file.
 
-    Raises RigError with file and line for whatever is not as the file's head says.
+    Parameters
+    ----------
+    path : str or Path or None
+        The file; None for the one that ships with the package.
+
+    Returns
+    -------
+    list of Target
+        The targets in the file's order.
+
+    Raises
+    ------
+    RigError
+        With file and line, for everything that is not as the file's head describes.
     """
     path = TARGETS_FILE if path is None else Path(path)
     node = load_yaml(path)
@@ -141,7 +203,7 @@ def _procedures(path: str | Path, node: Map) -> tuple[str, ...]:
 
 
 def _quantities(path: str | Path, node: Map) -> dict[str, str]:
-    """Name -> dimension."""
+    """Return the dimension of each quantity, by name."""
     quantities = node["quantities"]
     check_keys(path, quantities, quantities, (), "quantities")
     for name, entry in quantities.items():
@@ -154,7 +216,7 @@ def _quantities(path: str | Path, node: Map) -> dict[str, str]:
 
 
 def _mirror_conflicts(path: str | Path, rows: Iterable[Map], targets: dict[str, Target]) -> None:
-    """A conflict is written at one of its two rows; let both know."""
+    """Note at both rows a conflict that is written at one of them."""
     for row in rows:
         here = targets[str(row["id"])]
         for other, sentence in (row.get("conflicts") or {}).items():
@@ -188,16 +250,16 @@ class _Row:
         self.dimension = quantities[node["quantity"]]
 
     def refuse(self, key: str, reason: str) -> NoReturn:
-        """Raises RigError about a key of the row, with file and line."""
+        """Raise RigError about a key of the row, with file and line."""
         raise RigError(f"{where_of(self.path, self.node, key)}: {self.id}.{key} {reason}")
 
     def one_of(self, key: str, known: Collection[str]) -> None:
-        """RigError when a key names none of what is known."""
+        """Raise RigError when a key names none of what is known."""
         if self.node[key] not in tuple(known):
             self.refuse(key, f"is {brief(self.node[key])}, expected one of {', '.join(known)}")
 
     def target(self) -> Target:
-        """The row as its file has it; RigError with file and line otherwise."""
+        """Return the row as its file has it; RigError with file and line when it is not right."""
         node, kind = self.node, self.node["kind"]
         values: dict = {}
         for key, known in (
@@ -245,14 +307,14 @@ class _Row:
         )
 
     def fixed(self) -> tuple[str, ...]:
-        """Conditions that must be the same for values that are compared."""
+        """Return the conditions that must be the same for values that are compared."""
         names = self.node.get("fixed", [])
         if not isinstance(names, list) or any(name not in CONDITIONS for name in names):
             self.refuse("fixed", f"is {brief(names)}, expected a list out of {', '.join(CONDITIONS)}")
         return tuple(str(name) for name in names)
 
     def conditions(self, key: str) -> dict[str, tuple | Span]:
-        """What a row asks of the conditions under a key: values or spans [SI]."""
+        """Return what a row asks of the conditions under a key: values or spans [SI]."""
         node = self.node[key]
         check_keys(self.path, node, CONDITIONS, (), f"{self.id}.{key}")
         out = {}
@@ -274,7 +336,7 @@ class _Row:
         return out
 
     def classes(self) -> dict:
-        """Names of a classification, and the one that is expected."""
+        """Return the names of a classification, and the one that is expected."""
         classes = self.node["classes"]
         names = isinstance(classes, list) and all(isinstance(name, str) for name in classes)
         if not names or len(set(classes)) < 2:
@@ -283,7 +345,7 @@ class _Row:
         return {"classes": tuple(str(c) for c in classes), "expected": str(self.node["expected"])}
 
     def curve(self) -> dict:
-        """The pieces of a printed curve, its variable and that one's unit."""
+        """Return the pieces of a printed curve, its variable and the unit of the variable."""
         node = self.node
         for key in ("unit", "variable_unit"):
             self.one_of(key, UNITS)
@@ -307,7 +369,7 @@ class _Row:
         return {"pieces": tuple(pieces), "variable": str(node["variable"]), "variable_unit": str(node["variable_unit"])}
 
     def numbers(self) -> dict:
-        """printed, low, high and tolerance in SI, and that they fit each other."""
+        """Return printed, low, high and tolerance in SI, after a check that they fit each other."""
         node, kind = self.node, self.node["kind"]
         text = node["tolerance"]
         share = kind == "trend" and isinstance(text, str) and text.rstrip().endswith("%")
@@ -334,11 +396,11 @@ class _Row:
         return {"printed": printed, "tolerance": tolerance, "tolerance_is_share": share, "unit": self.unit(), **ends}
 
     def number(self, text: object, key: str, dimension: str) -> float:
-        """The number [SI] that is written under a key."""
+        """Return the number [SI] that is written under a key."""
         return quantity(text, dimension, f"{where_of(self.path, self.node, key)}: {self.id}.{key}")
 
     def printed(self) -> tuple[float, ...]:
-        """The printed number [SI], or the lowest and the highest."""
+        """Return the printed number [SI], or the lowest and the highest."""
         if "printed" not in self.node:
             return ()
         entry = self.node["printed"]
@@ -351,14 +413,14 @@ class _Row:
         return numbers
 
     def unit(self) -> str:
-        """The laboratory's unit: that of the first number there is."""
+        """Return the laboratory's unit, which is that of the first number of the row."""
         keys = ("unit", "printed", "low", "high", "tolerance")
         entry = next(self.node[key] for key in keys if key in self.node)
         text = str(entry[0] if isinstance(entry, list) else entry)
         return text if text in UNITS else (text.split(None, 1)[1:] or ["-"])[0]
 
     def conflicts(self) -> None:
-        """RigError unless the key has sentences by ids of other rows."""
+        """Check that the key has sentences by ids of other rows; RigError when it has not."""
         conflicts = self.node.get("conflicts", {})
         if not isinstance(conflicts, dict):
             self.refuse("conflicts", f"is {brief(conflicts)}, expected {{id of another row: one sentence}}")

@@ -23,7 +23,7 @@ from ..testbench.record import Run
 from ..transmission import transmission_of
 from .figures import Figure, Series
 
-MEAN, STEP = 1e-3, 2e-3  # s: mean over as much, one point each
+MEAN, STEP = 1e-3, 2e-3  # s: time over which a point is averaged, and time between two points
 BEFORE, AFTER = 0.1, 1.2  # s around the order
 BOX = transmission_of()
 CHANNELS = {  # part of a figure -> (axis with unit, factor from SI, channels)
@@ -37,7 +37,7 @@ SHIFT = ("torque", "speed", "pressure")
 
 @dataclass(frozen=True)
 class Course:
-    """One figure: the series of a procedure that it shows, the gears of the order, the parts that are drawn."""
+    """One figure: the series of a procedure that it shows, the gears of the order, and the parts that are drawn."""
 
     figure: str
     title: str
@@ -66,7 +66,20 @@ COURSES = (
 
 
 def draw(course: Course, run: Run) -> list[tuple[str, Figure]]:
-    """(file name without ending, figure) of each part; the last order of those gears is shown, none gives none."""
+    """Draw the parts of a figure for the last order between its gears.
+
+    Parameters
+    ----------
+    course : Course
+        The figure.
+    run : Run
+        A run of its series.
+
+    Returns
+    -------
+    list of (str, Figure)
+        Name of the file without ending, and figure, of each part; empty when there is no such order.
+    """
     times = [t for t, *gears in run.recording.orders if tuple(gears) == course.gears]
     if not times:
         return []
@@ -95,6 +108,23 @@ def _run_and_draw(rig: str, settings: dict[str, str] | None, course: Course) -> 
 def time_courses(
     procedures: Iterable[str], workers: Workers, rig: str = "hydmag", settings: dict[str, str] | None = None
 ) -> list[tuple[str, Figure]]:
-    """The figures of these procedures' series, each run once."""
+    """Draw the figures of some procedures' series, each from one run.
+
+    Parameters
+    ----------
+    procedures : iterable of str
+        Names of the procedures.
+    workers : Workers
+        The worker processes.
+    rig : str
+        Name or file of the rig.
+    settings : dict of str to str or None
+        Changes of the rig.
+
+    Returns
+    -------
+    list of (str, Figure)
+        Name of the file without ending, and figure, of each part.
+    """
     wanted = [course for course in COURSES if course.procedure in procedures]
     return [figure for found in workers.map(partial(_run_and_draw, rig, settings), wanted) for figure in found]

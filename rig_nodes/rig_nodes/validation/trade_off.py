@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where calibrating rows pull against each other: how much of the one a better value of the other costs.
+"""The trade-offs between calibrating rows: how much one row loses when another one is met better.
 
 Used by `rig calibrate --trade-offs`. Each point of a curve is the rig with the least misses for one weight of the one row
-against the other, all other rows and the bounds kept; which of them is right, no curve says.
+against the other, with all other rows and the bounds kept. A curve does not show which of the two rows is right.
 """
 
 from __future__ import annotations
@@ -20,13 +20,25 @@ from ..testbench.configuration import RigConfig
 from .calibrate import Parameter, at_shares, load_stages, nearby, shares_of
 from .calibration_rows import ROWS, Miss, calibrating
 
-WEIGHTS = (16.0, 4.0, 1.0, 0.25, 0.0625)  # of the first row's squared miss over the second's
-CLEAR = 0.5  # tolerances: a row that is nearer needs no trade
+WEIGHTS = (16.0, 4.0, 1.0, 0.25, 0.0625)  # of the first row's squared miss relative to the second's
+CLEAR = 0.5  # tolerances: a row with a smaller miss needs no trade-off
 
 
 @dataclass(frozen=True)
 class Point:
-    """One rig on a curve: weight of the first row, both misses [tolerances], values of both rows and parameters (SI)."""
+    """One rig on a curve.
+
+    Parameters
+    ----------
+    weight : float
+        Weight of the first row.
+    misses : (float, float)
+        Misses of both rows [tolerances].
+    rows : (float, float)
+        Values of both rows [SI].
+    parameters : dict of str to float
+        Values of the parameters [SI].
+    """
 
     weight: float
     misses: tuple[float, float]
@@ -36,7 +48,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Curve:
-    """The trade-off of two rows of a stage, from the first row's favour to the second's."""
+    """The trade-off of two rows of a stage, from the point that favours the first row to the one that favours the second."""
 
     stage: str
     rows: tuple[str, str]
@@ -44,10 +56,21 @@ class Curve:
 
 
 def conflicts(after: list[Miss], sensitivities: dict[str, dict[str, float]]) -> list[tuple[str, str]]:
-    """Pairs of rows that both miss clearly and of which no small change mends one without harming the other.
+    """Return the pairs of rows that both miss clearly and of which no small change mends one without harming the other.
 
-    after: misses of a stage. sensitivities: parameter -> row -> change of its miss. A step that lowers the one squared
-    miss raises the other when their gradients point apart.
+    A step that lowers the one squared miss raises the other one when their gradients point apart.
+
+    Parameters
+    ----------
+    after : list of Miss
+        Misses of a stage.
+    sensitivities : dict of str to dict
+        Parameter -> row -> change of its miss.
+
+    Returns
+    -------
+    list of (str, str)
+        Names of the rows.
     """
     bad = [miss for miss in after if abs(miss.tolerances) > CLEAR]
     gradient = {miss.row: np.array([miss.tolerances * by_row[miss.row] for by_row in sensitivities.values()]) for miss in bad}
@@ -72,7 +95,26 @@ def trade_offs(
     jobs: int,
     progress: Callable[[str, str, str], None] | None = None,
 ) -> list[Curve]:
-    """The curves of all conflicts of a calibrated rig. after: stage -> misses; sensitivities as calibrate.Found has them."""
+    """Compute the curves of all conflicts of a calibrated rig.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The calibrated rig.
+    after : dict of str to list of Miss
+        Misses of each stage.
+    sensitivities : dict of str to dict
+        As in calibrate.Found.
+    jobs : int
+        Number of worker processes.
+    progress : callable or None
+        Takes the stage and the two rows of each pair before it is computed.
+
+    Returns
+    -------
+    list of Curve
+        One curve for each conflict.
+    """
     stages, curves = load_stages(), []
     with Workers(jobs) as workers:
         for stage, misses in after.items():

@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which rows a rig is held against: those of its folder, or the laboratory's programme. Reads no rig, so it is quick."""
+"""The choice of the rows for a rig: those of its folder, or the laboratory's programme.
+
+Used by the verbs ``validate``, ``calibrate`` and ``check``; no rig is read, so it is quick.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,25 @@ LABORATORY_FOLDER = RIGS_DIR / LABORATORY_RIG
 
 
 def file_of_rig(rig: str | Path, name: str) -> Path:
-    """A file of a rig's folder, or of the next base that has one; RigError where there is none."""
+    """Return a file of a rig's folder, or of the nearest base that has one.
+
+    Parameters
+    ----------
+    rig : str or Path
+        Name or file of the rig.
+    name : str
+        Name of the file.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RigError
+        When neither the rig nor a base has one.
+    """
     folders = [path.parent for path, _ in with_bases(rig)]
     found = next((folder / name for folder in folders if (folder / name).is_file()), None)
     if found is None:
@@ -27,12 +48,12 @@ def file_of_rig(rig: str | Path, name: str) -> Path:
 
 
 def rows_file(rig: str | Path) -> Path:
-    """The rows that a rig is held against, :func:`file_of_rig`."""
+    """Return the file with the rows of a rig, as :func:`file_of_rig`."""
     return file_of_rig(rig, ROWS_FILE)
 
 
 def is_laboratory(path: Path) -> bool:
-    """True where a file says that the rows are those of the laboratory's programme."""
+    """Return whether a file refers to the rows of the laboratory's programme; RigError when it names another programme."""
     node = load_yaml(path)
     if not isinstance(node, dict) or "programme" not in node:
         return False
