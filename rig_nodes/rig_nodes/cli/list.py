@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..catalogue import Catalogue, Signal, Topic
     from ..testbench.configuration import RigConfig
 
-HELP = "list sequences, procedures, rigs, topics or signals"
+HELP = "list sequences, rigs, settings, signals and what else there is"
 # what can be listed -> its line of help and the command that accepts such a name
 WHAT = {
     "sequences": ("tests that a rig walks through", "./rig simulate NAME"),

@@ -12,7 +12,7 @@ from .by_hand import add_domain, running_rig
 if TYPE_CHECKING:
     import argparse
 
-HELP = "set or show what can be turned at the rig that runs"
+HELP = "set or show a value of the rig that runs"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

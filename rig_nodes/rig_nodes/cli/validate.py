@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-HELP = "hold a rig against its validation rows, the laboratory's against everything that was printed"
+HELP = "compare a rig with its validation rows, the HydmAG with all printed results"
 STARTING = 2.0  # cost of starting the processes, in the unit of validation.programme
 
 
