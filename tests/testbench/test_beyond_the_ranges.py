@@ -26,6 +26,9 @@ STIFF_VALVE = {
     "valve_zr_p2.drain_area": "1000 mm2",
 }
 
+# the spool's edges meet, so that the valve answers every move of the piston
+STIFF_PACK = {"clutch_s1.pack_rate": "10000000 N/mm", "valve_zr_p1.spool_dead_band": "0 mm", "load_pump.mechanical_loss": "1.5 Nm"}
+
 
 def shift_up_and_down(settings):
     """(channels of 6 s with true values, rig): gear I, 1000 rpm, load, up, down."""
@@ -83,8 +86,9 @@ def nonsense(channels, rig):
         {"loss_in.square": "0.003 1/Nm"},
         {**HEAVY_PUMP, "loss_in.square": "0.01 1/Nm"},
         STIFF_VALVE,
+        STIFF_PACK,
     ],
-    ids=["cold plates", "heavy pump", "heavy pump behind the clutches", "steep loss", "both", "stiff valve"],
+    ids=["cold plates", "heavy pump", "heavy pump behind the clutches", "steep loss", "both", "stiff valve", "stiff pack"],
 )
 def test_a_shift_with_stiff_parts_is_one_that_can_be(settings):
     channels, rig = shift_up_and_down(settings)
@@ -201,6 +205,4 @@ def test_drawn_rigs_are_ones_that_can_be_or_trip():
 
 @pytest.mark.campaign
 def test_hundreds_of_drawn_rigs_are_ones_that_can_be_or_trip():
-    wrong = [found for found in map(run_drawn, range(1000, 1500)) if found]
-    assert all("alternates" in words for _, _, said in wrong for words in said), wrong
-    assert len(wrong) <= 5, "a stiff part may still swing from step to step in one rig of a hundred"
+    assert [wrong for wrong in map(run_drawn, range(1000, 1500)) if wrong] == []

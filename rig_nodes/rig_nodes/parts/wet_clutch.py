@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 THIRD = 1.0 / 3.0
 LOWEST = -1e4  # Pa: how far the integration may go below the tank's pressure
+STIFF = 9.0  # how often a pack holds up to what damps the piston in half a step; a swing then loses a fifth in each
 
 
 @dataclass(frozen=True)
@@ -171,9 +172,9 @@ def cylinder_step(
     """Take one implicit step of line, feed orifice, chamber and piston from their states in ``port`` and ``cylinder``.
 
     The step is of second order: the compression of the oil by backward differences over two steps, which damp a stiff volume as a
-    backward step does, and the way of the piston by the trapezoidal rule. The chamber pressure is the only unknown: piston, feed
-    flow and line pressure follow from it in closed form, and the balance of the line's volume is a monotone function of it,
-    which is solved by Newton's method inside a shrinking bracket.
+    backward step does, and the way of the piston by the trapezoidal rule, or by a backward step on a stiff pack. The chamber
+    pressure is the only unknown: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's
+    volume is a monotone function of it, which is solved by Newton's method inside a shrinking bracket.
 
     Parameters
     ----------
@@ -213,6 +214,9 @@ def cylinder_step(
     p = max(cylinder.chamber, low)
     half, per_half = 0.5 * h, 2.0 / h
     start = max(0.0, cylinder.piston + half * cylinder.speed)
+    # by the trapezoidal rule the speed of a piston on a stiff pack swings from step to step: there a backward step is taken
+    if pack_force(cylinder.piston, clutch)[1] * half > STIFF * clutch.piston_damping:
+        half, per_half, start = h, 1.0 / h, cylinder.piston
     line, x, flow, speed = port.pressure, start, 0.0, 0.0
     for turn in range(120):
         x, dx = piston_step(start, p, half, clutch)
