@@ -81,6 +81,10 @@ def test_foreign_shell_settings_and_no_home_do_not_matter(checkout, tmp_path):
     findings = {c["what"]: c for c in json.loads(done.stdout)["checks"]}
     for what in ("environment", "rclpy", "rig_msgs", "DDS loopback"):
         assert findings[what]["state"] == "ok", findings[what]
+    assert findings["shell"]["state"] == "warn"
+    left_out = ("PYTHONPATH", "AMENT_PREFIX_PATH", "RMW_IMPLEMENTATION")
+    assert all(f"-u {name}" in findings["shell"]["hint"] for name in left_out)
+    assert findings["shell"]["detail"].startswith(" and ".join(left_out))
 
 
 def test_closed_pipe_is_quiet(checkout):

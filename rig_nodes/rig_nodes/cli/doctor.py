@@ -125,6 +125,16 @@ def check_environment() -> Finding:
     return Finding("environment", OK, f"{sys.prefix}, {count} packages")
 
 
+def check_shell() -> Finding:
+    """Check whether the shell has a sourced ROS 2 or Python path, which the launcher leaves out and a user's program would get."""
+    names = os.environ.get("RIG_LEFT_OUT", "").split()
+    if not names:
+        return Finding("shell", OK, "no other ROS 2 is sourced here")
+    remedy = f"env {' '.join(f'-u {name}' for name in names)} .venv/bin/python your_node.py"
+    detail = f"{' and '.join(names)} of another ROS 2 or Python: ./rig leaves out what is set here"
+    return Finding("shell", WARN, detail, f"a node of yours starts with: {remedy}")
+
+
 def check_disk() -> Finding:
     """Check the free space where runs are written."""
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
@@ -278,6 +288,7 @@ CHECKS = (
     check_compiler,
     check_headers,
     check_environment,
+    check_shell,
     check_disk,
     check_rclpy,
     check_messages,
