@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests of this folder import the running graph they share."""
+"""Lets the tests of this folder import the helpers that they share."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 @pytest.fixture
 def rig_command():
-    """A verb of `rig` as a process of its own, waited for."""
+    """Runs a verb of `rig` in a process of its own and waits for its end."""
 
     def run(*arguments: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess:
         return subprocess.run(

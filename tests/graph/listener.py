@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A process of its own that takes whole topics raw and writes what came, in the order in which it came.
+"""A process of its own that receives topics as raw bytes and writes them to a file in the order in which they came.
 
-Arguments: file to write, then topic=package/msg/Name pairs. It ends when all who published have left and
+Arguments: file to write, then topic=package/msg/Name pairs. It ends when all publishers have left and
 nothing comes any more.
 """
 
@@ -32,7 +32,7 @@ def main(out, pairs):
     for topic, ros_type in (pair.split("=") for pair in pairs):
         known = catalogue().topics.get(topic)
         profile = recorder_profile(known.qos) if known else publisher_profile("measurement")
-        profile.history = HistoryPolicy.KEEP_ALL  # only so does a full receiver hold up the sender
+        profile.history = HistoryPolicy.KEEP_ALL  # only with this history does a full receiver hold up the sender
         keep = (lambda topic: lambda data: came.append((topic, data)))(topic)
         inputs.append(node.create_subscription(message_class(ros_type), topic, keep, profile, raw=True))
     deadline = time.monotonic() + PATIENCE

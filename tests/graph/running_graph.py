@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What graph tests need: a live graph under the supervisor, a client of it in this process, `rig run` here or as a process."""
+"""Helpers of the graph tests: a live graph under the supervisor, a client of it in this process, and `rig run`."""
 
 import contextlib
 import io
@@ -38,10 +38,10 @@ class Graph:
     """A rig that runs until closed, under the same supervisor as `rig run`, without a sequence of its own."""
 
     def __init__(self, folder: Path, **order):
-        """order: fields of the supervisor's Order, e.g. speed for a run in lockstep."""
+        """Starts the graph; ``order`` holds fields of the supervisor's Order, e.g. speed for a run in lockstep."""
         self.folder = folder
         folder.mkdir()
-        Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
+        Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
         self.domain = allocate()
         self.said = []
         self.supervisor = Supervisor(Order(None, **order), folder, self.domain, lambda t, text: self.said.append(text))
@@ -52,7 +52,7 @@ class Graph:
             raise AssertionError(f"the graph did not start: {self.said}")
 
     def close(self):
-        """End it in order; returns how it ended."""
+        """Ends the graph in order; returns how it ended."""
         self.supervisor.stop()
         self._thread.join()
         self.domain.release()
@@ -60,7 +60,7 @@ class Graph:
 
 
 class Client:
-    """A user's own node: plain rclpy, default quality of service unless told otherwise."""
+    """A user's own node: plain rclpy, with the default quality of service unless another one is given."""
 
     def __init__(self, domain, discovery="LOCALHOST"):
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = discovery
@@ -72,7 +72,7 @@ class Client:
         self._services, self._heard = {}, []
 
     def forget(self):
-        """Listen to nothing any more: what nobody reads keeps the executor from ever being done."""
+        """Ends all subscriptions: as long as messages come that are not read, the executor is never done."""
         while self._heard:
             self.node.destroy_subscription(self._heard.pop())
 
@@ -82,7 +82,7 @@ class Client:
         rclpy.shutdown(context=self.context)
 
     def until(self, predicate, what: str, timeout: float = PATIENCE):
-        """Serve callbacks until the predicate is true; returns its value."""
+        """Serves callbacks until the predicate is true; returns its value."""
         deadline = time.monotonic() + timeout
         while not (value := predicate()):
             assert time.monotonic() < deadline, f"waited {timeout} s for {what}"
@@ -90,8 +90,9 @@ class Client:
         return value
 
     def listen(self, topic: str, depth: int = 1000) -> list:
-        """A list that grows with the messages of a topic; at depth 1 with the newest whenever there is time for one, so that a
-        busy machine does not look at what is long past.
+        """Returns a list that grows with the messages of a topic.
+
+        At depth 1 it gets the newest message whenever there is time for one, so that a busy machine does not look at old ones.
         """
         messages = []
         kind = message_class(catalogue().topics[topic].ros_type)
@@ -101,26 +102,29 @@ class Client:
         return messages
 
     def publisher(self, topic: str, profile=10):
-        """A publisher that the graph listens to."""
+        """Returns a publisher to which the graph is subscribed."""
         kind = message_class(catalogue().topics[topic].ros_type)
         publisher = self.node.create_publisher(kind, topic, profile)
-        # recorder and device
+        # the two receivers are recorder and device
         self.until(lambda: publisher.get_subscription_count() >= 2, f"receivers of {topic}")
         return publisher
 
     def service(self, kind, name: str):
-        """The client of a service that is there; asked for early, where an answer must not wait for the two to find each other."""
+        """Returns the client of a service that is ready.
+
+        A test creates it early where a call must not wait until client and service are connected.
+        """
         if name not in self._services:
             self._services[name] = self.node.create_client(kind, name)
         self.until(self._services[name].service_is_ready, name)
         return self._services[name]
 
     def call(self, kind, name: str):
-        """Response of a service."""
+        """Returns the response of a service."""
         client, asked = self.service(kind, name), []
 
         def answered():
-            # again after a while: the server may not know yet where its answers go
+            # asks again after a while, because the server may not yet be connected to the client that waits for its answer
             if not asked or time.monotonic() - asked[-1][1] > 2.0:
                 asked.append((client.call_async(kind.Request()), time.monotonic()))
             return next((future for future, _ in asked if future.done()), None)
@@ -129,14 +133,14 @@ class Client:
         return future.result()
 
     def order(self, kind, name: str, goal) -> "Goal":
-        """Send a goal."""
+        """Sends a goal."""
         client = ActionClient(self.node, kind, name)
         self.until(client.server_is_ready, name)
         return Goal(self, client, goal)
 
 
 class Goal:
-    """A goal on its way: ``feedback`` grows, :meth:`result` waits for the end, which ``status`` names then."""
+    """A goal that was sent: ``feedback`` grows, and :meth:`result` waits for the end, which ``status`` then names."""
 
     def __init__(self, user: Client, client: ActionClient, goal):
         self.user, self.client, self.feedback, self._result, self.status = user, client, [], [], None
@@ -157,13 +161,13 @@ class Goal:
         return future.result()
 
     def result(self):
-        """The result, when it is there."""
+        """Returns the result when the goal has ended."""
         self.user.until(lambda: self._result, "the goal's result")
         return self._result[0]
 
 
 def rig_run(folder: Path, *arguments: str, sequence: Path = SHORT) -> tuple[int, str]:
-    """Exit code and whole output of a `rig run` that nobody disturbs: it needs no process of its own, its graph has them."""
+    """Returns exit code and output of a `rig run` that is not disturbed; it runs in this process, its graph in others."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     said = io.StringIO()
     try:
@@ -176,19 +180,19 @@ def rig_run(folder: Path, *arguments: str, sequence: Path = SHORT) -> tuple[int,
 
 
 class RigRun:
-    """`rig run` as a process of its own, as in a terminal."""
+    """`rig run` in a process of its own, as in a terminal."""
 
     def __init__(self, folder: Path, *arguments: str, sequence=SHORT, env=None):
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(sequence), "--out", str(folder), *arguments]
         self.folder, self.output = folder, []
-        # as at most users: with it, the order of what comes out on stdout and stderr would not depend on our flushes
+        # unset as for most users: with it, the order of stdout and stderr would not depend on the program's flushes
         plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True, env=plain | (env or {})
         )
 
     def until(self, text: str) -> str:
-        """Read its output up to a line with this text."""
+        """Reads the output up to a line with this text."""
         for line in self.process.stdout:
             self.output.append(line)
             if text in line:
@@ -196,11 +200,11 @@ class RigRun:
         raise AssertionError(f"'{text}' was never printed:\n" + "".join(self.output))
 
     def ctrl_c(self):
-        """What a terminal does on Ctrl-C: SIGINT to the whole foreground group."""
+        """Sends SIGINT to the whole foreground group, as a terminal does on Ctrl-C."""
         os.killpg(self.process.pid, signal.SIGINT)
 
     def children(self) -> dict[str, int]:
-        """Process ids of the graph by the processes' names."""
+        """Returns the process ids of the graph by the names of the processes."""
         found = {}
         for stat in Path("/proc").glob("[0-9]*/stat"):
             try:
@@ -213,25 +217,25 @@ class RigRun:
         return {name: pid for pid, (name, parent) in found.items() if parent in servers and name in MODULES}
 
     def end(self) -> tuple[int, str]:
-        """Exit code and whole output."""
+        """Returns exit code and whole output."""
         rest, _ = self.process.communicate(timeout=60)
         return self.process.returncode, "".join(self.output) + rest
 
 
 class Traces:
-    """What a run has on this machine now, and that it is gone later."""
+    """What a run uses on this machine now, to check later that all of it is gone."""
 
     def __init__(self, run: RigRun):
         self.children = run.children()
         self._descriptors = [os.pidfd_open(pid) for pid in self.children.values()]
 
     def shared_memory(self) -> list[str]:
-        """Fast DDS segments that the processes use."""
+        """Returns the Fast DDS segments that the processes use."""
         maps = "".join(Path(f"/proc/{pid}/maps").read_text() for pid in self.children.values())
         return [line for line in maps.splitlines() if "/dev/shm/fastrtps" in line]
 
     def wait_gone(self):
-        """Wait until all processes have ended."""
+        """Waits until all processes have ended."""
         for descriptor in self._descriptors:
             ready, _, _ = select.select([descriptor], [], [], PATIENCE)
             os.close(descriptor)

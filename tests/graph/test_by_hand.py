@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The verbs for working by hand, gear, set, status, stop and reset, as a person types them beside a rig that runs."""
+"""The verbs for working by hand, gear, set, status, stop and reset, typed beside a rig that runs."""
 
 import contextlib
 import json
@@ -31,7 +31,7 @@ def graph(tmp_path_factory):
 
 
 def rig(domain: int, *words: str) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a command."""
+    """Returns exit code, stdout and stderr of a command."""
     plain = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
     done = subprocess.run(
         [sys.executable, "-P", "-m", "rig_nodes.cli.main", *words, "--domain", str(domain)],
@@ -45,21 +45,21 @@ def rig(domain: int, *words: str) -> tuple[int, str, str]:
 
 @pytest.fixture(scope="module")
 def ask(graph):
-    """The verbs at the graph, each in a process of its own that has begun already."""
+    """Calls the verbs at the graph, each in a new process in which Python is loaded already."""
     with Verbs() as verbs:
         yield lambda *words: verbs.run(*words, "--domain", str(graph.domain.number))
 
 
 @pytest.fixture(scope="module")
 def found(graph):
-    """The rig, as a verb has found it."""
+    """The rig as a verb finds it."""
     with running_rig.RunningRig(graph.domain.number) as rig:
         yield rig
 
 
 @pytest.fixture
 def ask_on(graph, found, monkeypatch, capsys):
-    """The verbs once more, in this process and on a rig that is found already: it is not looked for each time."""
+    """Calls the verbs in this process on a rig that is found already, so that it is not looked for each time."""
     monkeypatch.setattr(os, "environ", os.environ.copy())
     monkeypatch.setattr(running_rig, "RunningRig", lambda number: contextlib.nullcontext(found))
     return lambda *words: (main([*words, "--domain", str(graph.domain.number)]), *capsys.readouterr())
@@ -155,7 +155,7 @@ def test_without_a_rig_it_is_said_at_once(monkeypatch, capsys, words):
 
 
 def test_stop_ends_a_rig_by_hand_in_order(graph, ask, ask_on):
-    """Ends the graph; what follows needs no other rig."""
+    """Last test with the graph: it ends the graph, and the tests after it need no other rig."""
     assert ask_on("set", "load_pump.relief_pressure", "2 MPa")[0] == 0
     assert ask("stop")[0] == 0
     assert graph.supervisor.ended.wait(PATIENCE)

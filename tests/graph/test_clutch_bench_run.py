@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig run` of the clutch bench: its devices are nodes, its bag has what simulate's has, its results are the same."""
+"""`rig run` of the clutch bench: its devices are nodes, its bag has the topics of `simulate`, and its results are the same."""
 
 import json
 
@@ -21,7 +21,7 @@ PARAMETERS = {"pressures": "1 MPa, 1.25 MPa, 1.5 MPa", "wetting": "200 ms"}
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Folder of a run on the node graph and what it said."""
+    """Returns the folder of a run on the node graph and its output."""
     folder = tmp_path_factory.mktemp("bench") / "run"
     parameters = [word for name, value in PARAMETERS.items() for word in ("--with", f"{name}={value}")]
     code, output = rig_run(folder, *parameters, sequence="clutch_bench")
@@ -44,7 +44,7 @@ def test_the_results_are_those_of_the_run_in_one_process(run):
     report = json.loads((folder / "report.json").read_text())["bench"]
     same = record(load_rig("clutch_bench"), load_sequence("clutch_bench", PARAMETERS)).recording.channels
     assert [round(row["p_z_pa"] * 1e-6, 1) for row in report["slip_tests"]] == [1.0, 1.3, 1.5]
-    # commands come some samples later over DDS; the torque at slip does not know
+    # over DDS commands come some samples later, which does not change the torque at slip
     assert report["slip_tests"][-1]["m_eks_nm"] == pytest.approx(same["M_e"].max(), abs=1.0)
     assert report["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
     t, work = Bag(folder).series("motor_sh_work")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Controllers as processes of their own, on the graph: the same bits in lockstep, the safe state when they go."""
+"""Controllers in processes of their own on the graph: the same bits in lockstep, the safe state when their process ends."""
 
 import socket
 import subprocess
@@ -76,7 +76,7 @@ if __name__ == "__main__":
 
 
 def start_udp(folder, port):
-    """The Alfa46 law with names of its own: (program, the specification of the same in the rig's process)."""
+    """Returns the program of the Alfa46 law with names of its own, and the specification of the same law in the rig's process."""
     (folder / "naming.py").write_text(NAMING)
     return subprocess.Popen([sys.executable, folder / "naming.py", str(port)]), f"python:{folder / 'naming.py'}:Naming"
 
@@ -113,7 +113,7 @@ steps:
     "arguments", [("--speed", "max"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["lockstep", "real time"]
 )
 def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_own(tmp_path, arguments):
-    """Transducers in lockstep as of each sample, as in simulate; in real time the newest of their topics."""
+    """In lockstep it gets the transducers of each sample, as in simulate; in real time the newest value of each topic."""
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "sequence.yaml").write_text(SEQUENCE)
     spec, sequence = f"python:{tmp_path / 'own.py'}:Own", tmp_path / "sequence.yaml"
@@ -131,7 +131,7 @@ def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_o
 
 
 def other_topics(folder, spec="alfa46", sequence=SHORT):
-    """Topics whose content is not that of `simulate` with the same controller."""
+    """Returns the topics whose content differs from that of `simulate` with the same controller."""
     config = load_rig()
     simulate(config, load_sequence(sequence), folder / "simulated", controller=load_controller(spec, config))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
@@ -145,7 +145,7 @@ def other_topics(folder, spec="alfa46", sequence=SHORT):
         ("for (;;);", ("--speed", "1", "--step-timeout", "3"), "sample 500: no answer for 3 s (--step-timeout)", 0.007),
         pytest.param(
             "*(volatile int *)8 = 1;", (), SILENT, 0.107, marks=[pytest.mark.against_the_clock, pytest.mark.campaign]
-        ),  # the rig sees it as it sees a hang
+        ),  # for the rig this is the same as a hang
         pytest.param("for (;;);", (), SILENT, 0.107, marks=pytest.mark.against_the_clock),
     ],
     ids=["crash in lockstep", "hang in lockstep", "crash in real time", "hang in real time"],

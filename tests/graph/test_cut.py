@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices in processes of their own: the bits of `simulate` in lockstep, noticed when they fall silent."""
+"""Devices in processes of their own: the bits of `simulate` in lockstep, and the rig's reaction when they fall silent."""
 
 import json
 import math
@@ -40,7 +40,7 @@ class DeviceProcess:
         self.output = ""
 
     def until(self, text: str) -> None:
-        """Read its output up to a line with this text."""
+        """Reads the output up to a line with this text."""
         for line in self.process.stdout:
             self.output += line
             if text in line:
@@ -48,7 +48,7 @@ class DeviceProcess:
         raise AssertionError(f"'{text}' was never said:\n{self.output}")
 
     def end(self, number=signal.SIGINT) -> int:
-        """End it by a signal; returns its exit code."""
+        """Ends it by a signal; returns its exit code."""
         self.process.send_signal(number)
         self.output += self.process.communicate(timeout=20)[0]
         return self.process.returncode
@@ -56,7 +56,7 @@ class DeviceProcess:
 
 @pytest.fixture
 def start():
-    """Start devices that do not outlive the test: (run, names) -> processes, in the run's domain."""
+    """Starts devices in the run's domain that end with the test: (run, names) -> processes."""
     started = []
 
     def start(run, *names):
@@ -94,7 +94,7 @@ def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
     a, b = ours.canonical_hash(), theirs.canonical_hash()
     assert {topic for topic in {*a, *b} if a.get(topic) != b.get(topic)} <= answers | NOT_THE_PLANTS
     for topic in answers:
-        # the last port is answered too, when nobody goes on from it
+        # on the graph the message of the last port may be answered too, although the run ends with it
         mine, its = messages(ours, topic), messages(theirs, topic)
         assert len(mine) > 500 and its[: len(mine)] == mine and len(its) - len(mine) <= 1
     for device in devices:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""/diagnostics as a tool of the user's own sees it: every device, at 1 Hz, and at once when something changes."""
+"""/diagnostics as a tool of the user receives it: every device, at 1 Hz, and at once when something changes."""
 
 import os
 import signal
@@ -49,7 +49,7 @@ class Failing(Alfa46):
 
 
 class Watcher(Client):
-    """Keeps the newest status of each device and when each message came."""
+    """Keeps the newest status of each device and the times at which its messages came."""
 
     def __init__(self, domain):
         super().__init__(domain)
@@ -63,7 +63,7 @@ class Watcher(Client):
             self.came.setdefault(status.name, []).append(time.monotonic())
 
     def shows(self, name, level, text):
-        """Wait until a device says this; returns its values."""
+        """Waits until a device reports this; returns its values."""
 
         def there():
             status = self.newest.get(name)
@@ -75,7 +75,7 @@ class Watcher(Client):
 
 @pytest.fixture(scope="module")
 def graph(tmp_path_factory):
-    """In lockstep, where ROS is served beside the samples or between them."""
+    """The graph in lockstep, where ROS is served beside the samples or between them."""
     graph = Graph(tmp_path_factory.mktemp("graph") / "diagnostics", speed=1.0)
     yield graph
     graph.close()
@@ -96,7 +96,7 @@ def test_every_device_of_a_sound_rig_is_ok(user):
     assert {status.hardware_id for status in user.newest.values()} == {"virtual_rig"}
     assert user.shows("rig/alfa46", OK, "answers the samples")["missed"] == "0"
     assert float(user.shows("rig/valve_zr_p1", OK, "follows the shift controller")["command_age_ms"]) < 50.0
-    # its first status may be older than the first of its messages
+    # the recorder's first status may be older than its first message
     user.until(lambda: int(user.shows("rig/recorder", OK, "records")["received"]) > 100, "a recorder that receives")
 
 
@@ -156,7 +156,7 @@ def test_a_box_without_samples_is_stale(graph, user):
 
 
 def test_it_is_in_the_bag_like_every_topic_of_the_domain(graph, user):
-    """Last of those with the graph: ends it."""
+    """Last test with the graph: it ends the graph."""
     assert graph.close().state == "interrupted"
     assert Bag(graph.folder).counts["/diagnostics"] > 0
 

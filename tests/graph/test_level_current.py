@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Current setpoints over ROS in real time: from a controller of the run, and from a node of the user's own."""
+"""Current setpoints over ROS in real time: from a controller of the run, and from a node of the user."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from rig_nodes.graph.result import facts_of, lost_messages
 
 pytestmark = pytest.mark.against_the_clock
 
-# leaves every sample to the user's node
+# a controller that answers no sample and so leaves every one to the user's node
 SILENT = """
 from rig_nodes.controllers import ControllerOutputs, Status
 
@@ -85,7 +85,7 @@ def test_a_node_of_the_users_own_sends_setpoints(tmp_path):
         user.until(lambda: states[-1].state == RigState.READY, "the first command")
         user.until(lambda: coil and coil[-1].value == pytest.approx(0.4, abs=0.01), "0.4 A in the coil")
         assert valve[-1].duty > 0.2, "the rig's own power stage drives it"
-        send["level"] = ValveCommand.LEVEL_DUTY  # in mid-run: refused, and as nothing else comes the rig trips
+        send["level"] = ValveCommand.LEVEL_DUTY  # this is refused in mid-run, and the rig trips because nothing else comes
         user.until(lambda: any(e.name == "command_refused" for e in events), "the refusal")
         text = next(e.text for e in events if e.name == "command_refused")
         assert "takes commands at level 'current', found one at level 'duty'; the level stays until its end" in text

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user sees of the running graph from a process of his own."""
+"""The running graph as a process of the user sees it."""
 
 import itertools
 import math
@@ -46,7 +46,7 @@ def user(client):
 
 @pytest.fixture
 def still(user):
-    """Whatever a test did: afterwards the motor is off, and the rig was never tripped."""
+    """After each test the motor is off, and the rig was never tripped."""
     states = user.listen("/rig/state")
     yield
     publisher = user.publisher("/motor/command")
@@ -60,7 +60,7 @@ def still(user):
 
 
 def logs(user) -> list:
-    """A list that grows with what is and was said on /rosout."""
+    """Returns a list that grows with the messages of /rosout, those that came before included."""
     said = []
     profile = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     user.node.create_subscription(Log, "/rosout", said.append, profile)
@@ -70,7 +70,7 @@ def logs(user) -> list:
 def test_every_node_and_topic_is_seen(user):
     nodes = {topic.node for topic in catalogue().topics.values()} | {"recorder"}
     user.until(lambda: nodes <= set(user.node.get_node_names()), f"the nodes {nodes}")
-    # discovery tells of one endpoint after the other
+    # endpoints are discovered one after the other
     for topic in catalogue().topics.values():
 
         def offered(name=topic.name) -> list[str]:
@@ -151,7 +151,7 @@ def test_a_wrong_setpoint_is_refused_and_the_old_one_stays(user, still, value):
     publisher = user.publisher("/motor/command")
 
     def turning() -> bool:
-        # again and again: the publisher knows of its receiver a moment before the receiver knows of it
+        # published repeatedly, because the publisher discovers its receiver a moment before the receiver discovers it
         publisher.publish(Setpoint(value=300.0 * RPM, enable=True))
         return states and states[-1].speed_setpoint == pytest.approx(300.0 * RPM)
 
@@ -171,7 +171,7 @@ def test_nan_in_a_valve_command_is_refused_and_the_controller_stays_in_charge(us
     wrong = ValveCommand(sample=1, duty=[math.nan, 0.0, 0.0], setpoint=[0.0] * 3)
 
     def refused() -> bool:
-        publisher.publish(wrong)  # again and again: of valve commands only the newest counts
+        publisher.publish(wrong)  # published repeatedly, because only the newest valve command counts
         return any(event.name == "command_refused" for event in events)
 
     user.until(refused, "the refusal")
@@ -215,7 +215,7 @@ def test_joining_and_leaving_tools_do_not_hold_up_the_rig(graph, user, still, di
 
 
 def test_nothing_of_all_this_is_lost(graph, user):
-    """Last of the file: ends the graph and compares what was published with the bag."""
+    """Last test of the file: it ends the graph and compares what was published with the bag."""
     user.until(lambda: graph.supervisor.time > 3.0, "three seconds of run")
     end = graph.close()
     assert end.state == "interrupted"

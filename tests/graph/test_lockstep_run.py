@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig run --speed`: the graph in lockstep gives what `simulate` gives, bit for bit, whoever controls it."""
+"""`rig run --speed`: the graph in lockstep gives the same bits as `simulate`, with any controller."""
 
 import json
 import os
@@ -20,7 +20,7 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
 EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
-# orders of the sequencer reach the box over ROS: when it says so is its own affair
+# orders of the sequencer reach the box over ROS, so the time of its events may differ
 NOT_THE_PLANTS = {"/controller/events", "all"}
 
 
@@ -29,7 +29,7 @@ PYTHON = f"python:{EXAMPLES / 'alfa46.py'}:Alfa46"
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
-    """canonical_hash of `simulate`, by the sequence and the level and the delay of the controller."""
+    """Returns canonical_hash of `simulate` for a sequence and the level and the delay of the controller."""
     hashes = {}
 
     def get(sequence, level, delay):
@@ -46,7 +46,7 @@ def simulated(tmp_path_factory):
 @pytest.mark.parametrize(
     "arguments",
     [
-        pytest.param(("--speed", "max"), marks=pytest.mark.against_the_clock),  # its factor is a promise of an idle machine
+        pytest.param(("--speed", "max"), marks=pytest.mark.against_the_clock),  # its factor holds on an idle machine only
         ("--speed", "max", "--controller", f"c:{EXAMPLES / 'alfa46.c'}"),
         ("--speed", "2", "--delay", "3", "--controller", PYTHON, "--level", "current"),
     ],
@@ -103,7 +103,7 @@ def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
     bag = Bag(run.folder)
     (trip,) = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and "process has ended" in text]
     age = next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe)
-    assert age <= 0.007, "nothing is held from a dead controller"  # two samples, then up to a tick to the message
+    assert age <= 0.007, "nothing is held from a dead controller"  # two samples, and up to a tick until the message
     newest = max(m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for _, m in bag.messages("/controller/command"))
     assert trip - newest < 0.1, "the recorder had all but the last moment of what it said"
 

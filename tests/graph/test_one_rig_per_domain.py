@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One rig, or replay, for a ROS domain: a second one is refused in a sentence before it starts anything."""
+"""One rig or replay for each ROS domain: a second one is refused in a sentence before it starts anything."""
 
 import json
 import os
@@ -46,9 +46,9 @@ def test_a_second_rig_in_a_domain_is_refused_and_the_first_goes_on(tmp_path, rig
     assert code == 130 and json.loads((tmp_path / "first" / "report.json").read_text())["run"]["lost"] == 0, output
 
 
-@pytest.mark.against_the_clock  # it looks round in the domain for a moment only
+@pytest.mark.against_the_clock  # the command searches the domain for a short time only
 def test_a_rig_that_only_dds_shows_is_found_too(tmp_path, rig_command):
-    """As one of another container, which holds no socket here."""
+    """A rig in another container is like this: it holds no socket here."""
     with allocate() as domain:
         user = Client(domain)
         try:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Orders that are taken back or cannot be carried out, from a process of the user's own, in real time and in lockstep."""
+"""Orders that are withdrawn or cannot be carried out, from a process of the user, in real time and in lockstep."""
 
 import math
 import os
@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import facts_of, lost_messages
 
-# in lockstep too: the box that is stopped must not have the order yet
+# in lockstep too, because the order must not reach the box before its process is stopped
 pytestmark = pytest.mark.against_the_clock
 
 RPM = math.pi / 30.0
@@ -38,7 +38,7 @@ steps:
 
 @pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
 def graph(request, tmp_path_factory):
-    # a small pump, which reaches 500 Nm at rest with no setting that the rig takes: 59 MPa
+    # a small pump, for which 500 Nm at rest would need 59 MPa, more than the rig takes
     graph = Graph(
         tmp_path_factory.mktemp("graph") / "orders",
         speed=request.param,
@@ -59,7 +59,7 @@ def user(graph):
 
 
 def told(user, topic, name):
-    """The newest event of this name, when it has come."""
+    """Returns the newest event of this name as soon as it has come."""
     return user.until(lambda: [e for e in user.events[topic] if e.name == name][-1:], name)[0]
 
 
@@ -111,7 +111,7 @@ def test_a_shift_that_has_begun_is_carried_to_its_end(user):
 
 def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
     container = graph.supervisor.children["container"].pid
-    os.kill(container, signal.SIGSTOP)  # no sample, so nobody takes the order
+    os.kill(container, signal.SIGSTOP)  # no sample comes, so the controller does not take the order
     try:
         goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=2))
         answer = goal.cancel()
@@ -143,7 +143,7 @@ def test_a_sequence_cancelled_in_a_shift_leaves_the_shift_to_its_end(user, tmp_p
     commands = user.listen("/controller/command")
     user.until(lambda: commands and commands[-1].gear == 2 and not commands[-1].shifting, "the end of the shift")
     assert user.states[-1].state == RigState.READY, "the motor was never ordered"
-    # the end of that shift is not the end of the next one that a sequence orders
+    # the end of that shift must not count as the end of the next one that a sequence orders
     path.write_text("description: x\nsteps:\n  - set: {alfa46.t12: 0 s}\n  - shift: {to: neutral}\n")
     assert user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(path))).result().success
 
@@ -160,7 +160,7 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(user, tmp_pa
 
 
 def test_an_emergency_stop_takes_every_order_back(user):
-    """Whatever was clamped or ordered before: after the reset only a new order clamps a clutch."""
+    """Whatever was clamped or ordered before, only a new order clamps a clutch after the reset."""
     clutch, valve, motor = (user.listen(f"/{name}/state") for name in ("clutch_s1", "valve_zr_p1", "motor"))
     said = []
     user.node.create_subscription(Log, "/rosout", said.append, 100)
@@ -180,7 +180,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
         seen = len(messages)
         return user.until(lambda: len(messages) > seen + 2, "new messages") and messages[-1]
 
-    user.service(Trigger, "/rig/e_stop")  # a shift does not wait for it
+    user.service(Trigger, "/rig/e_stop")  # connected now, so that the call during the shift does not have to wait
     set_to("oil_supply", 4e6, lambda: True)
     set_to("motor", 300.0 * RPM, lambda: user.states[-1].state == RigState.RUNNING)
     # a rig that is not stopped is not reset
@@ -206,7 +206,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
     assert not newest(motor).enabled
     before = len(valve), len(clutch)
     user.until(lambda: len(valve) > before[0] + 100, "half a second more")
-    # what is left of coil and oil may still run down
+    # the remaining coil current and pressure may still fall
     assert max(state.current for state in valve[before[0] + 50 :]) < 0.02
     assert max(state.pressure for state in clutch[before[1] + 50 :]) < 0.5e6
     assert order(1).result().success
@@ -219,7 +219,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
 
 
 def test_a_stamp_of_the_wall_clock_is_logged_when_it_came(graph, user):
-    """As from a node that stamps with its own clock and never heard of simulated time."""
+    """A node that stamps with its own clock, without simulated time, sends such a message."""
     health = []
     user.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: health.extend(m.status), 100)
     publisher = user.publisher("/oil_supply/command")
@@ -234,7 +234,7 @@ def test_a_stamp_of_the_wall_clock_is_logged_when_it_came(graph, user):
 
 
 def test_all_of_it_stands_in_the_bag(graph, user):
-    """Last of the file: ends the graph."""
+    """Last test of the file: it ends the graph."""
     assert graph.close().state == "interrupted"
     bag = Bag(graph.folder)
     facts = facts_of(graph.folder)

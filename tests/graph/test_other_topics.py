@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics beyond the rig's own: of users' nodes, /rosout, /diagnostics, in the bag as they appear, by pattern if wanted."""
+"""Topics beyond the rig's own, of users' nodes, /rosout and /diagnostics, in the bag as they appear or chosen by pattern."""
 
 from unittest.mock import MagicMock
 
@@ -31,7 +31,7 @@ def heard(user, publisher) -> None:
     scope="module", params=[pytest.param(None, marks=pytest.mark.against_the_clock), 1.0], ids=["real time", "lockstep"]
 )
 def bag(request, tmp_path_factory):
-    """The bag of a run in which a user's nodes took part."""
+    """The bag of a run during which a user's nodes published."""
     graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, exclude="/secret/.*")
     user = Client(graph.domain)
     try:
@@ -47,11 +47,11 @@ def bag(request, tmp_path_factory):
         user.sent = (states[-1].header.stamp.sec + states[-1].header.stamp.nanosec * 1e-9, [*range(50, 55)])
         for number in user.sent[1]:
             fast.publish(UInt64(data=number))
-        later = user.node.create_publisher(Float64, "/user/later", 10)  # appears when the others are recorded
+        later = user.node.create_publisher(Float64, "/user/later", 10)  # appears when the others are recorded already
         heard(user, later)
         later.publish(Float64(data=2.5))
         user.node.declare_parameter("of_the_users_own", 1)
-        user.node.get_logger().info("a line of the user's own")  # a rig at which nothing goes wrong logs none
+        user.node.get_logger().info("a line of the user's own")  # a rig without faults logs no line itself
         seen = len(states)
         user.until(lambda: len(states) > seen + 200, "a second more")
         assert secret.get_subscription_count() == hidden.get_subscription_count() == 0

@@ -3,7 +3,7 @@
 
 """Every lockstep plug on the graph: the bits of `simulate` at any speed, and with its process stopped as in a debugger.
 
-The short test runs always; the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py` prints
+The short test always runs, the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py` prints
 the factors that docs/how_to/controllers.md shows.
 """
 
@@ -37,7 +37,7 @@ steps:
   - oil: {pressure: 4 MPa}
   - shift: {to: I, timeout: 5 s}
 """
-PLUGS = {  # specification, or how it is made; name of the process that computes, or a word in its command line
+PLUGS = {  # specification or its pattern; name of the process that computes, or a word in its command line
     "python": ("python:rig_nodes.controllers.examples.alfa46:Alfa46", "alfa46\n"),
     "c": (f"c:{EXAMPLES / 'alfa46.c'}", "c_host.py"),
     "simulink": (f"simulink:{EXAMPLES / 'simulink'}", "c_host.py"),
@@ -45,7 +45,7 @@ PLUGS = {  # specification, or how it is made; name of the process that computes
     "fmu": ("fmu:{folder}/alfa46.fmu", "rig_nodes.controllers.fmu_process"),
     "ros": ("ros:speeds", "examples.alfa46_ros"),
 }
-PROGRAMS = {  # what runs beside the rig, with its arguments
+PROGRAMS = {  # programs that run beside the rig, with their arguments
     "udp": ("rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", "{port}"),
     "ros": ("rig_nodes.controllers.examples.alfa46_ros", "speeds"),
 }
@@ -60,14 +60,14 @@ def sequence(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected(sequence, tmp_path_factory):
-    """Hashes of `simulate` with the built-in controller, and how long the sequence is [s]."""
+    """Returns the hashes of `simulate` with the built-in controller, and the length of the sequence [s]."""
     folder = tmp_path_factory.mktemp("simulated")
     run = simulate(load_rig(), load_sequence(sequence), folder)
     return Bag(folder).canonical_hash(), run["duration_s"]
 
 
 def process_of(run, word):
-    """The process below `rig run`, or beside it, that has this name, or this word in its command line."""
+    """Returns the process below `rig run` or beside it that has this name, or this word in its command line."""
     parents, found = {}, []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -87,7 +87,7 @@ def process_of(run, word):
 
 @contextlib.contextmanager
 def program_of(plug, port, domain):
-    """The controller's own program, of the plugs that have one."""
+    """Runs the controller's own program for the plugs that have one."""
     if plug not in PROGRAMS:
         yield
         return
@@ -101,7 +101,7 @@ def program_of(plug, port, domain):
 
 
 def check(folder, sequence, expected, plug, speed, stop=0.0):
-    """Run it; the bag is that of `simulate`, and the factor that is printed is what the speed and the stop let be."""
+    """Runs the sequence: the bag equals that of `simulate`, and the printed factor fits the speed and the stop."""
     spec, word = PLUGS[plug]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a bag holds of orders: each was taken by the rig, or its refusal stands beside it as an event with the reason."""
+"""The orders in a bag: each was taken by the rig, or its refusal stands beside it as an event with the reason."""
 
 import math
 
@@ -20,7 +20,7 @@ from rig_nodes.graph.result import facts_of, lost_messages, run_part
 pytestmark = pytest.mark.against_the_clock
 
 RPM = math.pi / 30.0
-PLAIN = QoSProfile(depth=1)  # as `ros2 topic pub` offers: without a deadline
+PLAIN = QoSProfile(depth=1)  # as `ros2 topic pub` offers it, without a deadline
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def user(graph):
 
 
 def refused(user, text) -> str:
-    """The refusal with this text, when it has come."""
+    """Returns the refusal with this text as soon as it has come."""
     return user.until(
         lambda: [e.text for e in user.refusals if e.name == "command_refused" and text in e.text], f"a refusal with '{text}'"
     )[-1]
@@ -78,8 +78,8 @@ def test_what_cannot_be_stored_is_named_and_the_recording_goes_on(user):
     user.publisher("/motor/command").publish(Setpoint(header=Header(stamp=Time(sec=-5)), value=0.0, enable=False))
     cut = user.node.create_publisher(Event, "/sequencer/events", 10)
     user.until(lambda: cut.get_subscription_count() >= 1, "the recorder")
-    cut.publish(b"\x00\x01\x00\x00" + bytes(8))  # 12 bytes, of which an event has 20 at least
-    garbled = b"\x00\x01\x00\x00" + bytes(16) + b"\xff\xff\xff\x7f" + bytes(16)  # a name of two thousand million bytes
+    cut.publish(b"\x00\x01\x00\x00" + bytes(8))  # 12 bytes, while an event has at least 20
+    garbled = b"\x00\x01\x00\x00" + bytes(16) + b"\xff\xff\xff\x7f" + bytes(16)  # states a name of two thousand million bytes
     cut.publish(garbled)
     short = user.publisher("/load_pump/command")
     short.publish(b"\x00\x01\x00\x00" + bytes(8))
@@ -89,7 +89,7 @@ def test_what_cannot_be_stored_is_named_and_the_recording_goes_on(user):
 
 
 def test_all_of_it_stands_in_the_bag(graph, user):
-    """Last of the file: ends the graph."""
+    """Last test of the file: it ends the graph."""
     end = graph.close()
     bag, facts = Bag(graph.folder), facts_of(graph.folder)
     assert bag.check() == [] and lost_messages(bag, facts) == {}

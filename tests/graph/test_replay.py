@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig replay` as a user starts it: what reaches another process over DDS, how it is steered and ended."""
+"""`rig replay` as a user starts it: what reaches another process over DDS, and how it is controlled and ended."""
 
 import itertools
 import os
@@ -61,7 +61,7 @@ class Replay:
         self._limit.start()
 
     def until(self, text):
-        """Read its output up to a line with this text."""
+        """Reads the output up to a line with this text."""
         for line in self.process.stdout:
             self.output += line
             if text in line:
@@ -69,7 +69,7 @@ class Replay:
         raise AssertionError(f"'{text}' was never printed:\n{self.output}")
 
     def end(self, code=0):
-        """Wait for the end and check how it was; returns the output."""
+        """Waits for the end and checks the exit code; returns the output."""
         rest, _ = self.process.communicate()
         self._limit.cancel()
         self.output += rest
@@ -78,7 +78,7 @@ class Replay:
 
 
 def heard(domain, folder, bag, *arguments):
-    """Replay a bag to a listener in another process; what that got, by topic, and the replay's output."""
+    """Replays a bag to a listener in another process; returns what it received by topic, and the replay's output."""
     out = folder / "heard.pickle"
     topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}
     command = [
@@ -122,7 +122,7 @@ def test_another_process_gets_the_whole_bag_in_order(domain, tmp_path, rate):
 
 @pytest.fixture
 def foreign(tmp_path):
-    """A bag as others make it: plain ROS types, a latched topic, a clock, unknown and unequal types."""
+    """A bag as other programs make it: plain ROS types, a latched topic, a clock, unknown and unequal types."""
     path = tmp_path / "foreign.mcap"
     text = installed("std_msgs/msg/String").text
     with open(path, "wb") as file:
@@ -162,7 +162,7 @@ def user(domain):
 
 
 def listen(user, kind, topic, latched=False):
-    """A list that grows with the messages of a topic."""
+    """Returns a list that grows with the messages of a topic."""
     messages = []
     durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
     user.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000, durability=durability))
@@ -249,7 +249,7 @@ def test_keys_of_the_terminal_steer_it(domain):
     assert "space: pause" in output and int(re.search(r"/rig/state +(\d+)", output).group(1)) >= 1
 
 
-@pytest.mark.against_the_clock  # it looks round in the domain for a moment only
+@pytest.mark.against_the_clock  # the command searches the domain for a short time only
 def test_a_second_clock_in_the_domain_is_refused_however_late_it_is_seen(domain, user):
     user.node.create_publisher(Clock, "/clock", 10)
     assert "another node publishes /clock" in Replay(domain, SAMPLE, "--loop").end(2)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig worked by hand outlives its processes: safe state, the reason, the process once more, a whole bag."""
+"""A rig worked by hand survives the end of its processes: safe state, the reason, a new process, a complete bag."""
 
 import signal
 import time
@@ -29,10 +29,10 @@ def seconds(stamp) -> float:
 
 
 def shifting(user, commands) -> None:
-    """Run the short sequence up to its shift.
+    """Runs the short sequence up to its shift.
 
-    The dead sequencer is seen for 20 s more, and a sequence that has just failed may still be at its end: the order is
-    sent again until it is obeyed.
+    The dead sequencer is still listed for 20 s, and a sequence that has just failed may not have ended yet. Therefore the
+    order is sent again until it is obeyed.
     """
     client = ActionClient(user.node, RunSequence, "/sequencer/run")
     user.until(client.server_is_ready, "a sequencer")
@@ -98,7 +98,7 @@ def test_a_killed_process_is_started_again(tmp_path, victims, controller):
 
 
 def works_again(user, states, commands) -> None:
-    """Reset, and a gear goes in as before."""
+    """Resets the rig; a gear is engaged as before."""
     user.until(lambda: commands, "commands")
     assert user.call(Trigger, "/rig/reset").success
     user.until(lambda: states[-1].state != TRIPPED, "the reset")

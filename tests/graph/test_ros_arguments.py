@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What follows --ros-args: taken as every ROS program takes it, or refused in one sentence before anything starts."""
+"""Arguments after --ros-args: taken as every ROS program takes them, or refused in one sentence before anything starts."""
 
 import signal
 import subprocess
@@ -33,13 +33,13 @@ def domain():
 
 
 def of(name: str) -> str:
-    """Entry point of one of the graph's processes."""
+    """Returns the entry point of one of the graph's processes."""
     return f"rig_nodes.nodes.{name}:main"
 
 
 @pytest.fixture(scope="module")
 def said(domain):
-    """Exit code, stdout and stderr of an executable, in a process of its own that has begun already."""
+    """Returns exit code, stdout and stderr of an executable, in a new process in which Python is loaded already."""
     with Verbs() as verbs:
         yield lambda start, *arguments: verbs.of(start, *arguments, env=environment(domain))
 
@@ -115,7 +115,7 @@ def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
     try:
         user.until(lambda: user.node.count_publishers("/left/m_wej"), "the topic under its other name", PATIENCE)
         assert user.node.count_publishers("/motor/m_wej") == 0
-        # what `ros2 param list` asks of every node it sees, and waits 5 s for
+        # `ros2 param list` asks every node that it sees for this, and waits 5 s for the answer
         client = AsyncParameterClient(user.node, "rig_replay")
         user.until(client.services_are_ready, "the parameters of the replay", 2.0)
         names = client.list_parameters()
@@ -129,8 +129,8 @@ def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
 
 @pytest.mark.against_the_clock
 def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain, tmp_path):
-    """As launch hands them on: SetParameter and a file for all go to every process."""
-    Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
+    """Launch passes them on in this form: SetParameter and a file for all nodes go to every process."""
+    Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
     (tmp_path / "logs").mkdir()
     (tmp_path / "lab.yaml").write_text(
         "motor:\n  ros__parameters: {speed: 100.0}\n"

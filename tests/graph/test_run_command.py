@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig run` as a user starts it, and what is left when it or one of its processes is ended."""
+"""`rig run` as a user starts it, and what remains when it or one of its processes is ended."""
 
 import json
 import os
@@ -70,7 +70,7 @@ def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
     "name",
     [
         "container",
-        pytest.param("recorder", marks=pytest.mark.campaign),  # test_restart.py kills one, and again
+        pytest.param("recorder", marks=pytest.mark.campaign),  # test_restart.py kills a recorder too
     ],
 )
 def test_another_killed_process_ends_the_run_with_its_name(tmp_path, name):
@@ -88,7 +88,7 @@ def test_another_killed_process_ends_the_run_with_its_name(tmp_path, name):
 
 @pytest.mark.parametrize("moment", [STARTED, SHIFTING])
 def test_ctrl_c_at_any_time_leaves_a_readable_bag_and_no_process(tmp_path, moment):
-    """In a domain of the user's choice, which is used. Between these two SIGTERM comes."""
+    """The run uses a ROS domain that the user chooses. SIGTERM is tested at a moment between these two."""
     with allocate() as domain:
         run = RigRun(tmp_path / "run", env={"ROS_DOMAIN_ID": str(domain.number)})
         run.until(moment)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything that can be set while the rig runs: acts within two ticks, is refused with a reason, stands in the bag."""
+"""Everything that can be set while the rig runs: it acts within two ticks, or is refused with a reason, and is in the bag."""
 
 import math
 
@@ -36,7 +36,7 @@ def seconds(message) -> float:
 
 
 class User(Client):
-    """A user's process that sets parameters, and keeps what was accepted."""
+    """A user's process that sets parameters, and keeps the names of the accepted ones."""
 
     def __init__(self, domain):
         super().__init__(domain)
@@ -55,7 +55,7 @@ class User(Client):
         return self._nodes[node]
 
     def ask(self, node, **values):
-        """SetParametersResult of setting values together; dots of names are written as double underscores."""
+        """Returns the SetParametersResult of values that are set together; dots of names are written as double underscores."""
         names = {name.replace("__", "."): value for name, value in values.items()}
         future = self._at(node).set_parameters_atomically([Parameter(n, value=v) for n, v in names.items()])
         self.until(future.done, f"the answer of {node}")
@@ -64,7 +64,7 @@ class User(Client):
         return future.result().result
 
     def set(self, node, **values) -> float:
-        """Set values that are right; returns when it was done [s], by the event that says so."""
+        """Sets valid values; returns the time [s] at which they were taken, from the event that reports it."""
         topic = "/controller/events" if node == "alfa46" else "/rig/events"
         events, states = self.events[topic], self.heard("/rig/state")
         seen = len(events)
@@ -85,18 +85,18 @@ class User(Client):
         return Parameter.from_parameter_msg(type("Message", (), {"name": name, "value": future.result().values[0]})()).value
 
     def acted(self, topic, when: float, is_new):
-        """The setting acts in every message from two ticks after it was taken on, and in none before it was."""
+        """Checks that the setting acts in every message from two ticks after it was taken on, and in none before it was taken."""
         messages = self.heard(topic)
         after = self.until(lambda: [m for m in messages if seconds(m) >= when + TWO_TICKS][:3], f"what {topic} says then")
         assert all(is_new(message) for message in after), after
         assert not any(is_new(message) for message in messages if when - 0.05 < seconds(message) < when)
 
     def shift(self, gear):
-        """Result of a shift."""
+        """Returns the result of a shift."""
         return self.order(Shift, "/controller/shift", Shift.Goal(gear=gear)).result()
 
     def set_profile(self, output, points):
-        """Response of the service that sets a profile as a whole."""
+        """Returns the response of the service that sets a whole profile."""
         client = self.node.create_client(SetProfile, "/alfa46/set_profile")
         self.until(client.service_is_ready, "the service")
         times, currents = np.asarray(points, float).T
@@ -147,12 +147,12 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
     blocks, mirror = user.heard("/instruments/hmg4000"), user.heard("/instruments/p1_absolute")
 
     def spread(since: float, column: int = 4) -> float:
-        """Of p1, over the rows of the blocks from two ticks after a setting on."""
+        """Returns the spread of p1 over the rows of the blocks, from two ticks after a setting on."""
         later = user.until(lambda: (b := [b for b in blocks if seconds(b) >= since + TWO_TICKS])[3:] and b, "logger blocks")
         return max(np.ptp(np.reshape(block.data, (block.rows, -1))[:, column]) for block in later)
 
     usual, most = spread(0.0), load_rig().settings.find("instruments.noise.p1").high
-    # below zero only its largest error is shown, so half of the noise remains at an idle clutch
+    # p1 is not shown further below zero than its largest error, so half of the noise remains at an idle clutch
     assert spread(user.set("instruments", noise__p1=most)) > 5.0 * usual
     assert spread(user.set("instruments", noise=False)) == 0.0
     assert user.get("instruments", "noise.p1") == most
@@ -183,7 +183,7 @@ def test_the_box_takes_gains_hold_current_and_delays(user):
     for gear, delay in ((2, 1.0), (1, 1.1)):
         result = user.shift(gear)
         assert result.success
-        # Tab. 7.5: it ends with P3 of the engaging output, which waits that long
+        # Tab. 7.5: the shift ends with P3 of the engaging output, which starts after the delay
         assert result.t_end - result.t_order == pytest.approx(delay + config.profiles[gear - 1, 2, 0], abs=0.003)
 
 
@@ -296,7 +296,7 @@ def test_every_setting_is_described(user, node):
 
 
 def test_all_of_it_stands_in_the_bag(graph, user):
-    """Last of those with the graph: ends it."""
+    """Last test with the graph: it ends the graph."""
     assert graph.close().state == "interrupted"
     bag = Bag(graph.folder)
     assert lost_messages(bag, facts_of(graph.folder)) == {}

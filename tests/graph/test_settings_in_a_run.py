@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings from another process in `rig run --speed`: when each acts, measured in the bag; real time: test_settings."""
+"""Settings from another process in `rig run --speed`: the bag shows when each acts. test_settings tests real time."""
 
 import re
 from types import SimpleNamespace
@@ -24,8 +24,8 @@ steps:
   - wait: {for: 3600 s}
 """
 LOWER = PROFILE_1.copy()
-LOWER[2, 1] = 0.6  # A, what holds gear I
-# event of the setting -> signal that shows it, and what it is then
+LOWER[2, 1] = 0.6  # A, the current that holds gear I
+# event of the setting -> signal that shows it, and the condition that its new values meet
 SHOWN = {
     "motor.speed = 40 rad/s": ("motor_speed_setpoint", lambda v: v > 31.5),
     "load_pump.relief_pressure = 2e+06 Pa": ("relief_setting", lambda v: v == 2e6),
@@ -41,7 +41,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize("speed", [pytest.param("1", marks=pytest.mark.campaign), "max"])  # the stricter of the two
+@pytest.mark.parametrize("speed", [pytest.param("1", marks=pytest.mark.campaign), "max"])  # max is the stricter one
 def test_a_setting_of_each_node_acts_within_two_ticks(tmp_path, speed, record_property):
     path = tmp_path / "held.yaml"
     path.write_text(HELD)
@@ -76,7 +76,7 @@ def test_a_setting_of_each_node_acts_within_two_ticks(tmp_path, speed, record_pr
         new = is_new(values)
         assert not new[(t < taken[text]) & (t > taken[text] - 0.5)].any(), text
         delays[text] = t[new & (t >= taken[text])][0] - taken[text]
-    # the pressure of a load that is off is 0: all there is of it is noise and the error of its transducer, which stays
+    # The pressure of a load that is off is 0, so its signal is only noise and the transducer's error, which stays constant.
     t, pressure = bag.series("p_po")
     off, scatters = taken["instruments.noise = false"], pressure != pressure[t < t[-1]][-1]
     assert np.mean(scatters[t < off]) > 0.2

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run that lost messages or time says so in its last line and ends with exit code 3; a full disk has a sentence."""
+"""A run that lost messages or time reports it in its last line and ends with exit code 3; a full disk has a sentence."""
 
 import json
 import os
@@ -23,9 +23,9 @@ def part_of(folder) -> dict:
 
 
 def stop_for(pid: int, seconds: float) -> None:
-    """The kernel's own stop, as a debugger or a paused container makes it."""
+    """Stops a process by SIGSTOP, as a debugger or a paused container does."""
     os.kill(pid, signal.SIGSTOP)
-    time.sleep(seconds)  # what is tested is that time
+    time.sleep(seconds)  # this time is what the tests need
     os.kill(pid, signal.SIGCONT)
 
 
@@ -82,7 +82,7 @@ def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
     assert code == 3, output
     assert behind["times"] >= 1 and behind["limit_s"] == 0.1 and 0.9 < behind["longest_s"] < 3.0
     assert "the rig fell behind real time by more than 100 ms" in output.splitlines()[-1]
-    # while it catches up the recorder may fall behind too: what that costs is counted by topic
+    # while the rig catches up, the recorder may fall behind too; the messages that this costs are counted by topic
     assert part_of(run.folder)["lost"] == sum(part_of(run.folder).get("lost_by_topic", {}).values())
 
 
@@ -97,7 +97,7 @@ def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A folder on a disk of its own with half a MB left, which a run of three seconds does not fit into."""
+    """A folder on a disk of its own with half a MB left, which is too little for a run of three seconds."""
     disk = tmp_path / "disk"
     disk.mkdir()
     if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], capture_output=True).returncode:
@@ -118,7 +118,7 @@ def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk):
     bag = Bag(folder, recover=True)
     assert bag.counts["/instruments/controller"] > 100
     for path in (folder / "logs").glob("*.json"):
-        json.loads(path.read_text())  # whole or not there
+        json.loads(path.read_text())  # each file is complete, or it does not exist
 
 
 def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):

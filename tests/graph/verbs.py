@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Verbs of `rig`, and its executables, each in a fresh process, which is forked where Python and ROS are loaded already."""
+"""Runs verbs of `rig` and its executables, each in a fresh process, forked from one in which Python and ROS are loaded."""
 
 import multiprocessing
 import os
@@ -10,12 +10,12 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from tempfile import TemporaryFile
 
-# pytest too: each process loads the main module of the one that asks for it
+# pytest too, because each process loads the main module of the process that starts it
 LOADED = ["pytest", "rig_nodes.cli.main", "rig_nodes.nodes.running_rig", "rig_nodes.nodes.rig_container"]
 
 
 class Verbs:
-    """A context manager, in which :meth:`run` does what a terminal does, without the start of Python."""
+    """A context manager in which :meth:`run` does what a terminal does, without the start of Python."""
 
     def __enter__(self) -> "Verbs":
         fresh = multiprocessing.get_context("forkserver")
@@ -27,11 +27,14 @@ class Verbs:
         self._processes.shutdown()
 
     def run(self, *words: str) -> tuple[int, str, str]:
-        """Exit code, stdout and stderr of a verb."""
+        """Returns exit code, stdout and stderr of a verb."""
         return self.of("rig_nodes.cli.main:main", *words)
 
     def of(self, entry: str, *words: str, env: dict[str, str] | None = None) -> tuple[int, str, str]:
-        """The same of an executable by its entry point, module:function, in this folder; env: instead of this process's."""
+        """Returns the same for an executable.
+
+        ``entry`` is its entry point, module:function, and it runs in this folder; ``env`` replaces this process's environment.
+        """
         return self._processes.submit(_said, entry, words, dict(os.environ) if env is None else env, os.getcwd()).result(60)
 
 
