@@ -10,7 +10,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-import pymodbus.client  # here, because plug and example client would import them at once from two threads
+import pymodbus.client  # here, because otherwise plug and example client would import them at the same time in two threads
 import pymodbus.server  # noqa: F401
 import pytest
 
@@ -69,7 +69,7 @@ def python_controller(tmp_path, config):
 
 @pytest.fixture
 def build(tmp_path):
-    """Compiles C text into a shared library of its own name and returns the path."""
+    """Compiles C text into a shared library with a name of its own and returns the path."""
     count = iter(range(100))
 
     def make(text, *flags):
@@ -98,20 +98,20 @@ def build(tmp_path):
 
 @pytest.fixture
 def free_udp_port():
-    """A port of loopback that nobody has."""
+    """Returns a port of loopback that is free."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         return free.getsockname()[1]
 
 
 def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):
-    """One step at standstill."""
+    """Gives the plug one sample at standstill and returns its answer."""
     return plug.step(sample, current, [0.0, 0.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
 def ros_domain():
-    """A ROS domain of the file's own, for processes started there too; the environment is as before afterwards."""
+    """A ROS domain of the file's own, also for the processes started there; afterwards the environment is as before."""
     before = dict(os.environ)
     with allocate() as held:
         os.environ["ROS_DOMAIN_ID"] = str(held.number)
@@ -123,7 +123,7 @@ def ros_domain():
 
 @pytest.fixture(scope="module")
 def ros_program(ros_domain):
-    """Starts the Alfa46 as a ROS 2 node of its own on topics of a name; ended with the file."""
+    """Starts the Alfa46 as a ROS 2 node of its own on topics of a given name; it is ended with the file."""
     started = []
 
     def start(name):
@@ -141,7 +141,7 @@ MULTICAST = "239.74.163.2"
 
 
 def multicast_works() -> str:
-    """Why udp_multicast does not work on this machine, or nothing."""
+    """Returns why udp_multicast does not work on this machine, empty when it works."""
     import can
 
     from rig_nodes.controllers.can_bus import open_bus

@@ -180,7 +180,7 @@ def test_the_header_is_usable_from_cpp(tmp_path):
     assert " T rig_controller_step\n" in names.stdout
 
 
-# shifts through all gears and levels, refuses what it must, and gives everything back
+# shifts through all gears at all levels, checks that wrong values are refused, and releases everything
 DRIVER = r"""
 #include "rig_record.h"
 #include <stdio.h>
@@ -251,7 +251,7 @@ def test_the_example_is_clean_under_the_sanitizers(tmp_path, example):
 
 
 def model(tmp_path, shim, period=""):
-    """A folder of generated code in small: the step copies an input to an output and counts."""
+    """Writes a folder of generated code on a small scale: the step copies an input to an output and counts."""
     folder = tmp_path / "model"
     folder.mkdir()
     (folder / "small.h").write_text(
@@ -280,7 +280,7 @@ def answers(config, folder, samples):
     plug = load_controller(f"simulink:{folder}", config)
     out = [plug.step(k, (0.0, 0.0, 0.0), [125.0 * k, 0.0, 0.0, 0.0]) for k in range(samples)]
     plug.close()
-    return [(answer.command[0], answer.setpoint[0]) for answer in out]  # eighths, so exact
+    return [(answer.command[0], answer.setpoint[0]) for answer in out]  # eighths, which floating-point numbers hold exactly
 
 
 def test_a_model_is_stepped_once_per_sample(tmp_path, config):
@@ -360,7 +360,7 @@ static void rig_settings(const double *) {}
 
 
 def generated_cpp(folder):
-    """As the generator leaves C++ class code: the model's folder, and beside it shared utilities, in C."""
+    """Writes a folder as the generator leaves C++ class code: the model's folder, and beside it shared utilities in C."""
     files = {
         "rig_shim.cpp": CLASS_SHIM,
         "small_grt_rtw/small.h": CLASS_H,
@@ -368,7 +368,7 @@ def generated_cpp(folder):
         "small_grt_rtw/rt_cppclass_main.cpp": "int main() { return not_for_a_library; }\n",
         "slprj/grt/_sharedutils/shared_types.h": "typedef double real_T;\n",
         "slprj/grt/_sharedutils/shared_utils.h": '#ifdef __cplusplus\nextern "C"\n#endif\ndouble shared_half(double value);\n',
-        # C that is no C++: the name of a variable
+        # this is C but not C++, because a variable is called class
         "slprj/grt/_sharedutils/shared_utils.c": '#include "shared_utils.h"\n'
         "double shared_half(double class) { return class / 2.0; }\n",
     }
@@ -419,7 +419,7 @@ void small_terminate(RT_MODEL_small_T *const small_M) { (void)small_M; }
 
 
 def test_the_rt_model_form_of_the_page_is_taken(tmp_path, config):
-    """Reusable code of GRT: a constructor, and functions with the model structure; the shim's lines are the page's."""
+    """Reusable code of GRT has this form: a constructor, and functions with the model structure; the shim is that of the page."""
     page = (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8")
     (shim,) = [block for block in re.findall(r"```c\n(.*?)```", page, re.S) if "RT_MODEL_your_model_T" in block]
     shim = shim.replace("your_model", "small")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The CAN bus over UDP multicast: nothing but this machine's loopback, and foreign packets end nobody."""
+"""The CAN bus over UDP multicast uses only this machine's loopback, and foreign packets end no program."""
 
 import socket
 import struct
@@ -34,7 +34,7 @@ def multicast():
 
 
 def shout(port=PORT, group=GROUP):
-    """Send what is no frame to everybody on the bus."""
+    """Sends packets that are no frames to all programs on the bus."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         for data in FOREIGN:
@@ -69,7 +69,7 @@ def test_a_channel_that_is_no_group_is_refused(config, channel):
 
 
 def test_foreign_packets_are_counted_and_named_once(config):
-    """The plug and the example controller, both on the bus that a stranger shouts on, go on with their work."""
+    """The plug and the example controller continue their work on a bus on which another program sends such packets."""
     bus, stop, said = open_bus(GROUP, "udp_multicast", "test", port=PORT), threading.Event(), []
     controller = CanController(bus, config)
     thread = threading.Thread(target=controller.run, args=(stop,), daemon=True)
@@ -142,7 +142,7 @@ def test_foreign_packets_end_no_program(tmp_path, program):
     rung = threading.Event()
 
     def ring():
-        while not rung.wait(0.05):  # until it listens
+        while not rung.wait(0.05):  # repeated until the program listens
             shout(43113, group)
 
     thread = threading.Thread(target=ring, daemon=True)
@@ -164,27 +164,27 @@ def test_foreign_packets_end_no_program(tmp_path, program):
 
 
 def plug_frames(bus):
-    """One sample, as the rig sends it."""
+    """Sends one sample as the rig sends it."""
     for number in (0x100, 0x101, 0x102):
         data = bytes([0, 1]).ljust(8, b"\0") if number == 0x100 else bytes(8)
         bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False, is_fd=False))
 
 
 def answer_of(bus):
-    """The command that comes back, None when none does within 10 s."""
+    """Returns the command that comes back, None when none does within 10 s."""
     until = time.monotonic() + 10.0
     while time.monotonic() < until:
         try:
             frame = bus.recv(0.5)
         except can.CanOperationError:
-            continue  # what the stranger said before
+            continue  # one of the foreign packets sent before
         if frame is not None and frame.arbitration_id == 0x201:
             return bytes(frame.data)
     return None
 
 
 def test_a_second_program_on_the_bus_is_refused_and_named(config):
-    """Two programs on one bus that answer at once: the first one is the master, the other's commands are not used."""
+    """Two programs on one bus answer at once: the first one is the master, and the commands of the other one are not used."""
     first, second = (open_bus(GROUP, "udp_multicast", "test", port=PORT) for _ in range(2))
     plug, said = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config), []
     plug.say = said.append

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig controller check`: the reference passes, and each fault that it looks for is found and named."""
+"""`rig controller check`: the reference passes, and each fault for which it checks is found and named."""
 
 import json
 
@@ -27,7 +27,7 @@ class Mine(Alfa46):
 
 
 def table(capsys, *arguments):
-    """(exit code, {item: (ok, text)}) of a check."""
+    """Returns the exit code of a check and its table {item: (ok, text)}."""
     code = main(["controller", "check", "--json", *arguments])
     found = json.loads(capsys.readouterr().out)
     assert found["ok"] is (code == 0)

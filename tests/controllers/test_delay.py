@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`--delay`: how many samples lie between a measurement and the effect of the answer to it, whatever the plug."""
+"""`--delay`: the number of samples from a measurement to the effect of the answer to it, for every plug."""
 
 import pytest
 
@@ -89,7 +89,7 @@ def test_the_embedded_law_has_its_one_sample(config):
 
 
 def test_the_level_current_is_late_by_the_same(config):
-    """The loop itself keeps its sample; the setpoint comes later by the difference."""
+    """The current loop itself keeps its sample of delay; the setpoint comes later by the difference."""
     seen = {}
     for delay in (1, 4):
         plug = load_controller(f"{PYTHON}@current", config)

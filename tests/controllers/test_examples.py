@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The example programs, started wrongly: one sentence, an exit code of its own, no traceback."""
+"""The example programs, started with wrong arguments: one sentence, an exit code of its own, no traceback."""
 
 import importlib
 import socket
@@ -31,7 +31,7 @@ from rig_nodes.controllers.examples.command import run
 def test_what_is_wrong_is_one_sentence(module, arguments, sentence, monkeypatch, capsys):
     known = socket.getaddrinfo
 
-    def nobody(host, *rest):  # so that no name server is asked
+    def nobody(host, *rest):  # replaces the lookup, so that no name server is asked
         if host.endswith(".invalid"):
             raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
         return known(host, *rest)

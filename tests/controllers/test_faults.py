@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each way in which a controller can fail, as a person meets it: its sentence, exit code and the safe state.
+"""Each way in which a controller can fail: the sentence that a person reads, the exit code and the safe state.
 
-The table of docs/how_to/controllers.md names these tests; what the graph does is in tests/graph/test_controller_process.py.
+The table of docs/how_to/controllers.md names these tests; tests/graph/test_controller_process.py tests the same on the graph.
 """
 
 import json
@@ -24,7 +24,7 @@ from rig_nodes.fmu.build import build_controller_fmu
 
 from .conftest import ALFA46_C, CONTROLLERS, INCLUDE
 
-FAIL = 400  # sample
+FAIL = 400  # number of the sample at which the controllers fail
 SEQUENCE = """
 description: gear I is ordered at once, and the controller fails while the valve of S1 is driven
 steps:
@@ -49,13 +49,13 @@ DESCRIBE = "RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_CURRENT);"
 
 
 def holding(what="", describe=DESCRIBE):
-    """C of a controller that holds 500 mA on output 1 and does something from sample FAIL on."""
+    """Returns the C text of a controller that holds 500 mA on output 1 and does something from sample FAIL on."""
     return HOLDING.replace("DESCRIBE", describe).replace("FAIL", str(FAIL)).replace("WHAT", what)
 
 
 @pytest.fixture
 def simulate(tmp_path, capsys):
-    """Runs `rig simulate` on the sequence with a controller; (exit code, stdout, stderr)."""
+    """Runs `rig simulate` on the sequence with a controller; returns (exit code, stdout, stderr)."""
     (tmp_path / "sequence.yaml").write_text(SEQUENCE)
 
     def run(spec, *more):
@@ -125,7 +125,7 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(simulate, config, 
 
 
 def check_safe_state(folder, oldest):
-    """The bag shows the valve driven, then a trip, and from then on nothing; ``oldest``: what was held [s]."""
+    """Checks that the bag shows the valve driven, then a trip, then no output; the last held command is up to ``oldest`` s old."""
     run = json.loads((folder / "report.json").read_text())["run"]
     assert run["end"]["state"] == "tripped"
     bag = Bag(folder)
@@ -186,7 +186,7 @@ def test_a_program_over_udp_that_dies(simulate, tmp_path, free_udp_port):
 
 
 class Shortening:
-    """A bus whose command frames are 6 bytes long from a counter on."""
+    """A bus whose command frames are only 6 bytes long from a counter value on."""
 
     def __init__(self, bus):
         self.bus, self.recv, self.shutdown = bus, bus.recv, bus.shutdown

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A controller as an FMU: the reference one in both versions of FMI, and what is wrong with others."""
+"""A controller as an FMU: the reference one in both versions of FMI, and faults of other ones."""
 
 import os
 import re
@@ -50,7 +50,7 @@ DUTY = FAULTS.replace("RIG_LEVEL_CURRENT", "RIG_LEVEL_DUTY | RIG_LEVEL_CURRENT")
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
-    """Builds the reference controller, or another C text, as an FMU of a version."""
+    """Builds the reference controller, or another C text, as an FMU of a version of FMI."""
     from rig_nodes.fmu.build import build_controller_fmu
 
     folder, built = tmp_path_factory.mktemp("fmu"), {}
@@ -71,7 +71,7 @@ def build(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def hashes(tmp_path_factory):
-    """canonical_hash of the sample sequence under the late settings with a controller."""
+    """Returns canonical_hash of the sample sequence under the late settings with a controller."""
 
     def get(spec):
         config = load_rig("hydmag", {"alfa46.t12": "200 ms", "alfa46.output_2.P1": "100 ms 200 mA"})
@@ -104,7 +104,7 @@ def test_fmpy_finds_nothing_wrong_with_it(build):
 
 
 def faulty(build, config, fmi, sample):
-    """The plug, asked until before a sample, which is the first to carry an order."""
+    """Returns the plug after all samples before a given one, which is then the first to carry an order."""
     plug = load_controller(f"fmu:{build(fmi, FAULTS)}", config)
     assert plug.level == "current"
     for before in range(sample):
@@ -124,7 +124,7 @@ def test_a_discarded_sample_and_an_error_are_what_they_are_in_c(build, config, f
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, capfd, fmi):
-    """And a text with conversions in it is no format; nothing that it says or prints is obeyed by a terminal."""
+    """A text with conversions is not used as a format, and a terminal obeys nothing that the FMU reports or prints."""
     plug = faulty(build, config, fmi, 1)
     assert ask(plug, 1) is None
     os.kill(plug.process_id, signal.SIGKILL)
@@ -156,7 +156,7 @@ def test_what_cannot_be_trusted_is_fatal_and_its_process_is_gone(build, config, 
 
 
 def changed(source, target, edit):
-    """The FMU with its files edited: name, bytes -> name, bytes or None."""
+    """Returns the FMU with its files edited: (name, bytes) -> (name, bytes) or None."""
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
         for name in old.namelist():
             kept = edit(name, old.read(name))
@@ -224,7 +224,7 @@ DEFINED = b'<Unit name="x"><BaseUnit A="1" factor="0.01"/></Unit><Unit name="y">
 
 
 def with_unit(source, target, unit):
-    """The FMU with another name for its parameter level, and its commands in this unit."""
+    """Returns the FMU with another name for its parameter level, and with its commands in this unit."""
 
     def edit(name, data):
         if name == "modelDescription.xml":
@@ -316,7 +316,7 @@ def test_an_archive_that_leads_astray_is_no_controller(build, config, tmp_path):
 
 
 def test_other_inputs_are_transducers_and_other_outputs_are_recorded(build, config, tmp_path):
-    """The reference controller with some of its variables under other names: what they carry shows both ways."""
+    """The reference controller has some of its variables under other names; their values show in both directions."""
     names = {b"current_3": b"T_oil", b"setpoint_3": b"mine", b"setpoint_1": b"asked"}
 
     def rename(name, data):
@@ -335,7 +335,7 @@ def test_other_inputs_are_transducers_and_other_outputs_are_recorded(build, conf
 
 
 def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, config, tmp_path):
-    """As a tool exports it that writes neither the parameter level nor units: 0.74 A would be 74 %."""
+    """A tool that writes neither the parameter level nor units exports such an FMU: 0.74 A would be 74 %."""
     mute = tmp_path / "mute.fmu"
     with zipfile.ZipFile(build(2)) as whole, zipfile.ZipFile(mute, "w") as part:
         for name in whole.namelist():

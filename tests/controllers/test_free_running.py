@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Controllers that nobody waits for, on CAN, Modbus TCP and ROS topics: what they and their faults do to a shift."""
+"""Controllers for which the rig does not wait, on CAN, Modbus TCP and ROS topics: how they and their faults affect a shift."""
 
 import csv
 import io
@@ -60,7 +60,7 @@ class Example:
             port = self.place = place or free_port()
             self.spec, controller = f"modbus:{port}", ModbusController(port, settings)
         else:
-            # a bus of this kind lives in the process, or in the machine: one of its own for each test
+            # a bus of this kind exists in the process or on the machine, so each test uses one of its own
             channel = self.place = place or (MULTICAST if kind == "udp_multicast" else f"bus{id(self)}")
             port = {"port": 43201} if kind == "udp_multicast" else {}
             self.bus = open_bus(channel, kind, "example", **port)
@@ -91,7 +91,7 @@ def example(config):
 
 
 def here(spec, settings, level=None):
-    """The plug, once its controller has spoken; ``said`` is what it says to people."""
+    """Returns the plug after its controller's first answer; ``said`` collects its sentences for people."""
     plug = load_controller(spec, settings, level)
     plug.said = []
     plug.say = plug.said.append
@@ -99,7 +99,7 @@ def here(spec, settings, level=None):
     return plug
 
 
-# ---- what the delay does
+# ---- effects of the delay
 
 
 class Delayed(Alfa46):
@@ -120,11 +120,11 @@ class Delayed(Alfa46):
         return ControllerOutputs([c for c, _ in now], None, out.gear, out.shifting, sum(flag for _, flag in now))
 
 
-LATEST = 60  # samples without a command in a shift from which on the machine is too busy to tell anything
+LATEST = 60  # samples without a command in a shift; with more of them the machine is too busy for this test
 
 
 def run_with(config, folder, plug):
-    """(shift of the sample sequence, the longest time in it between two commands [samples])."""
+    """Returns (shift of the sample sequence, the longest time in it between two commands [samples])."""
     run = simulate(config, load_sequence("sample"), folder, controller=plug)
     assert run["end"]["state"] == "ended", run["end"]["reason"]
     bag = Bag(folder)
@@ -135,13 +135,13 @@ def run_with(config, folder, plug):
 
 @pytest.fixture(scope="module")
 def exact():
-    """A rig that shows true values: of two runs no noise crosses a threshold elsewhere."""
+    """A rig that shows true values, so that no noise makes two runs cross a threshold at different times."""
     return load_rig("hydmag", {"effects.transducers": "off"})
 
 
 @pytest.fixture(scope="module")
 def late(exact, tmp_path_factory):
-    """The shift of the sample sequence with the outputs' setpoints so many samples late, in lockstep."""
+    """Returns the shift of the sample sequence in lockstep with the outputs' setpoints late by some samples."""
     known = {}
 
     def get(*delays):
@@ -158,9 +158,10 @@ def late(exact, tmp_path_factory):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", [pytest.param("virtual", marks=pytest.mark.campaign), "udp_multicast", "modbus", "ros"])
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
-    """docs/how_to/can.md, docs/how_to/modbus.md, docs/how_to/ros_controller.md: one sample later than in lockstep, and later
-    where the
-    machine is busy, for either valve by itself. What setpoints so late do in lockstep is the range for every metric.
+    """The delay is as docs/how_to/can.md, docs/how_to/modbus.md and docs/how_to/ros_controller.md state it.
+
+    It is one sample more than in lockstep, and more where the machine is busy, for each valve by itself. The range of every
+    metric is what setpoints with these delays give in lockstep.
     """
     if kind == "udp_multicast" and (why := multicast_works()):
         pytest.skip(why)
@@ -175,19 +176,19 @@ def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_
             break
     else:
         pytest.skip(f"this machine is too busy to keep real time: {gap} ms between two commands")
-    gap += -gap % 10  # fewer runs in lockstep for the three of them
+    gap += -gap % 10  # rounded up, so that the kinds share their runs in lockstep
     corners = [late(1 + one, 1 + other) for one in (0, gap) for other in (0, gap)]
     for key, value in found.items():
         if not isinstance(value, float):
             assert value == corners[0][key], key
             continue
         among = [corner[key] for corner in corners]
-        slack = 0.02 * abs(among[0]) + (1e-3 if key.endswith("_s") else 0.0)  # held setpoints make steps of ramps
+        slack = 0.02 * abs(among[0]) + (1e-3 if key.endswith("_s") else 0.0)  # held setpoints turn ramps into steps
         assert min(among) - slack <= value <= max(among) + slack, (key, value, among)
 
 
 def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
-    """The prediction of the pages."""
+    """The pages predict this."""
     later = [late(delay, delay)["t_c_s"] - late(0, 0)["t_c_s"] for delay in (1, 6)]
     assert later == pytest.approx([1e-3, 6e-3], abs=0.6e-3)
 
@@ -195,7 +196,7 @@ def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_either_level_and_either_gear(config, example, kind):
-    """At level duty the current loop is closed over the wire: the coil comes near its setpoint all the same."""
+    """At level duty the current loop is closed over the wire; the coil's current comes near its setpoint all the same."""
     plug = here(example(kind).spec, config, "duty")
     rig = Rig(config, controller="external", level="duty")
     rig.set("oil", 4e6, True)
@@ -210,7 +211,7 @@ def test_either_level_and_either_gear(config, example, kind):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, monkeypatch, kind):
-    monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # they take as long as they say
+    monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # shorter, because these items take real time
     items = list(itertools.islice(conformance.Check(example(kind).spec, config).items(), 6))
     assert [(item.name, item.ok) for item in items] == [
         ("loads", True),
@@ -247,11 +248,11 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
     for _ in range(200):
         advance_with(rig, plug)
     assert rig.measurement("I_zr_p1") < 0.005
-    # another one may take its place
+    # another controller may take its place
     example(kind, controller.place)
     rig.reset()
     plug.force_neutral()
-    for _ in range(2000):  # as the graph does it: before the first command nothing trips
+    for _ in range(2000):  # as on the graph, where nothing trips before the first command
         sample, answer = rig.sample, ask_controller(rig, plug)
         rig.advance_samples(1)
         if answer is not None:
@@ -350,7 +351,7 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
     [(700, 0, True), (40_000, 0, True), (0, 12_345, True), (40_000, 40_020, False), (65_535, 0, False)],
 )
 def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, anew):
-    """The end of a run at 40 s too, from where 0 is as far ahead as back in the 16 bits of the counter."""
+    """Also the end of a run at 40 s is tested, from where 0 is as far ahead as back in the 16 bits of the counter."""
     bus = open_bus("jumps", "virtual", "test")
     controller, laws = CanController(bus, config), []
     names = ("n_wej", "n_wyj", "p1", "p2", "current_1", "current_2", "current_3", "gear_request")
@@ -366,7 +367,7 @@ def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, a
 
 @pytest.mark.against_the_clock
 def test_two_controllers_on_one_bus_trip_the_rig(config, example):
-    """A program that was forgotten, and stays in neutral, beside the Alfa46: a mixture of both is no run of either."""
+    """A forgotten program that stays in neutral runs beside the Alfa46; a mixture of both answers belongs to neither of them."""
     stop, controller = threading.Event(), example("virtual")
     bus = open_bus(controller.place, "virtual", "forgotten")
 
@@ -426,11 +427,11 @@ def test_a_port_that_is_taken_is_said(config):
             load_controller(f"modbus:{other.getsockname()[1]}", config)
 
 
-# ---- what is on the wires
+# ---- messages on the wires
 
 
 def test_the_bus_carries_j1939_by_the_standards_scaling(config):
-    """By hand: 1500 rpm are 12000 x 0.125 rpm, 1000 rpm 8000; gear I with ratio 47/34: slip 7.84 % = 20 x 0.4 %."""
+    """By hand: 1500 rpm are 12000 x 0.125 rpm, 1000 rpm are 8000; gear I with ratio 47/34: slip 7.84 % = 20 x 0.4 %."""
     listener, bus = (can.Bus(channel="j1939", interface="virtual") for _ in range(2))
     plug = load_controller("can:j1939?interface=virtual", config)
     state = bytes([0, 0, 1, 1, 0, 0, 0, 0])  # gear 1, shifting

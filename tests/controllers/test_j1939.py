@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig as a J1939 node on the CAN bus: its messages, its address, what it is asked for, and the exported database.
+"""The rig as a J1939 node on the CAN bus: its messages, its address, the requests to it, and the exported database.
 
-Numbers by hand from J1939-21 (identifiers), -71 (messages, ranges) and -81 (NAME, address claim).
+The numbers are computed by hand from J1939-21 (identifiers), -71 (messages, ranges) and -81 (NAME, address claim).
 """
 
 import itertools
@@ -32,7 +32,7 @@ NAMES = itertools.count()
 
 
 class Bus:
-    """A bus in this process with the rig's plug on it; ``heard`` has what came since it was asked last."""
+    """A bus in this process with the rig's plug on it; ``heard`` returns the messages since its last call."""
 
     def __init__(self, settings, options=""):
         channel = f"j1939-{next(NAMES)}"
@@ -45,7 +45,7 @@ class Bus:
         self.bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=number > 0x7FF, is_fd=False))
 
     def heard(self, extended=True):
-        """[(identifier, data)]"""
+        """Returns [(identifier, data)]."""
         frames = []
         while frame := self.bus.recv(0.0):
             if frame.is_extended_id == extended:
@@ -56,11 +56,11 @@ class Bus:
         self.plug.step(sample, [0.0] * 3, [n_wej, n_wyj, p1, p2])
 
     def message(self, pgn):
-        """Data of the newest message of a group."""
+        """Returns the data of the newest message of a group."""
         return [data for number, data in self.heard() if number >> 8 & 0x3FFFF == pgn][-1]
 
     def answer(self, sample, source=None, gear=0, shifting=0, command=0, status=0):
-        """A whole answer, as plain frames or as groups of a source address."""
+        """Sends a whole answer, as plain frames or as groups of a source address."""
         state = struct.pack("<HBBBB", sample, gear, shifting, 0, status).ljust(8, b"\0")
         numbers = (0x200, 0x201) if source is None else (0x0CFF1000 | source, 0x0CFF1100 | source)
         for number, data in zip(numbers, (state, struct.pack("<4H", sample, command, 0, 0))):
@@ -81,11 +81,11 @@ def make(config):
         one.bus.shutdown()
 
 
-# ---- what the messages say
+# ---- content of the messages
 
 
 def test_the_current_gear_is_what_the_clutches_hold(config):
-    """On the rig: through a shift the gear engaged last, the new one once its clutch is locked, neutral at the end."""
+    """On the rig: through a shift it is the gear engaged last, the new one once its clutch is locked, and neutral at the end."""
     bus = open_bus("j1939-gears", "virtual", "test")
     ears = open_bus("j1939-gears", "virtual", "test")
     stop = threading.Event()
@@ -184,7 +184,10 @@ def test_the_rig_claims_its_address_before_it_speaks(make):
     ],
 )
 def test_a_request_is_answered(make, destination, asked, answer):
-    """To all or to the rig: the claim and both messages at once, a refusal for others only to who asks it alone."""
+    """A request to all or to the rig is answered by the claim and by both messages at once.
+
+    Other requests are refused only when they are sent to the rig alone.
+    """
     bus = make()
     bus.step(1)
     bus.heard()
@@ -251,7 +254,7 @@ def test_an_address_that_is_none_is_refused(config, value):
 
 
 def test_commands_are_taken_from_one_source_address(make):
-    """As proprietary groups 65296 and 65297; a second address is refused and named once, until the first is silent."""
+    """The commands are proprietary groups 65296 and 65297; a second address is refused and named once until the first is silent."""
     bus = make()
     bus.answer(0, source=0x21, command=10000)
     bus.step(0)
@@ -265,7 +268,7 @@ def test_commands_are_taken_from_one_source_address(make):
         "silent for 1 s; it is not used, nor are others like it"
     ]
     assert sum(bus.plug.faults.values()) == 38
-    bus.plug._mastered -= 1.0  # a second later
+    bus.plug._mastered -= 1.0  # as a second later
     bus.answer(20, source=0x22, gear=2, command=20000)
     assert bus.plug.step(20, [0.0] * 3, [0.0, 0.0, 0.0, 0.0]).command == pytest.approx((0.4, 0.0, 0.0))
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who may write to the rig's Modbus server, what it refuses, and how long it waits: asked by pymodbus and by raw bytes."""
+"""The rig's Modbus server, called by pymodbus and by raw bytes: which client may write, what is refused, how long it waits."""
 
 import socket
 import struct
@@ -62,7 +62,7 @@ def command(heartbeat, current, gear):
 
 
 def test_the_first_client_that_writes_is_the_master(make):
-    """The second may read; what it writes, by each of the three functions, is refused, told once, and changes nothing."""
+    """The second client may read; its writes, by each of the three functions, are refused, reported once, and change nothing."""
     server = make()
     watching, master = server.client(), server.client()
     assert watching.read_holding_registers(0, count=11).registers, "to read makes no master"
@@ -92,7 +92,7 @@ def test_another_client_may_write_when_the_master_has_left(make):
     assert other.write_registers(32, command(2, 20000, 2)).exception_code == 6
     master.close()
     until = time.monotonic() + 5.0
-    while other.write_registers(32, command(3, 20000, 2)).isError():  # until the server has seen the end
+    while other.write_registers(32, command(3, 20000, 2)).isError():  # until the server has noticed that the master has left
         assert time.monotonic() < until
     assert server.plug._mastered - time.monotonic() < 0.5, "well before the second of silence"
     assert server.step(0).command == pytest.approx((0.4, 0.0, 0.0)) and server.plug.gear == 2
@@ -110,7 +110,10 @@ def test_another_client_may_write_when_the_master_has_been_silent(make):
 
 
 def test_functions_that_the_page_does_not_name_are_refused(make):
-    """Every other function code, with bodies as those have that know it: illegal function, and the connection lives."""
+    """Every other function code, with the body that the function has where it exists, is an illegal function.
+
+    The connection remains open.
+    """
     server = make()
     served = {
         3: struct.pack(">HH", 0, 1),
@@ -173,7 +176,7 @@ def on_modbus(settings, port):
 
 @pytest.mark.parametrize("made", [on_can, on_modbus])
 def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
-    """One command at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
+    """One command comes at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
     plug, end = made(config, free_port())
     plug.said = []
     plug.say = plug.said.append

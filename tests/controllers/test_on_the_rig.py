@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plugged controllers on the rig: both levels, failures, and docs/how_to/controllers.md word by word."""
+"""Plugged controllers on the rig: both levels, failures, and the commands and code of docs/how_to/controllers.md."""
 
 import json
 import re
@@ -36,7 +36,7 @@ steps:
   - motor: {speed: 300 rpm}
   - wait: {for: 1 s}
 """
-# stands in for the Alfa46 until FAIL_AT and then does what the test wants
+# acts as the Alfa46 until FAIL_AT and then does what the test wants
 WRAPPED = """
 from rig_nodes.controllers import ControllerOutputs, Status
 from rig_nodes.controllers.examples.alfa46 import Alfa46
@@ -58,7 +58,7 @@ def sequence(tmp_path):
 
 @pytest.fixture
 def failing(tmp_path):
-    """The specification of a controller that does something from a sample on."""
+    """Returns the specification of a controller that does something from a sample on."""
 
     def make(what, sample=1500):
         path = tmp_path / "mine.py"
@@ -72,7 +72,7 @@ def failing(tmp_path):
 
 
 def powered(config, setpoint=0.4, samples=600):
-    """A rig at level current that got one setpoint for output 1 with every sample."""
+    """Returns a rig at level current that got one setpoint for output 1 with every sample."""
     rig = Rig(config, controller="external", level="current")
     for sample in range(samples):
         rig.advance_samples(1)
@@ -162,7 +162,7 @@ def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, 
 
 
 def test_an_output_at_zero_is_off_unless_its_flag_holds_it(config):
-    """The loop of an output that is off starts anew, with a kick; a held one goes on where it was."""
+    """The loop of an output that is off starts anew, with a kick; a held one continues from its state."""
     seen = {}
     for flags in (0, 1):
         rig = powered(config)
@@ -313,7 +313,7 @@ def test_a_controller_that_only_says_that_it_shifts_fails_a_strict_run_and_no_ot
 
 
 def doc_block(language):
-    """The first block of a language in docs/how_to/controllers.md."""
+    """Returns the first block of a language in docs/how_to/controllers.md."""
     return re.search(rf"```{language}\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)[1]
 
 
@@ -347,7 +347,7 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
     try:
         for command in map(shlex.split, commands):
             if command[-1] == "&":
-                for program in programs:  # one at a time
+                for program in programs:  # only one program runs at a time
                     program.kill()
                 program = sys.executable if command[0] in ("python3", ".venv/bin/python") else command[0]
                 programs.append(subprocess.Popen([program, *command[1:-1]], stderr=subprocess.DEVNULL))
@@ -357,7 +357,7 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
                 assert main(command[1:]) == 0
             else:
                 if kind != "Python":
-                    command[command.index("demo")] = "sample"  # shorter
+                    command[command.index("demo")] = "sample"  # the shorter sequence
                 assert main(command[1:]) == 0
                 shifts = json.loads(Path(command[-1], "report.json").read_text())["shifts"]
                 both = [(1, 2, True), (2, 1, True)] if kind == "Python" else [(1, 2, True)]

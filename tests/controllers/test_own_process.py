@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A C library lives in a process of its own: whatever it does there is one sentence here, and nothing stays behind."""
+"""A C library runs in a process of its own: any fault of it becomes one sentence in this process, and nothing remains of it."""
 
 import os
 import re
@@ -28,7 +28,7 @@ def frame(step, head=""):
 
 
 def is_gone(pid, seconds=5.0):
-    """True when the process has ended, or does within so many seconds."""
+    """Returns True when the process has ended, or ends within some seconds."""
     try:
         handle = os.pidfd_open(pid)
     except ProcessLookupError:
@@ -120,7 +120,7 @@ def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config
 
 
 def test_arithmetic_that_a_library_changes_is_its_own(build, config):
-    """As -ffast-math does with many compilers: tiny numbers become zero, in that process."""
+    """With many compilers -ffast-math does so: tiny numbers become zero, here only in that process."""
     flush = "#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
     plug = load_controller(f"c:{build(frame('out->command[0] = rig_measured_of(in)->n_wej / 2.0 > 0.0;', flush))}", config)
     tiny = sys.float_info.min
@@ -148,7 +148,7 @@ def test_nothing_stays_behind_when_the_rig_is_killed(build, step):
 
 
 def test_two_plugs_of_one_library_share_nothing(build, config):
-    """As generated code with globals needs it."""
+    """Generated code with globals needs this."""
     library = build(frame("static int count; out->gear = (uint32_t)(count++ % 3);"))
     one, other = (load_controller(f"c:{library}", config) for _ in range(2))
     for sample in range(2):
@@ -163,7 +163,7 @@ def test_two_plugs_of_one_library_share_nothing(build, config):
 
 
 def framed(step, extra=""):
-    """A library that wants, records and lets set one number each, so that all kinds of memory are handed to it."""
+    """A library that wants, records and offers as a setting one number each, so that it is given all kinds of memory."""
     return (
         frame(step)
         + extra
@@ -200,7 +200,7 @@ OWN = [
     ],
 )
 def test_memory_written_beside_what_was_handed_over_trips_the_rig(build, config, where, what, sentence):
-    """A write of what the library does not own, from sample 3 on, whichever of the structs it lies beside."""
+    """From sample 3 on it writes to memory that the library does not own, beside each of the structs in turn."""
     step = f"static uint64_t now; now = in->sample; {'' if where != 'STEP' else 'if (now >= 3) { ' + what + ' }'}"
     text = "#include <string.h>\n" + framed(step)
     for name in ("WANTED", "SIGNALS", "SET"):
@@ -296,7 +296,7 @@ def with_children(build, path, then=""):
 
 @pytest.mark.parametrize("end", ["in order", "crash", "fatal", "endless loop"])
 def test_children_of_a_library_end_with_it(build, config, tmp_path, end):
-    """Of their own session and without a parent too."""
+    """The children have a session of their own, and their parent has ended."""
     then = {"in order": "", "crash": "abort();", "fatal": "", "endless loop": ENDLESS}[end]
     plug = load_controller(f"c:{with_children(build, tmp_path / 'pids', then)}", config)
     plug.pace(5.0 if end != "endless loop" else 0.5)

@@ -45,7 +45,7 @@ steps:
 
 @pytest.fixture
 def run(tmp_path, config):
-    """Simulates a sequence of this text; (end of the run, bag)."""
+    """Simulates a sequence of this text; returns (end of the run, bag)."""
 
     def go(text=SEQUENCE, spec=None):
         (tmp_path / "mine.py").write_text(HOLDING)
@@ -105,7 +105,7 @@ def test_the_clutch_bench_has_no_controller_to_set(tmp_path):
 
 
 def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_path):
-    """Its value, 900, is no time to wait for."""
+    """Its value, 900, must not be taken as a time to wait for."""
 
     class Late:
         def ready(self):

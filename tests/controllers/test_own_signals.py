@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a controller names as its own signals is in the bag, by name, sample for sample."""
+"""The signals that a controller names as its own are in the bag, by name and sample for sample."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_they_are_in_the_bag_by_name(config, tmp_path):
     assert list(rows.channels) == ["count", "slip"] and rows.period == 1e-3
     count, slip = rows.channels.values()
     whole = np.arange(len(count), dtype=float)
-    whole[103] = np.nan  # discarded
+    whole[103] = np.nan  # the controller discards this sample
     assert np.array_equal(count, whole, equal_nan=True)
     samples = [(m.sample, m.measured[0] - m.measured[1]) for _, m in bag.messages("/instruments/controller")][: len(slip)]
     assert all(slip[k] == value for k, value in samples if k != 103)

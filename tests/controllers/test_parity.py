@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever the plug: transducers it wants, signals of its own and settings that a sequence sets, in a short run."""
+"""Every plug in a short run: the transducers that it wants, signals of its own and settings that a sequence sets."""
 
 import subprocess
 import sys
@@ -124,7 +124,7 @@ def model(folder, _config, _port):
 
 def udp_c(folder, _config, port):
     program, main = folder / "mine", CONTROLLERS / "examples" / "udp_main.c"
-    flags = ["-std=gnu99", *WARNINGS, *SANITIZE, f"-I{INCLUDE}"]  # a fault would end the program, and the run
+    flags = ["-std=gnu99", *WARNINGS, *SANITIZE, f"-I{INCLUDE}"]  # a fault would end the program and so the run
     subprocess.run(["cc", *flags, "-o", program, main, folder / "mine.c", "-lm"], check=True)
     return f"udp:{port}@current", [program, "127.0.0.1", str(port)]
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A user's Python class: what it gets, what it may return, and one sentence for everything that is wrong."""
+"""A user's Python class: its inputs, its allowed results, and one sentence for everything that is wrong."""
 
 import pytest
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's record: what it says of a rig, and that everything which carries samples is sized by it."""
+"""The controller's record: what it contains of a rig, and that everything that carries samples has its size from it."""
 
 import subprocess
 from dataclasses import replace
@@ -141,7 +141,7 @@ def test_a_number_behind_the_outputs_of_the_rig_is_seen(build, config, beyond):
 
 
 def test_the_header_beside_the_examples_is_that_of_the_rig(config):
-    """Otherwise: ./rig export record -o rig_nodes/rig_nodes/controllers/examples/rig_record.h"""
+    """When it differs, write it anew: ./rig export record -o rig_nodes/rig_nodes/controllers/examples/rig_record.h"""
     assert (EXAMPLES / NAME).read_text(encoding="utf-8") == header_text(record_of(config))
 
 

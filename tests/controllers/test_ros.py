@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A controller that is a ROS 2 node: the same bits, whoever starts first, however it ends, whatever it answers."""
+"""A controller that is a ROS 2 node: the same bits with any order of starts, every way in which it ends, wrong answers."""
 
 import itertools
 import re
@@ -39,14 +39,14 @@ NUMBERS = itertools.count()
 
 @pytest.fixture(scope="module")
 def example(ros_program):
-    """One node that serves run after run; the name of its topics."""
+    """Starts one node that serves run after run; returns the name of its topics."""
     ros_program("example")
     return "example"
 
 
 @pytest.fixture
 def plug(config, ros_domain):
-    """A plug whose sentences are kept, on topics of its own."""
+    """A plug on topics of its own whose sentences are kept."""
     name = f"mine_{next(NUMBERS)}"
     made = load_controller(f"ros:{name}", config)
     made.topics_name, made.said = name, []
@@ -56,7 +56,7 @@ def plug(config, ros_domain):
 
 
 class Steady:
-    """Says 0.5 on the first output and the gear that it is asked for; ``out`` may say something else."""
+    """A controller that gives 0.5 on the first output and the ordered gear; ``out`` may hold another answer."""
 
     out = None
 
@@ -78,7 +78,7 @@ class Steady:
 
 @pytest.fixture
 def thread(ros_domain):
-    """Serves a controller from a thread of this process; the node."""
+    """Serves a controller from a thread of this process; returns the node."""
     nodes = []
 
     def start(controller, name, levels=("duty", "current")):
@@ -125,7 +125,7 @@ def test_the_verb_takes_it_and_the_bag_is_that_of_the_built_in_controller(config
 
 
 def test_the_conformance_set_takes_it(config, example):
-    """The first items; what comes later is the seam's own and the same for every plug."""
+    """Only the first items are checked; the later ones test the interface itself and are the same for every plug."""
     items = list(itertools.islice(Check(f"ros:{example}", config).items(), 3))
     assert [(item.name, item.ok) for item in items] == [("loads", True), ("answers", True), ("at rest", True)]
 
@@ -154,7 +154,7 @@ def test_what_it_asks_for_reaches_it_and_what_it_records_comes_back(config, thre
 @pytest.mark.parametrize("others", [{}, {"a": 1.5}, {"a": 1.5, "b": -2.5}])
 @pytest.mark.parametrize("settings", [{}, {"c": 3.5}])
 def test_the_bytes_are_those_of_the_messages(others, settings):
-    """The rig packs and unpacks by hand; here by the definitions of the messages."""
+    """The rig packs and unpacks by its own code, the test by the definitions of the messages."""
     inputs = ControllerInputs(2**40, 0.25, 2, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0, 7.0), others, settings)
     data = pack_step(3, 4, 2**33, inputs)
     assert data == cdr.encode_any(
@@ -217,7 +217,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
     timer = threading.Timer(0.2, lambda: processes.append(ros_program(plug.topics_name)))
     processes = []
     plug.stopped = lambda: True
-    plug.wait(None)  # the end of the run ends it
+    plug.wait(None)  # the end of the run ends the wait
     plug.stopped = lambda: False
     timer.start()
     plug.wait(20.0)
@@ -234,7 +234,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
     assert rig.reason == f"controller {plug.name}, sample 400: its process has ended"
     rig.advance_samples(100)
     assert max(rig.coil_currents()) < 0.02, "no coil is driven"
-    # as in a rig that is worked by hand: reset, and on with the controller that was started again
+    # as in a rig that is worked by hand: after the reset it continues with a controller that was started again
     rig.reset()
     again = ros_program(plug.topics_name)
     plug.wait(20.0)
@@ -247,7 +247,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
 
 
 def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_program, config):
-    """With --step-timeout none it may stand in a debugger, and the answers are the same; with one it is fatal."""
+    """With --step-timeout none it may be stopped in a debugger, and the answers are the same; with a limit this is fatal."""
     process = ros_program(plug.topics_name)
     plug.wait(20.0)
     plug.pace(None)
@@ -258,7 +258,7 @@ def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_progr
         if sample == 200:
             process.send_signal(signal.SIGSTOP)
             said = []
-            # goes on when the rig has said that it waits
+            # the controller continues when the rig has reported that it waits
             plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))
         current = (0.001 * sample, 0.0, 0.0)
         assert plug.step(sample, current, [1.0, 2.0, 3.0, 4.0]) == other.step(sample, current, [1.0, 2.0, 3.0, 4.0])
@@ -274,7 +274,7 @@ def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_progr
 
 
 def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program, ros_domain):
-    """Without an answer a sample is discarded: the rig trips by the age of its commands, after 100 ms."""
+    """Without an answer a sample is discarded, and the rig trips by the age of its commands, after 100 ms."""
     plug.pace(0.1, real_time=True)
     sample = 0
     while not plug.said and sample < 60_000:
@@ -306,7 +306,7 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
     with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
         first = load_controller(plug.name, config)
         first.say = plug.said.append
-        first.wait(20.0)  # in vain: said after a second
+        first.wait(20.0)  # ends with the error after a second
     assert refusal.value.exit_code == 1
     (why,) = [text for text in plug.said if "not used" in text]
     assert why.endswith("is not used: this run is at level duty, the controller's is current; choose with --level")
@@ -326,14 +326,14 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
 
 
 def test_a_refusal_displaces_no_other_nodes_ready(plug, thread):
-    """Both came before the rig looked, the refusal last."""
+    """Both messages came before the rig read them, the refusal as the last one."""
     controller = Steady()
     user, wrong = thread(controller, plug.topics_name), thread(Steady(), plug.topics_name, ("current",))
     plug.other_side.open()
     assert controller.begun.wait(20.0)
     user.tell(ControllerReady.READY)
     assert user._ready.wait_for_all_acked(Duration(seconds=10.0))
-    wrong.session = plug.other_side.session  # whether it has heard of the run by now or not
+    wrong.session = plug.other_side.session  # set here, because the node may not have received the run's session yet
     wrong.tell(ControllerReady.REFUSES, "again")
     assert wrong._ready.wait_for_all_acked(Duration(seconds=10.0))
     plug.wait(20.0)
@@ -456,7 +456,7 @@ def test_a_domain_that_is_none_is_refused(config, ros_domain, monkeypatch):
 
 
 def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program, ros_domain):
-    """What the delay does to a shift is measured in test_free_running.py."""
+    """test_free_running.py measures how the delay affects a shift."""
     process = ros_program("dying")
     plug, said = load_controller("ros:dying?timing=free", config), []
     plug.say = said.append
@@ -475,7 +475,7 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_pro
     while rig.status != RigStatus.TRIPPED and rig.sample < 1000:
         sample = rig.sample
         newest = sample if advance_with(rig, plug) else newest
-    # the command that is held may have been some samples old when it came
+    # the held command may have been some samples old when it arrived
     assert 50 <= rig.sample - newest <= 103 and "older than 100 ms" in rig.reason
     assert any("its process has ended" in text for text in said)
     rig.advance_samples(200)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The C++ side of a ROS 2 controller: what brings messages to rig_controller.h, and the node where rclcpp is."""
+"""The C++ side of a ROS 2 controller: the code between messages and rig_controller.h, and the node where rclcpp is installed."""
 
 import struct
 import subprocess
@@ -18,7 +18,7 @@ from .conftest import ALFA46_C, CONTROLLERS, EXAMPLES, INCLUDE
 from .test_parity import C
 
 STRICT = ("-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
-# reads what a rig would send, writes what the box says
+# reads the messages that a rig would send, and writes the answers of the box
 MAIN = r"""
 #include "rig_ros_box.hpp"
 #include "rig_record.h"
@@ -81,7 +81,7 @@ int main() {
 
 
 def includes(*packages):
-    """-isystem for headers of ROS packages; skips the test where one is not installed."""
+    """Returns -isystem for headers of ROS packages; skips the test where one is not installed."""
     out = []
     for package in packages:
         try:
@@ -146,7 +146,7 @@ def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, lev
     assert last == f"{ControllerReady.LEAVES} enough 0"
 
 
-# one controller with names of its own; each run asks for another set of them
+# one controller with names of its own; each run asks for another set of these names
 NAMES_MAIN = r"""
 #include "rig_ros_box.hpp"
 
@@ -205,7 +205,7 @@ def test_what_it_needs_is_said_and_what_it_names_as_its_own_is_brought(messages,
 
 
 def test_the_node_compiles_without_a_warning(messages):
-    """Only where a ROS 2 with rclcpp is."""
+    """The test runs only where a ROS 2 with rclcpp is installed."""
     folder = Path(includes("rclcpp")[1]).parent
     more = [word for path in sorted(folder.iterdir()) if path.is_dir() for word in ("-isystem", str(path))]
     subprocess.run(

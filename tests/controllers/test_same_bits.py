@@ -44,13 +44,13 @@ def sequence(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def ros_node(ros_program):
-    """One node that serves every run of this file."""
+    """Starts one node that serves every run of this file."""
     ros_program("same_bits")
 
 
 @pytest.fixture(scope="module")
 def hashes(sequence, tmp_path_factory, request):
-    """canonical_hash of the run with a controller (None: the one inside the kernel) under named settings."""
+    """Returns canonical_hash of the run with a controller (None: the one inside the kernel) under named settings."""
     known = {}
 
     def get(name, spec):
@@ -65,7 +65,7 @@ def hashes(sequence, tmp_path_factory, request):
             run = simulate(config, sequence, folder, seed, controller=plug)
             assert run["end"]["state"] == "ended", run["end"]["reason"]
             bag = Bag(folder)
-            # every command names its level, and only at level duty a duty: what it asks for is the same
+            # every command names its level, and has a duty only at level duty; setpoints and gear must be the same at both
             asked = {name: bag.series(name)[1].tobytes() for name in ("I_set_zr_p1", "I_set_zr_p2", "gear_ordered")}
             known[name, spec] = bag.canonical_hash() | asked
         return known[name, spec]
@@ -76,7 +76,7 @@ def hashes(sequence, tmp_path_factory, request):
 @pytest.mark.parametrize(
     ("name", "spec"),
     [
-        # at level current other settings differ from them at level duty by the power stage alone: one plug shows that
+        # With other settings, level current differs from level duty only by the power stage, so one plug is enough.
         pytest.param(
             name,
             f"{spec}{level}",
@@ -102,7 +102,7 @@ def test_the_settings_compared_differ(hashes):
 
 
 def random_settings(rng) -> Alfa46Config:
-    """Any profile that the YAML would take, delays that fall between samples included."""
+    """Returns any profile that the YAML would take, and delays that may fall between samples."""
     values = load_rig("hydmag").alfa46.values
     changed = {
         "t12": rng.choice((-0.22, 0.0, 0.0005, 0.0015, 0.0025, -0.0025, rng.uniform(-0.5, 0.5))),
@@ -127,7 +127,7 @@ def test_any_settings_orders_and_currents_give_the_same_bits(tmp_path, seed, rig
     rng = random.Random(seed)
     settings = replace(load_rig(rig), alfa46=random_settings(rng))
     source, specs = "alfa46.c", (None, PYTHON, C, SIMULINK)
-    if rig != "hydmag":  # the examples bring the record of that rig: elsewhere the C file takes the one made for the rig
+    if rig != "hydmag":  # the examples' folder has the record of that rig; elsewhere the C file includes the one made for its rig
         (tmp_path / source).write_text(ALFA46_C.read_text())
         specs = (None, PYTHON, f"c:{tmp_path / source}")
     plugs = [load_controller(spec, settings, level) for spec in specs]

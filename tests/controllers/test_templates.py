@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig controller new`: what it writes compiles without a warning and shifts, by the very commands that it prints."""
+"""`rig controller new`: what it writes compiles without a warning and shifts, by the same commands that it prints."""
 
 import json
 import os
@@ -24,7 +24,7 @@ from .conftest import multicast_works
 DOCS = Path(__file__).parents[2] / "docs" / "how_to"
 
 PYTHONS = ("python3", ".venv/bin/python")
-OWN_CLOCK = ("can", "modbus")  # nobody starts them with a run
+OWN_CLOCK = ("can", "modbus")  # programs that are not started with a run
 
 
 @pytest.mark.parametrize(
@@ -48,14 +48,14 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
             if command[:2] == ["./rig", "export"]:
                 assert main(command[1:]) == 0
             elif command[0] == "./rig":
-                command[command.index("demo")] = "sample"  # shorter
-                for run in ("before", "run") if kind in OWN_CLOCK else ("run",):  # a program serves run after run
+                command[command.index("demo")] = "sample"  # the shorter sequence
+                for run in ("before", "run") if kind in OWN_CLOCK else ("run",):  # one program serves several runs
                     assert main([*command[1:], "--out", run]) == 0, capsys.readouterr().err
             elif command[-1] == "&":
                 program = [sys.executable if command[0] in PYTHONS else command[0], *command[1:-1]]
                 programs.append(subprocess.Popen(program, stderr=subprocess.PIPE, text=True))
             elif command == ["kill", "%%"]:
-                if kind in (*OWN_CLOCK, "udp-python"):  # and Ctrl-C ends it without a word
+                if kind in (*OWN_CLOCK, "udp-python"):  # Ctrl-C ends the program without any output
                     programs[0].send_signal(signal.SIGINT)
                     assert (programs[0].communicate(timeout=10)[1], programs[0].returncode) == ("", 130)
             else:
@@ -134,7 +134,7 @@ def test_a_template_passes_the_conformance_set(tmp_path, capsys):
 def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     page = (DOCS / "controllers.md").read_text(encoding="utf-8")
-    if language == "simulink":  # the page's shim, before the template's model with the names that the page gives it
+    if language == "simulink":  # the page's shim with the template's model, renamed as on the page
         assert main(["controller", "new", "simulink", "mine"]) == 0
         parameter = "typedef struct { real_T t12; } P;\nextern P rtP;\nextern ExtU rtU;"
         for old, new in (
@@ -161,14 +161,14 @@ def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, mon
 
 
 def test_the_modbus_template_looks_for_the_rig_again_however_it_went(tmp_path):
-    """A server that ends sends the end of the connection or, with a request on its way, a reset."""
+    """A server that ends closes the connection in order or, with a request on its way, by a reset."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(20)
         text = (HERE / "modbus" / "my_plc.py").read_text(encoding="utf-8")
         (tmp_path / "my_plc.py").write_text(text.replace("5020", str(server.getsockname()[1])))
         program = subprocess.Popen([sys.executable, tmp_path / "my_plc.py"], stderr=subprocess.PIPE, text=True)
         try:
-            for linger in (1, 0, 1):  # 0: the connection is reset
+            for linger in (1, 0, 1):  # with 0 the connection is reset
                 client, _ = server.accept()
                 assert client.recv(1000)[7] == 23, "its first request"
                 client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", linger, 0))

@@ -3,9 +3,9 @@
 
 """Every plug of the reference controller against a current trace that was written by hand from the thesis's rules.
 
-The rules (thesis 3.4, Tab. 7.5): P1-P3 count from switch-on, P4-P6 from switch-off, straight lines between; of a change with
-a negative delay the engaging valve is switched on at the order and the releasing one off that much later, with a positive
-delay the other way round.
+The rules (thesis 3.4, Tab. 7.5): P1-P3 count from switch-on, P4-P6 from switch-off, with straight lines between them. In a
+change with a negative delay the engaging valve is switched on at the order and the releasing one is switched off that much
+later; with a positive delay the releasing valve is switched off at the order and the engaging one on that much later.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A controller behind a UDP port: the same bits, whoever starts first, whatever gets lost, however it ends."""
+"""A controller behind a UDP port: the same bits with any order of starts, with lost frames, and for every way in which it ends."""
 
 import re
 import select
@@ -63,7 +63,7 @@ def c_program(tmp_path_factory):
 
 @pytest.fixture
 def program(port, request):
-    """Starts the example of a language; ended after the test."""
+    """Starts the example of a language; it is ended after the test."""
     started = []
 
     def start(language):
@@ -98,7 +98,7 @@ def thread(port):
 
 
 class Steady:
-    """Says 0.5 on the first output and the gear that it is asked for."""
+    """A controller that gives 0.5 on the first output and the ordered gear."""
 
     ended = 0
 
@@ -147,7 +147,7 @@ def test_every_topic_is_that_of_the_built_in_controller(config, port, program, b
 
 
 class Lossy(threading.Thread):
-    """Between controller and rig: loses every 29th frame, sends every 13th twice and every 17th once more, later."""
+    """Between controller and rig it loses every 29th frame, sends every 13th twice and every 17th once more, later."""
 
     def __init__(self, rig_port):
         super().__init__(daemon=True)
@@ -291,7 +291,7 @@ def test_a_controller_that_is_stopped_says_goodbye(plug, program):
 
 
 def test_after_its_end_another_may_come(plug, program):
-    """As in a rig that is worked by hand: reset, and on with the controller that was started again."""
+    """As in a rig that is worked by hand: after the reset it continues with a controller that was started again."""
     first = program("python")
     plug.wait(20.0)
     ask(plug)
@@ -321,13 +321,13 @@ def test_without_a_step_timeout_it_may_stand_in_a_debugger(plug, program):
     ask(plug)
     process.send_signal(signal.SIGSTOP)
     said = []
-    plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))  # goes on when that was said
+    plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))  # continues when that was reported
     assert ask(plug, 1) is not None
     assert said == [f"waiting for controller on {plug.name.replace(':', ' ')}, 1 s"]
 
 
 def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, program):
-    """Without an answer a sample is discarded: the rig trips by the age of its commands, after 100 ms."""
+    """Without an answer a sample is discarded, and the rig trips by the age of its commands, after 100 ms."""
     plug.pace(0.1, real_time=True)
     assert ask(plug) is None, "nobody has come yet"
     process = program("python")
@@ -351,7 +351,7 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
         other.connect(("127.0.0.1", port))
         other.send(pack(HELLO, 0, 0, 2, 0, ""))
         with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
-            plug.wait(20.0)  # in vain: said after a second
+            plug.wait(20.0)  # ends with the error after a second
         assert refusal.value.exit_code == 1
         assert plug.awaited() == f"one has come on udp {port} and is not used: {plug.refused}"
         kind, _, _, (why,) = unpack(other.recv(2048))
@@ -360,7 +360,7 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
 
 
 def named(*own):
-    """A steady controller with these transducers, signals and settings."""
+    """Returns a steady controller with these transducers, signals and settings."""
     wants, signals, settings = own
 
     def step(self, inputs):
@@ -389,13 +389,13 @@ def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, o
 
 
 def test_a_controller_that_comes_later_names_the_same(plug, thread, config):
-    """The bag has its columns already; what was set stays set."""
+    """The bag has its columns already, and values that were set stay set."""
     thread(named(("p_p",), ("twice",), {"held": 0.25}))
     plug.wait(20.0)
     plug.set_value("held", 0.75)
     assert plug.step(0, *ZERO, [4e6]).command[0] == 0.75 and plug.signal_values == (2.0,)
     plug._send(BYE, plug._peer, values=["go"])
-    plug._leave()  # as when it was killed
+    plug._leave()  # as when the controller was killed
     other, same = named((), (), {}), named(("p_p",), ("twice",), {"held": 0.25})
     thread(other)
     with pytest.raises(RigError, match="one has come and is not used: it names other"):
@@ -504,7 +504,7 @@ def test_a_port_that_is_taken_or_none_is_refused(plug, port, config):
 
 
 def test_the_frames_are_those_of_the_c_header(tmp_path):
-    """Sizes and places of every member, by two compilers of their own: C's and struct's."""
+    """Sizes and places of every member must agree between the C compiler and Python's struct."""
     source = r"""
 #include "rig_udp.h"
 #include <stddef.h>
@@ -542,7 +542,7 @@ def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):
     source, program = CONTROLLERS / "examples" / "udp_main.c", tmp_path / "alfa46_udp"
     subprocess.run(["cc", "-std=gnu99", *SANITIZE, f"-I{INCLUDE}", "-o", program, source, ALFA46_C, "-lm"], check=True)
     process = subprocess.Popen([program, "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
-    for gears in ((1, 2), (2,)):  # two runs of one program
+    for gears in ((1, 2), (2,)):  # two runs with one program
         plug = load_controller(f"udp:{port}", config)
         plug.wait(20.0)
         for sample, gear in enumerate(gears):
@@ -568,7 +568,7 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
 
 
 def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_program):
-    """As at the wrong level: sent away every second."""
+    """At the wrong level, for instance, a program is sent away every second."""
     said = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
         rig.settimeout(10.0)
@@ -578,7 +578,7 @@ def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_p
             process = subprocess.Popen(
                 [*command, "127.0.0.1", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
             )
-            for words in ("no", "no"):  # it asks again after a second
+            for words in ("no", "no"):  # the program asks again after a second
                 _, peer = rig.recvfrom(2048)
                 rig.sendto(pack(BYE, 0, 0, words), peer)
             _, peer = rig.recvfrom(2048)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transducers that a controller asks for by name, in Python and in C, and controllers that packages bring by name."""
+"""Transducers that a controller asks for by name, in Python and in C, and controllers that packages provide by name."""
 
 import pytest
 
@@ -30,7 +30,7 @@ void rig_controller_wanted(void *instance, const double *values, uint32_t count)
 
 
 def seen_on_the_rig(config, plug, samples=300):
-    """(what the wires carry, what the controller showed as its setpoints) for each sample."""
+    """Returns for each sample (the values on the wires, the values that the controller gave as its setpoints)."""
     rig, out = Rig(config, controller="external"), []
     rig.set("oil", 4.0e6, True)
     for _ in range(samples):
