@@ -1,8 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""No test hangs: one that takes far longer than the slowest is failed, and where Python cannot, its process ends. No two tests
-meet at the templates' fixed ports.
+"""Time limits of the tests: one that takes far longer than the slowest is failed, and where Python cannot do so, its process ends.
+
+No two tests use the fixed ports of the templates at the same time.
 """
 
 import faulthandler
@@ -13,21 +14,21 @@ import threading
 
 import pytest
 
-LIMIT = 240.0  # s for a test, or for what is made before it; the slowest takes a minute on a busy machine
-AT_LOWEST = 4  # times as much where the test has only what others leave of the processor, as `rig test` lets some run
-MORE = 60.0  # s after which a process that does not even take the failure shows where it stands, and ends
+LIMIT = 240.0  # s for a test, or for its fixtures; the slowest takes a minute on a busy machine
+AT_LOWEST = 4  # factor for tests at the lowest priority, at which `rig test` runs some parts
+MORE = 60.0  # further s after which a process that does not react to the failure prints its place in the code and ends
 
 
 @pytest.fixture
 def on_own_port():
-    """Puts a free port in place of the fixed one into a command (list of words) of those that `controller new` prints."""
+    """Replaces the fixed port by a free one in a command (list of words) that `controller new` prints."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, socket.socket() as tcp:
         for one in (udp, tcp):
             one.bind(("127.0.0.1", 0))
         ports = {"udp:9002": udp.getsockname()[1], "modbus:5020": tcp.getsockname()[1]}
 
     def moved(kind: str, command: list[str], program: str = "") -> list[str]:
-        """kind: of the template; program: file of one that says its port itself."""
+        """Returns the command; ``kind`` is the template's, ``program`` the file of a template that names its port itself."""
         words = [f"{word.partition(':')[0]}:{ports[word]}" if word in ports else word for word in command]
         if words[-1] == "&" and kind.startswith("udp-"):
             words[-1:] = ["127.0.0.1", str(ports["udp:9002"]), "&"]
@@ -42,7 +43,7 @@ def on_own_port():
 
 
 def pytest_configure(config):
-    # while tests run, pytest keeps what is written there; whoever ends so suddenly must be seen
+    # pytest captures stderr while tests run; what a process prints before such a sudden end must be visible
     config.stderr_of_all = os.dup(2)
     signal.signal(signal.SIGUSR2, _too_long)
 
@@ -74,7 +75,7 @@ def _bounded(item):
     if item.get_closest_marker("campaign"):
         return (yield)
     limit = LIMIT * (AT_LOWEST if os.sched_getscheduler(0) == os.SCHED_IDLE else 1)
-    # not SIGALRM, by which a controller of the user's own is bounded in the rig's process
+    # not SIGALRM, which limits the time of a user's controller in the rig's process
     failing = threading.Timer(limit, signal.pthread_kill, (threading.main_thread().ident, signal.SIGUSR2))
     failing.daemon = True
     failing.start()

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A free-wheel in a rig's folder: it holds one way and overruns the other, with nobody to actuate it."""
+"""A free-wheel in a rig's folder: it holds in one direction and overruns in the other, without an actuator."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
-# the ring of the three-speed gearbox held against turning backwards, beside its brake
+# beside its brake, the ring of the three-speed gearbox is held against turning backwards
 FREEWHEEL = """\
 description: three speeds with a free-wheel at the ring
 base: three_speed
@@ -37,7 +37,7 @@ def folder(tmp_path_factory):
 
 
 def driven(config, gear: int | None, speed: float = 100.0):
-    """The rig at a steady speed against the load, in a gear or with all clutches open."""
+    """Returns the rig at a steady speed against the load, in a gear or with all clutches open."""
     rig = Rig(config)
     rig.set("oil", 4e6, True)
     rig.advance(0.3)
@@ -61,7 +61,7 @@ def test_it_holds_the_first_gear_with_every_clutch_open(config):
     assert w_in == pytest.approx(100.0, rel=1e-4) and w_out == pytest.approx(w_in / 2.8, rel=1e-9)
     assert rig.holds("ring_stop") and rig.slip("ring_stop") == pytest.approx(0.0, abs=1e-9)
     assert [rig.clutch_mode(name) for name in rig.clutch_names] == [0, 0, 0]
-    # by hand: carrier torque is load, bearings and the drag of C2 and C3; the ring carries 72/112 of it
+    # by hand: the carrier's torque is the sum of load, bearings and the drag of C2 and C3; the ring carries 72/112 of it
     drags = {name: float(rig.device(name)["drag"]) for name in ("clutch_2", "clutch_3")}
     carrier = rig.load_torque() + 3.0 - drags["clutch_2"] * (0.625 * w_in - w_out) - drags["clutch_3"] * (w_in - w_out)
     assert rig.friction_torque("ring_stop") == pytest.approx(72 / 112 * carrier, rel=1e-3)
@@ -78,7 +78,7 @@ def test_it_overruns_without_torque_in_the_gear_above(config):
 
 def test_it_lets_the_output_run_ahead_and_catches_the_drive_again(config):
     rig = driven(config, None)
-    rig.set("motor", 0.0, True)  # the drive slows down quicker than the load does
+    rig.set("motor", 0.0, True)  # the drive slows down faster than the load
     rig.set("load", 0.0, False)
     rig.advance(0.5)
     assert not rig.holds("ring_stop") and rig.slip("ring_stop") < -1.0

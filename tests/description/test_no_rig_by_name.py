@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""No program names a clutch, valve, gear or signal of a certain rig: what it knows of them it has from the description."""
+"""No program contains the name of a clutch, valve, gear or signal of a certain rig; it takes them from the description."""
 
 import ast
 import re
@@ -12,7 +12,7 @@ from rig_nodes.config.names import installed
 from rig_nodes.testbench.configuration import load_rig
 
 ROOT = Path(rig_nodes.__file__).parent
-# What evaluates the laboratory's own printed pages and tests, beside the rigs' folders and examples for users
+# Code that evaluates the laboratory's printed pages and tests, the rigs' folders, and examples for users
 OF_THE_LABORATORY = (
     "rigs/",
     "validation/",
@@ -29,7 +29,7 @@ OF_THE_LABORATORY = (
 
 
 def names_of_rigs() -> set[str]:
-    """Names of clutches, valves, their signals and of transducers of all installed rigs, but words that mean more than that."""
+    """Returns names of clutches, valves, their signals and transducers of all installed rigs, except words with other meanings."""
     out = set()
     for name in installed("rigs"):
         config = load_rig(name)
@@ -43,7 +43,7 @@ def names_of_rigs() -> set[str]:
 
 
 def words_of(path: Path) -> list[tuple[int, str]]:
-    """(line, text) of every string in the code but docstrings, and every attribute and keyword."""
+    """Returns (line, text) of every string in the code except docstrings, and of every attribute and keyword."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)}
     out = []
@@ -58,7 +58,7 @@ def words_of(path: Path) -> list[tuple[int, str]]:
 
 
 def test_no_program_names_a_clutch_valve_or_signal_of_a_rig():
-    # as a part of a longer key too: "n_wyj_min_rpm" speaks of one laboratory's meter; P1 is a point of a profile
+    # Names are found as a part of a longer key too: "n_wyj_min_rpm" names one laboratory's meter. P1 is a point of a profile.
     names = sorted(map(re.escape, names_of_rigs()), key=len, reverse=True)
     long, short = ("|".join(name for name in names if (len(name) > 2) is wanted) for wanted in (True, False))
     pattern = re.compile(rf"(?<![^\W_])((?i:{long})|{short})(?![^\W_])")

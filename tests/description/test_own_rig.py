@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig of one's own: written, checked, drawn, run, and varied by naming what differs."""
+"""A user's own rig: written, checked, drawn, run, and varied by naming only what differs."""
 
 import xml.etree.ElementTree as ElementTree
 
@@ -82,7 +82,7 @@ def test_the_ratios_follow_from_the_teeth(three):
 
 @pytest.mark.parametrize("gear", RATIOS)
 def test_steady_states_are_those_of_a_calculation_by_hand(three, gear):
-    """The load's torque, drag of 3 Nm at the output, drag of open clutches, 2 Nm and 2 % of what the clutches take at the input."""
+    """The load's torque, drag of 3 Nm at the output and drag of open clutches; 2 Nm and 2 % of the clutches' torque at input."""
     rig = Rig(three)
     rig.set("oil", 4e6, True)
     rig.advance(0.3)
@@ -102,10 +102,10 @@ def test_steady_states_are_those_of_a_calculation_by_hand(three, gear):
         "brake_1": (ring, -40 / 72, 112 / 72),
         "clutch_2": (35 / 56 * w_in - w_out, 35 / 56, -1.0),
         "clutch_3": (w_in - w_out, 1.0, -1.0),
-    }  # slip, and its change by the input's and the output's speed
+    }  # slip, and its derivatives by the speeds of input and output
     drags = {name: float(rig.device(name)["drag"]) * slip for name, (slip, *_) in slips.items()}
     held = {1: "brake_1", 2: "clutch_2", 3: "clutch_3"}[gear]
-    # balance at the output: what the held clutch gives it carries load, bearings and drag
+    # balance at the output: the held clutch's torque carries load, bearings and drag
     at_output = load + 3.0 + sum(drags[name] * slips[name][2] for name in slips)
     torque = -at_output / slips[held][2]
     assert rig.friction_torque(held) == pytest.approx(torque, rel=2e-3)

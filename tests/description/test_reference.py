@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every value of every part says what it is, in one sentence that stands beside it and is shown wherever it can be set."""
+"""Every value of every part has a description in one sentence, which is shown wherever the value can be set."""
 
 import re
 from dataclasses import fields
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def described():
-    """Name of each value of parts and sections -> its field."""
+    """Returns the name of each value of parts and sections -> its field."""
     found = {f"{name}.{one.name}": one for name in parts() for cls in part(name).configs for one in fields(cls)}
     return found | {f"{section}.{name}": one for section, (_, those) in sections().items() for name, one in those.items()}
 

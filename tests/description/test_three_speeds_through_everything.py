@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The three-speed gearbox, which is a folder only, through every verb and plug that the laboratory's rig goes through."""
+"""The three-speed gearbox, which is only a folder, with every verb and plug with which the laboratory's rig is tested."""
 
 import json
 import os
@@ -22,7 +22,7 @@ RIG = ("--rig", "three_speed")
 
 
 def shifts(folder) -> list[tuple[int, int, bool]]:
-    """What a report says of the changes of gear."""
+    """Returns the gear changes in a report."""
     report = json.loads((Path(folder) / "report.json").read_text())
     assert report["run"]["lost"] == 0 and report["run"]["end"]["state"] == "ended", report["run"]["end"]
     return [(one["from_gear"], one["to_gear"], one["valid"]) for one in report["shifts"]]
@@ -56,7 +56,7 @@ def test_run_in_lockstep_has_the_same_bits(simulated, tmp_path):
     done = rig("run", SEQUENCE, *RIG, "--speed", "max", "--out", str(tmp_path / "run"))
     assert done.returncode == 0, done.stdout + done.stderr
     mine, its = Bag(tmp_path / "run").canonical_hash(), Bag(simulated).canonical_hash()
-    # orders reach the box over ROS: when it says so is its own affair
+    # orders reach the box over ROS, so the time of its events may differ
     assert {topic: mine[topic] for topic in its if topic not in ("/controller/events", "all")} == {
         topic: its[topic] for topic in its if topic not in ("/controller/events", "all")
     }
@@ -93,7 +93,7 @@ def test_an_fmu_of_it_shifts(tmp_path):
 
 @pytest.fixture
 def ros_domain():
-    """A ROS domain of the test's own, for processes started there too."""
+    """A ROS domain of the test's own, also for the processes started there."""
     before = dict(os.environ)
     with allocate() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain.number)
@@ -118,7 +118,7 @@ def programs():
 
 
 def printed(kind: str, capsys, on_own_port) -> list[list[str]]:
-    """The commands that `controller new` prints, at a port of the test's own; the folder is ``mine``."""
+    """Returns the commands that `controller new` prints, at a port of the test's own; the folder is ``mine``."""
     assert main(["controller", "new", kind, "mine", *RIG]) == 0
     commands = capsys.readouterr().out.split("next:\n")[1]
     return [on_own_port(kind, shlex.split(line, comments=True)) for line in commands.splitlines()]
@@ -137,7 +137,7 @@ def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys,
     assert shifts("run") == BOTH
 
 
-# the set measures how long a step takes
+# The set measures how long a step takes.
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
 def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wrong folders of rigs: one sentence each, with file and line and what would be right."""
+"""Wrong folders of rigs: one sentence for each fault, with file and line and what would be right."""
 
 import shutil
 

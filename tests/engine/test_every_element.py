@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every element that plant.driveline has, in a rig's folder: the engine moves it as driveline_run.Run does."""
+"""Every element of plant.driveline in a rig's folder: the engine moves it as driveline_run.Run does."""
 
 import shutil
 from pathlib import Path
@@ -32,7 +32,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def moved(config):
-    """(rig, run, largest difference of a speed at each 10 ms of 0.4 s) with nothing but the description's own inputs."""
+    """Returns (rig, run, largest difference of a speed at each 10 ms of 0.4 s) with only the description's own inputs."""
     rig, run, missed = Rig(config), alone(config), []
     for k in range(1, 41):
         rig.advance(0.01)
@@ -41,7 +41,7 @@ def moved(config):
 
 
 def alone(config) -> Run:
-    """The same description in Python alone."""
+    """Returns a run of the same description in Python without a rig."""
     plan = plan_of(config).plan
     return Run(plan.system, config.kernel.step, {name: (table.x, table.y) for name, table in plan.inputs.items()})
 
@@ -198,7 +198,7 @@ def test_a_gearbox_tells_the_torques_of_its_wheels_when_it_is_asked_and_nothing_
     assert rigs[0].state_hash() == rigs[1].state_hash() and "/rig/torques" not in rigs[0].config.catalogue.topics
     torques = JointTorques(rigs[1])
     told = dict(zip(torques.names, torques.values(), strict=True))
-    # what the set puts on its wheels is in the ratio of their teeth
+    # the torques of the set on its wheels are in the ratio of their teeth
     assert (
         told["set_1_ring_torque"] == pytest.approx(72 / 40 * told["set_1_input_torque"], rel=1e-9)
         and told["set_1_input_torque"] < -0.5

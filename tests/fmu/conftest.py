@@ -11,7 +11,7 @@ from rig_nodes.fmu.importer import Fmu
 
 @pytest.fixture(scope="session")
 def rig_fmu(tmp_path_factory):
-    """Path of the rig's FMU of a version of FMI."""
+    """Returns the path of the rig's FMU of a version of FMI."""
     folder, built = tmp_path_factory.mktemp("fmu"), {}
 
     def get(fmi=2):
@@ -25,7 +25,7 @@ def rig_fmu(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def _instances(rig_fmu):
-    """One instance of each version, which the tests share: to start one takes a second."""
+    """One instance of each version, which the tests share, because starting one takes a second."""
     made = {}
     yield made
     for instance in made.values():
@@ -34,7 +34,7 @@ def _instances(rig_fmu):
 
 @pytest.fixture(params=[2, 3], ids=["FMI 2.0", "FMI 3.0"])
 def fmu(request, rig_fmu, _instances):
-    """An instance of the rig's FMU, of each version, as new."""
+    """An instance of the rig's FMU of each version, in its initial state."""
     if request.param not in _instances:
         _instances[request.param] = Fmu(rig_fmu(request.param))
     _instances[request.param].reset()
@@ -43,7 +43,7 @@ def fmu(request, rig_fmu, _instances):
 
 @pytest.fixture
 def fmu2(rig_fmu, _instances):
-    """An instance of FMI 2.0, as new."""
+    """An instance of FMI 2.0, in its initial state."""
     if 2 not in _instances:
         _instances[2] = Fmu(rig_fmu())
     _instances[2].reset()

@@ -70,7 +70,7 @@ def test_a_size_is_refused_that_is_declared_and_one_that_is_hidden(tmp_path, mon
     path = written(tmp_path / "hidden.fmu", [entry("a", bytes(300_000))])
     data = bytearray(path.read_bytes())
     size = (300_000).to_bytes(4, "little")
-    while (at := data.find(size)) >= 0:  # both the file's own head and the archive's list say 100 bytes
+    while (at := data.find(size)) >= 0:  # the file's own header and the archive's list both state 100 bytes
         data[at : at + 4] = (100).to_bytes(4, "little")
     path.write_bytes(data)
     with pytest.raises(RigError, match="it is damaged at 'a'"):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What FMI asks of an FMU: the order of calls, the stop time, what its description states, and how a trip ends a step."""
+"""What FMI requires of an FMU: the order of calls, the stop time, the content of its description, and how a trip ends a step."""
 
 import zipfile
 from pathlib import Path
@@ -25,7 +25,7 @@ SI = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 @pytest.fixture(scope="module")
 def controller_fmu(tmp_path_factory):
-    """Path of the reference controller as an FMU of each version."""
+    """Returns the path of the reference controller as an FMU of each version."""
     folder = tmp_path_factory.mktemp("controller")
     for fmi in (2, 3):
         build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], folder / f"{fmi}.fmu", load_rig(), fmi)
@@ -108,7 +108,7 @@ def test_twenty_instances_do_not_meet_and_each_can_begin_again(controller_fmu, f
             instance.close()
 
 
-# ---- what the description states
+# ---- the content of the description
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -148,7 +148,7 @@ def test_no_output_answers_to_an_input_before_the_next_step(rig_fmu, controller_
     outputs = [v.name for v in description.modelVariables if v.causality == "output"]
     with Fmu(controller_fmu(fmi)) as fmu:
         initial = []
-        for value in (0, 1):  # nothing acts at the initialization either
+        for value in (0, 1):  # inputs do not act at the initialization either
             fmu.initialize(**dict.fromkeys(inputs, value))
             initial.append(fmu.get(*outputs))
             fmu.step(0.0, 0.1)
@@ -160,7 +160,7 @@ def test_no_output_answers_to_an_input_before_the_next_step(rig_fmu, controller_
 
 
 def test_at_the_initialization_outputs_depend_on_what_the_description_says(rig_fmu):
-    """Each parameter of some parts is moved, in the rig itself; what it moves must name it."""
+    """Each parameter of some parts is changed in the rig itself; every output that changes must name the parameter."""
     description = read_model_description(str(rig_fmu()))
     stated = {unknown.variable.name: {known.name for known in unknown.dependencies} for unknown in description.initialUnknowns}
     config = load_rig()
@@ -181,7 +181,7 @@ def test_at_the_initialization_outputs_depend_on_what_the_description_says(rig_f
         value = 1 - v.start if v.type == "boolean" else 2 if v.type == "integer" else v.start * 0.98 or 1e-3
         try:
             changed = initial(v.name, value)
-        except RigError:  # out of its range
+        except RigError:  # the value is out of its range
             continue
         moved = {values.variables[k].name for k in np.flatnonzero(changed != plain)} & stated.keys()
         assert all(v.name in stated[output] for output in moved), (v.name, moved)
@@ -206,7 +206,7 @@ Rig.advance_samples = advance_samples
 
 @pytest.fixture
 def tripping(tmp_path, monkeypatch):
-    """The rig behind an FMU trips at 250 ms; where it records sample by sample, at no other time."""
+    """The rig behind an FMU trips at 250 ms, exactly then when it records, because it then advances sample by sample."""
     (tmp_path / "sitecustomize.py").write_text(TRIPPING)
     monkeypatch.setenv("RIG_FMU_PATH", f"{tmp_path}:{PACKAGE}")
     return str(tmp_path / "record")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an FMU says through a printf format, called from C as FMUs do."""
+"""Messages of an FMU with a printf format, sent from C as FMUs do."""
 
 import ctypes as ct
 import subprocess
@@ -33,7 +33,7 @@ def test_values_stand_where_the_format_has_them(which, text, speak):
 
 
 def test_a_format_that_is_a_users_text_harms_nothing(speak):
-    """What is taken for a value there is whatever lay in the processor's registers."""
+    """The values taken for its conversions are whatever lay in the processor's registers."""
     said = speak(1)
     assert said.startswith("100 ") and said.endswith(" of it")
 

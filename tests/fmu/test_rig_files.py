@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The files of a rig of the user's own travel inside its FMU."""
+"""The files of a user's own rig are inside its FMU."""
 
 import json
 import shutil

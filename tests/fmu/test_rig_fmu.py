@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig as an FMU: what FMPy makes of it, that it is the same rig, and what becomes of its process."""
+"""The rig as an FMU: how FMPy runs it, that it is the same rig, and what happens to its process."""
 
 import json
 import math
@@ -31,13 +31,13 @@ MPA, RPM = 1e6, 0.10471975511965977
 
 
 def children():
-    """Process numbers of this process's own children that are rigs behind FMUs."""
+    """Returns the process numbers of this process's own children that are rigs behind FMUs."""
     pids = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
     return [int(p) for p in pids if b"rig_nodes.fmu.rig_process" in Path(f"/proc/{p}/cmdline").read_bytes()]
 
 
 def gone(pid):
-    """True when a process has ended, within 10 s."""
+    """Returns True when a process has ended, within 10 s."""
     for _ in range(1000):
         try:
             if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX":
@@ -77,13 +77,13 @@ def test_its_variables_are_the_catalogue_and_the_settings(rig_fmu):
 
 
 def shift_into_first(step, request_at=300):
-    """(time [s], motor, gear request) as inputs of a run of 1.2 s; ``step`` only names whole ms."""
+    """Returns (time [s], motor, gear request) as inputs of a run of 1.2 s; ``step`` only names whole ms."""
     return [(t, t >= 600, 1 if t >= request_at else 0) for t in range(0, 1200, step)]
 
 
 @pytest.mark.parametrize("step", [1, 300])
 def test_any_step_of_whole_milliseconds_gives_the_bits_of_the_rig(fmu, step):
-    """The rig is advanced by hand in one piece where the inputs stay."""
+    """The compared rig is advanced in one piece where the inputs are constant."""
     rig = Rig(load_rig(), seed=7)
     rig.set("oil", 4 * MPA, True)
     rig.advance(0.3)
@@ -139,7 +139,7 @@ def test_settings_of_an_external_controller_are_not_the_rigs(fmu):
 
 
 def test_a_gear_asked_for_during_a_shift_is_taken_at_its_end_whatever_the_step(fmu):
-    """Gear I takes 650 ms (P3 of output 1); neutral is asked for 100 ms after it and begins when that is over."""
+    """Gear I takes 650 ms (P3 of output 1); neutral is ordered 100 ms after it and begins when the shift is over."""
     taken = {}
     for step in (1, 50):
         fmu.reset()
@@ -181,13 +181,13 @@ def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig
         for key, value in other.items():
             assert one[key] == pytest.approx(value, abs=1e-6), key
     hashes = [Bag(tmp_path / name).canonical_hash() for name in ("fmu", "simulate")]
-    told = {"/rig/run_info", "/controller/events", "/sequencer/events", "all"}  # what was said of the run differs
+    told = {"/rig/run_info", "/controller/events", "/sequencer/events", "all"}  # the record of the run and the events differ
     assert {topic for topic in hashes[1] if hashes[0].get(topic) != hashes[1][topic]} == told
 
 
 @pytest.mark.parametrize("controller", ["duty", "current"])
 def test_a_controller_stepped_beside_the_rig_has_one_sample_of_delay(fmu2, controller):
-    """As testbench.simulate: what answers sample s acts from s + 1 on."""
+    """As in testbench.simulate, the answer to sample s acts from s + 1 on."""
     rig, level = Rig(load_rig(), controller="external", level=controller), ("duty", "current").index(controller)
     fmu2.set(controller=level + 1)
     fmu2.initialize()
@@ -226,7 +226,7 @@ def test_reset_makes_it_new_and_instances_do_not_meet(fmu2, rig_fmu):
         assert one.get("true.p_p") == [first]
 
 
-# ---- what is refused
+# ---- refusals
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The C code of both FMUs under the address and undefined-behaviour sanitizers, driven by a program in C."""
+"""The C code of both FMUs under the address and undefined-behaviour sanitizers, called by a program in C."""
 
 import json
 import os
@@ -24,7 +24,7 @@ STRICT = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
 
 
 def build(folder, header, sources):
-    """Path of the program."""
+    """Returns the path of the program."""
     (folder / "variables.h").write_text(header)
     files = [Path(__file__).parent / "driver.c", SOURCES / "fmi2.c", SOURCES / "instance.c", *sources]
     subprocess.run(
@@ -47,7 +47,7 @@ def build(folder, header, sources):
 
 
 def drive(program, folder):
-    """What the program prints; it ends with 0 and without a complaint of the sanitizers."""
+    """Returns the output of the program, which ends with 0 and without a report of the sanitizers."""
     done = subprocess.run(
         [program, folder.as_uri().replace("resources", "%72esources")], capture_output=True, text=True, timeout=100
     )

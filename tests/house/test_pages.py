@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands and links of README and docs: each verb and option exists, each value is one that the verb takes, each file is there."""
+"""Commands and links of README and docs: each verb and option exists, each value is valid, and each file is there."""
 
 import importlib
 import re
@@ -16,11 +16,11 @@ from rig_nodes.errors import RigError
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "ros_ws" / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LINE = re.compile(r"^(?:    |\$ )?\./rig (?P<words>[^#\n]*?)(?:\s{2,}#.*|\s#\s.*)?$")
-STANDS_FOR = {"N": "7", "PORT": "9002", "...": "x"}  # in a command that is to be filled in
+STANDS_FOR = {"N": "7", "PORT": "9002", "...": "x"}  # words of a command that stand for values
 
 
 def commands() -> list[tuple[str, str]]:
-    """(place, words behind ./rig) of each command in a code block."""
+    """Returns (place, words behind ./rig) of each command in a code block."""
     found = []
     for page in PAGES:
         fenced = False
@@ -33,7 +33,7 @@ def commands() -> list[tuple[str, str]]:
 
 
 def understood(words: list[str]) -> None:
-    """Has the verb take its arguments; RigError when it does not. Nothing is run."""
+    """Lets the verb read its arguments; RigError when it does not take them. Nothing is run."""
     verb, *arguments = words
     if verb not in VERBS:
         raise RigError(f"there is no verb {verb}")

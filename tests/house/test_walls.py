@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The walls between the rooms of rig_nodes: which may import which stands in pyproject.toml."""
+"""The imports between the folders of rig_nodes: pyproject.toml lists which folder may import which."""
 
 import ast
 import tomllib
@@ -12,11 +12,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "rig_nodes" / "rig_nodes"
 WALLS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["rig"]["walls"]
-FLOOR = set(WALLS["everybody"])  # modules without a room that everybody may import
+FLOOR = set(WALLS["everybody"])  # modules outside the folders that every folder may import
 
 
 def room_of(path: Path) -> str:
-    """The folder of a file below the package, or the name of a module without one."""
+    """Returns the folder of a file below the package, or the name of a module outside the folders."""
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
@@ -25,7 +25,7 @@ ROOMS = {room_of(path) for path in FILES}
 
 
 def imported(source: str, path: Path) -> dict[str, int]:
-    """Rooms and modules of the package that a file imports, wherever in it, and the first line of each."""
+    """Returns folders and modules of the package that a file imports anywhere, and the first line of each."""
     package = ("rig_nodes", *path.relative_to(PACKAGE).parts[:-1])
     found: dict[str, int] = {}
     for node in ast.walk(ast.parse(source)):
@@ -43,7 +43,7 @@ def imported(source: str, path: Path) -> dict[str, int]:
 
 
 def through_walls(source: str, path: Path) -> list[str]:
-    """Imports of a file that its room may not have, as sentences."""
+    """Returns the imports of a file that its folder may not have, as sentences."""
     room, own = room_of(path), set(WALLS.get(room_of(path), ()))
     return [
         f"{path.relative_to(ROOT)}:{line}: {room} may not import {name}; it may import {', '.join(sorted(own)) or 'nothing'}"

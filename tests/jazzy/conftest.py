@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the tests of this folder share: a domain, and a `ros2` that sees the rig's packages."""
+"""Fixtures that the tests of this folder share: a domain, and a `ros2` that finds the rig's packages."""
 
 import shutil
 import subprocess
@@ -20,7 +20,7 @@ def domain():
 
 @pytest.fixture(scope="session")
 def ros2() -> str:
-    """The command `ros2` with the overlay of this workspace; the test is skipped without."""
+    """The command `ros2` with the overlay of this workspace; without them the test is skipped."""
     command = shutil.which("ros2")
     if command is None:
         pytest.skip("there is no ros2 here")

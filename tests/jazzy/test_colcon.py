@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""colcon installs rig_nodes with everything that runs and everything that is read."""
+"""colcon installs rig_nodes with all programs and all files that they read."""
 
 import os
 import subprocess

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the launch file makes of its arguments, and what the processes make of theirs; needs no ROS 2 command line."""
+"""The arguments of the launch file and those of the processes that it starts; needs no ROS 2 command line."""
 
 import importlib.util
 import os

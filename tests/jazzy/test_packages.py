@@ -11,7 +11,7 @@ import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SUFFIXES = (".py", ".c", ".h", ".cpp", ".hpp")
-# in the form in which ament_copyright finds it, behind a line for the shell
+# the form that ament_copyright finds, which may follow a line for the shell
 RIGHTS = re.compile(r"(#!.*\n)?(/\*\n)?(#|//| \*) Copyright \d{4} \S.*\n\3 SPDX-License-Identifier: Apache-2\.0\n")
 
 

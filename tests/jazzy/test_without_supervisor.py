@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The graph's processes as `ros2 launch` and `ros2 run` start them: no supervisor, the terminal's domain."""
+"""The graph's processes as `ros2 launch` and `ros2 run` start them: without a supervisor, in the terminal's domain."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def start(folder: Path, domain: int, name: str, *arguments: str) -> subprocess.P
 
 @pytest.mark.against_the_clock
 def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
-    Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
+    Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
     (tmp_path / "logs").mkdir()
     sequence = ("--sequence", str(SHORT))
     processes = {

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the launcher's tests share: the launcher as a module, a small checkout with a made-up environment."""
+"""Fixtures that the launcher's tests share: the launcher as a module, and a small checkout with a made-up environment."""
 
 import importlib.util
 import os
@@ -34,7 +34,7 @@ def launcher():
 
 @pytest.fixture
 def small_checkout(tmp_path, launcher) -> Path:
-    """A checkout with a lock, one message and an environment that its stamp calls complete."""
+    """A checkout with a lock, one message and an environment that is complete by its stamp."""
     root = tmp_path / "checkout"
     (root / "msgs" / "msg").mkdir(parents=True)
     (root / "msgs" / "msg" / "Torque.msg").write_text("float64 value\n")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A complete environment is left alone; a half-made, damaged or outdated one is noticed."""
+"""A complete environment is left as it is; an incomplete, damaged or outdated one is noticed."""
 
 import fcntl
 import os
@@ -105,7 +105,7 @@ def test_patch_release_of_python_needs_nothing(launcher, small_checkout, tmp_pat
 
 
 def test_second_start_waits_for_the_first_and_says_so(launcher, small_checkout):
-    """The second start must come back with nothing to do once the first has finished."""
+    """The second start must find nothing to do and return as soon as the first has finished."""
     stamp = small_checkout / ".venv/stamp.json"
     complete = stamp.read_text()
     stamp.unlink()
@@ -132,7 +132,7 @@ def test_failing_tool_ends_in_a_sentence_and_leaves_no_stamp(launcher, small_che
 
 
 def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_checkout, tmp_path):
-    """Otherwise the next start would remove the environment below a pip that still runs."""
+    """Otherwise the next start would remove the environment that a still running pip uses."""
     code = (
         f"import runpy; rig = runpy.run_path({launcher.__file__!r}); "
         f"lock = rig['take_lock']({str(small_checkout)!r}); "
@@ -141,7 +141,7 @@ def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_ch
     )
     os.mkfifo(tmp_path / "fifo")
     first = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.DEVNULL)
-    # Opening the writing end returns when the tool has opened the reading end: then it runs.
+    # Opening the writing end returns when the tool has opened the reading end, that is, when it runs.
     with open(tmp_path / "fifo", "w") as fifo:
         first.kill()
         first.wait()

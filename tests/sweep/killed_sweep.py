@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sweep in a process of its own for test_resume.py: says what it does line by line, so that the test can wait for it.
+"""A sweep in a process of its own for test_resume.py: it prints its progress line by line, so that the test can wait for it.
 
 Arguments: folder, number of processes, and "many" for two thousand members. Lines: "processes PID ...", then
 "finished N" for each member.

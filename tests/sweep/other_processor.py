@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A small sweep for test_other_processor.py, in a process whose compiler and libraries are told of a simpler processor.
+"""A small sweep for test_other_processor.py, in a process whose compiler and libraries are set to a simpler processor.
 
-Argument: folder. What it is told stands in the environment.
+Argument: folder. The settings stand in the environment.
 """
 
 import sys

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A member on another processor: within 1e-9, seen by hiding from compiler and libraries what this one can do."""
+"""A member on another processor is the same within 1e-9; features of this processor are hidden from compiler and libraries."""
 
 import os
 import subprocess
@@ -12,11 +12,11 @@ import pytest
 
 pq = pytest.importorskip("pyarrow.parquet")
 SCRIPT = Path(__file__).with_name("other_processor.py")
-# x86-64 as it was in 2003: no AVX, no fused multiply-add in compiled code, in libm and in numpy's loops
+# x86-64 of 2003: no AVX, no fused multiply-add in compiled code, in libm and in numpy's loops
 SIMPLE = {
     "NUMBA_CPU_NAME": "x86-64",
     "NUMBA_CPU_FEATURES": "",
-    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX2 FMA3 AVX512F",  # as numpy 2 and 1 call them
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX2 FMA3 AVX512F",  # the names of numpy 2 and of numpy 1
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX2,-AVX,-FMA,-FMA4,-BMI2,-SSE4_1,-SSE4_2",
 }
 UNLIKE = 1e-9
@@ -30,7 +30,7 @@ def ran(folder: Path, **more: str) -> list[dict]:
 
 @pytest.mark.campaign
 def test_a_member_is_the_same_within_1e_9_on_a_simpler_processor(tmp_path, record_property):
-    """Compiles anew, a minute: so not part of the default run."""
+    """Everything is compiled anew, which takes a minute, so the test is not part of the default run."""
     (tmp_path / "here").mkdir()
     (tmp_path / "there").mkdir()
     rows, others = ran(tmp_path / "here"), ran(tmp_path / "there", **SIMPLE)

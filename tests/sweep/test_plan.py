@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a sweep varies: names and units of --set and --with, the four methods, and what is refused."""
+"""The variations of a sweep: names and units of --set and --with, the four methods, and refusals."""
 
 import numpy as np
 import pytest

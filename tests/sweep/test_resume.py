@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sweep that is killed goes on where it was: nothing finished is run again, nothing half written counts."""
+"""A killed sweep continues where it was: no finished member is run again, and nothing half written counts."""
 
 import json
 import os
@@ -28,7 +28,7 @@ def start(folder: Path, jobs: int, *more: str) -> subprocess.Popen:
 
 
 def read_until(process, word: str, count: int = 1) -> list[str]:
-    """Lines up to the count-th that begins with a word."""
+    """Reads lines up to the count-th one that begins with a word."""
     lines = []
     for line in process.stdout:
         lines.append(line.strip())
@@ -39,7 +39,7 @@ def read_until(process, word: str, count: int = 1) -> list[str]:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory) -> bytes:
-    """The results of the same sweep in one go, in one process."""
+    """The results of the same sweep without interruption, in one process."""
     folder, chosen = tmp_path_factory.mktemp("whole") / "sweep", plan()
     with Store(folder, manifest_of(chosen, False)) as store, Workers(1) as workers:
         assert run_sweep(chosen, store, workers.stream) == 22
@@ -62,7 +62,7 @@ def test_kill_of_the_parent(tmp_path, undisturbed):
     assert set(before) >= {int(line.split()[1]) for line in seen if line.startswith("finished")}
 
     with open(folder / JOURNAL, "ab") as journal:
-        journal.write(b'0badc0de {"member":21,"seed"')  # as a kill leaves it that comes while a line is written
+        journal.write(b'0badc0de {"member":21,"seed"')  # as after a kill while a line was being written
     again = start(folder, 2)
     lines = read_until(again, "whole")
     assert again.wait() == 0
@@ -89,7 +89,7 @@ def test_kill_of_a_worker(tmp_path, undisturbed):
 
 @pytest.mark.campaign
 def test_two_thousand_runs(tmp_path, record_property):
-    """Killed workers at 200 and 400 members, a killed parent at 800: 2000 members, each once, and the same bytes."""
+    """With workers killed at 200 and 400 members and the parent at 800: 2000 members, each once, and the same bytes."""
     began = time.monotonic()
     folder = tmp_path / "sweep"
     process = start(folder, 2, "many")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Members, their rows and the command: the same bits wherever a member runs; a failing one is a row."""
+"""Members, their rows and the command: the same bits wherever a member runs; a failed member is a row as well."""
 
 import json
 from pathlib import Path
@@ -103,7 +103,7 @@ def test_a_sweep_of_which_nothing_came_to_its_end_says_so_by_its_exit_code_too(t
     ],
 )
 def test_what_is_wrong_is_said_before_processes_are_started(arguments, sentence, capsys, monkeypatch):
-    """Where nothing is compiled yet, their start takes half a minute."""
+    """Where nothing is compiled yet, the start of the processes takes half a minute."""
     monkeypatch.setattr("rig_nodes.testbench.workers.start_server", None)
     assert main(["sweep", SHORT, *arguments]) == 2
     assert sentence in capsys.readouterr().err
@@ -123,7 +123,7 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
 
 
 def test_dask_gives_the_same_bytes(tmp_path):
-    """On a local cluster of two processes."""
+    """The cluster is local and has two processes."""
     pytest.importorskip("distributed")
     from rig_nodes.sweep.cluster import dask_stream
 
@@ -172,7 +172,7 @@ def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
 
 
 def test_a_controller_that_fails_in_some_members_is_a_row_there_and_its_own_in_each(tmp_path, capsys):
-    """Counts its own samples: one that had lived through a member before would fail in the next one too."""
+    """The controller counts its own samples: if one instance served two members, it would fail in the later one too."""
     mine = tmp_path / "mine.py"
     mine.write_text(
         "from rig_nodes.controllers.examples.alfa46 import Alfa46\n\n\n"

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tuner: what it may ask of the hardware, warm rigs, fronts, sampled rigs, and a whole tuning on a tiny budget."""
+"""The tuner: what it may ask of the hardware, rigs stored at operating points, fronts, sampled rigs, and a small whole tuning."""
 
 import json
 from dataclasses import replace
@@ -36,7 +36,7 @@ def bench(config):
     return Bench(config)
 
 
-# ---- a rig's state, put aside
+# ---- a rig's state, stored
 
 
 def test_a_restored_rig_goes_on_bit_for_bit(config):
@@ -64,7 +64,7 @@ def test_settings_of_a_rig_leave_the_configuration_alone(config):
 
 
 def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
-    """Other noise, another way into the operating point: the same within the instruments' errors."""
+    """With other noise and another way into the operating point the shift is the same within the instruments' errors."""
     quick = {way: bench.shift(Point(way, 1500.0 * RPM, 80.0), config.alfa46) for way in WAYS}
     run = record(config, load_sequence("grid_point", {"speed": "1500 rpm", "load_up": "80 Nm", "load_down": "80 Nm"}))
     for way, row in zip(WAYS, shifts(run.recording)[-2:]):
@@ -84,7 +84,7 @@ def test_a_shift_does_not_depend_on_the_one_before(config, bench):
 
 
 def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
-    """Its profiles are over long before it is: the time is the same as in a window that covers it."""
+    """Its profiles are over long before its end: the time is the same as in a window that covers the whole shift."""
     point = Point("I-II", 1500.0 * RPM, 80.0)
     settings = space.settings(config.alfa46, "I-II", space.BEGIN["I-II"], transmission_of(config))
     whole = bench.shift(point, settings)
@@ -146,12 +146,12 @@ BEFORE = Shift(200.0, 0.5, 0.25, 0.0, 1000.0, 5e4, 90.0)
 def test_a_share_of_the_peak_is_sought_by_its_rise():
     shift = replace(BEFORE, peak=145.0, time=0.4, dip=0.07)
     assert share("peak", shift, BEFORE) == pytest.approx(0.725)
-    assert sought("peak", shift, BEFORE) == pytest.approx(0.5)  # 55 Nm over 90 Nm, where 110 Nm were
-    assert sought("peak", replace(BEFORE, peak=90.0), BEFORE) == 0.0  # no settings come below
-    low = replace(BEFORE, before=194.0)  # it rises by 6 Nm only: 3 Nm more are 3 of 15
+    assert sought("peak", shift, BEFORE) == pytest.approx(0.5)  # a rise by 55 Nm above 90 Nm, compared with 110 Nm
+    assert sought("peak", replace(BEFORE, peak=90.0), BEFORE) == 0.0  # no settings give less
+    low = replace(BEFORE, before=194.0)  # it rises by only 6 Nm, so 3 Nm more count as 3 of 15
     assert sought("peak", replace(BEFORE, peak=203.0), low) == pytest.approx(1.2)
     assert share("t_c", shift, BEFORE) == pytest.approx(0.8)
-    assert share("time", shift, BEFORE) == 1.0  # t_dt is as before: neither is bought with the other
+    assert share("time", shift, BEFORE) == 1.0  # t_dt is as before: the larger share of the two counts
     task = Task((), (), None, ("peak", "time", "dip"), ())
     assert excess(task, shift, BEFORE) == pytest.approx(0.02)  # 7 % where 5 % are allowed
 
@@ -224,12 +224,12 @@ def test_settings_that_are_out_of_reach_are_tried_no_further(config):
     task = Task(
         (config,), (Point("I-II", 1500.0 * RPM, 80.0), Point("I-II", 1200.0 * RPM, 60.0)), config.alfa46, ("peak", "time"), (), 1.0
     )
-    slow = {**space.values_of(config.alfa46, "I-II", transmission_of(config)), "P2.gap": 245}  # takes hold 40 ms later
+    slow = {**space.values_of(config.alfa46, "I-II", transmission_of(config)), "P2.gap": 245}  # engages 40 ms later
     whole = tried(config, task, slow)
     assert whole["whole"] and whole["tried"] == 2
     assert whole["excess"] >= max(whole["objectives"]) - 1.0 > 0.01
     assert tried(config, task, slow, cut=0.0)["tried"] == 1
-    assert tried(config, task, slow, best=[[0.9, 0.9]])["tried"] == 2  # how far it misses has to be known
+    assert tried(config, task, slow, best=[[0.9, 0.9]])["tried"] == 2  # it must be known how far it misses
     loose = replace(task, limit=None, bounds=(("dip", 0.5),))
     assert tried(config, loose, slow, best=[[0.9, 0.9]], cut=0.0)["tried"] == 1
     assert tried(config, loose, slow, best=[[0.9, 2.0]], cut=0.0)["tried"] == 2
@@ -306,7 +306,7 @@ def test_a_search_that_goes_on_is_as_one_that_was_never_stopped(config, monkeypa
     assert [e["values"] for e in second.entries] == [e["values"] for e in whole.entries]
     assert [e["objectives"] for e in second.entries] == [e["objectives"] for e in whole.entries]
     front = whole.front()
-    assert whole.shifts == sum(entry["tried"] for entry in whole.entries) < 2 * 36  # not all in both points
+    assert whole.shifts == sum(entry["tried"] for entry in whole.entries) < 2 * 36  # some settings were not tried in both points
     assert front and not any(dominates(a["objectives"], b["objectives"]) for a in front for b in front)
 
 
@@ -391,7 +391,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
         verdict = summary["verdicts"][0][name]["II-I"]
         assert verdict["pairs"] + verdict["left_out"] == 4 and verdict["failed"] == 0
     speed = summary["largest_load"]["speeds"][0]
-    # the old gear carries the load until the new one takes it: no settings come below that
+    # the old gear carries the load until the new one takes it, so no settings give less than its torque
     assert speed["input_torque_before_nm"] <= speed["least_peak_nm"] <= speed["compared_peak_nm"] * 1.001
     assert (out / "front_II-I.svg").read_text().startswith("<svg")
 
@@ -414,9 +414,11 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
 
 @pytest.mark.campaign
 def test_the_thesis_range(config, tmp_path, capsys):
-    """Both ways, with the defaults: settings that are better in peak and in the time from the order in every single shift
-    on every fresh rig, in fresh operating points; I-II in the time from the fall of the pressure too, which II-I at the
-    largest load a rig may miss. At 240 Nm II-I asks for more than the engine has before the shift already.
+    """Both ways, with the defaults, on fresh rigs and in fresh operating points.
+
+    The settings found are better in the peak and in the time from the order in every single shift, I-II also in the time
+    from the fall of the pressure, which II-I may miss on a rig at the largest load. At 240 Nm II-I needs more than the
+    engine's torque already before the shift.
     """
     pytest.importorskip("optuna")
     assert main(["tune", "--out", str(tmp_path / "tune"), "--json"]) == 0
@@ -487,7 +489,7 @@ def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsy
 
 
 def test_what_is_wrong_is_said_before_anything_is_computed(capsys, tmp_path, monkeypatch, config):
-    """The spreads take seconds, and where nothing is compiled yet, the processes' start takes half a minute."""
+    """The spreads take seconds, and where nothing is compiled yet, the start of the processes takes half a minute."""
     pytest.importorskip("optuna")
     pytest.importorskip("pyarrow")
 

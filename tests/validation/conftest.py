@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests of this folder use the shifts made by hand of the analysis's tests."""
+"""Lets the tests of this folder use the shifts made by hand in the analysis's tests."""
 
 import sys
 from pathlib import Path

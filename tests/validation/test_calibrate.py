@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration: what may change, how far, what it is judged by, and how the result gets into the rig's files."""
+"""Calibration: what may change and how far, the rows that judge it, and the way of the result into the rig's files."""
 
 import dataclasses
 import shutil
@@ -55,7 +55,7 @@ def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
 def test_a_curve_of_chapter_9_begins_and_ends_as_printed():
     fall = TARGETS["ch9_pressure_up_p1"]
     t = np.array([-0.01, 0.0, 0.1, 0.38869, 1.0])
-    # 2.3 - 13.028 t + 18.294 t^2 MPa, then nothing
+    # 2.3 - 13.028 t + 18.294 t^2 MPa, then 0
     assert rows.on_curve(fall, t) == pytest.approx([2.3e6, 2.3e6, 1.18014e6, 0.0, 0.0], abs=10.0)
     p = rows.on_curve(fall, np.arange(0.0, 1.0, 1e-3) - 0.2)
     assert rows.fall_begins(fall, p) == pytest.approx(0.2, abs=1.5e-3)
@@ -81,7 +81,7 @@ def test_kiss_pressure_by_hand(config):
 
 
 def test_losses_are_found_again(config):
-    """From values that are far off, least squares bring the coast-down back inside its tolerance."""
+    """From values that are far off, least squares bring the coast-down back into its tolerance."""
     parameters = c.load_stages()["losses"]
     off = c.with_values(config, parameters, {"loss_at_470": 4.2, "loss_out_constant": 14.0})
     before = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(off, TARGETS)}
@@ -122,7 +122,7 @@ def test_wrong_arguments_are_refused(capsys, arguments, sentence):
 
 
 def made_up(config, targets):
-    """Two rows that a driven side's constant loss of 2 and of 6 Nm would meet, and one that it does not touch."""
+    """Returns two rows that a constant loss of the driven side of 2 and of 6 Nm would meet, and one that it does not affect."""
     loss = config.loss_out.drag
     return [rows.Miss("low", loss, loss - 2.0), rows.Miss("high", loss, (loss - 6.0) / 2.0), rows.Miss("far", 0.0, 3.0)]
 
@@ -132,7 +132,7 @@ LEAST, SECOND = 2.059, 5.934
 
 
 def test_of_two_rows_that_exclude_each_other_one_is_met(config):
-    """Not the 2.8 Nm of least squares, which meet neither: a row that cannot be met pulls no more."""
+    """Least squares would give 2.8 Nm, which meet neither row; here a row that cannot be met has no influence any more."""
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
 
     def found(loss, generations):
@@ -144,7 +144,7 @@ def test_of_two_rows_that_exclude_each_other_one_is_met(config):
 
 
 def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
-    """Of a curve that 2.8 Nm meet best: (3 d + 1)^2 + (1 - 3 d)^2 = 2 + 18 d^2 is 1 more at d = 0.2357 Nm."""
+    """For a curve that 2.8 Nm meet best: (3 d + 1)^2 + (1 - 3 d)^2 = 2 + 18 d^2 is 1 more at d = 0.2357 Nm."""
 
     def curve(config, targets):
         parts = tuple(way * 3.0 * (config.loss_out.drag - 2.8) + 1.0 for way in (1.0, -1.0))
@@ -157,7 +157,7 @@ def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
 
 
 def test_random_places_are_no_worse_than_the_one_at_hand(config):
-    """From anywhere the least place is found; the place at hand stays where the others are no better."""
+    """The best place is found from any start; the given place is kept where the others are no better."""
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
     shares = c.anywhere([0.99], 3, 1, 1, config, parameters, made_up)
     assert c.at_shares(config, parameters, shares)[1]["loss_out_constant"] == pytest.approx(LEAST, abs=5e-3)
@@ -168,7 +168,7 @@ def test_random_places_are_no_worse_than_the_one_at_hand(config):
 
 
 def test_a_trade_off_runs_from_one_row_to_the_other(config, monkeypatch):
-    """With weight w on the one row it is least at (w 2 + 6 / (4 w)) / (w + 1 / (4 w))."""
+    """With weight w on the one row the misses are least at (w 2 + 6 / (4 w)) / (w + 1 / (4 w))."""
     monkeypatch.setitem(rows.ROWS, "losses", made_up)
     after = {"losses": made_up(c.with_values(config, c.load_stages()["losses"], {"loss_out_constant": 2.8}), {})}
     sensitivities = {"losses.loss_out_constant": {"low": 1.5, "high": 0.75, "far": 0.0}}
@@ -190,7 +190,7 @@ def test_rows_that_can_be_mended_together_are_no_conflict():
 
 
 def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
-    """How long a released S1 holds shows in the delay t12 from which on the output dips."""
+    """The time for which a released S1 holds shows in the delay t12 from which on the output dips."""
     parameters = c.load_stages()["release"]
     borders = [
         rows.s1_releases(c.with_values(config, parameters, {"rest_s1": torque}), TARGETS)[0].value for torque in (40.0, 70.0)
@@ -200,7 +200,7 @@ def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
 
 
 def test_a_downshift_that_does_not_end_counts_in_every_row(config):
-    """As many misses as otherwise, or a search by least squares could not compare the two."""
+    """It gives as many misses as other shifts; otherwise a search by least squares could not compare the two."""
     weak = config.replaced(clutch_s1=dataclasses.replace(config.clutch_s1, friction_correction=0.4))
     ends, never = (rows.s2_releases(one, TARGETS) for one in (config, weak))
     assert [miss.row for miss in never] == [miss.row for miss in ends]

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Verdicts of single rows, on records made by hand: every kind, hits, misses, ties, what is missing."""
+"""Verdicts of single rows on records made by hand: every kind, hits, misses, ties, and missing values."""
 
 import dataclasses
 from math import inf, nan, pi
@@ -35,7 +35,7 @@ def target(kind, quantity="input_torque_max_nm", procedure="grid_up", conditions
 
 
 def grid(values, quantity="input_torque_max_nm", **more):
-    """Records from {(rpm, Nm): value}."""
+    """Returns records from {(rpm, Nm): value}."""
     return [
         Record("grid_up", {"shift": "I-II", "n_wej": rpm * RPM, "m_wyj": float(nm), **more}, {quantity: value})
         for (rpm, nm), value in values.items()
@@ -354,7 +354,7 @@ def test_a_class_must_be_the_expected_one_in_every_record():
     records[1].values["dip"] = None
     assert verdict(row, records) == "not compared"
     assert verdict(row, records[:1]) == "not compared"
-    # a class of another question, and a number of the same quantity, are not asked
+    # a class that the row does not list, and a number of the same quantity, are left out
     records[1].values["dip"] = "dip"
     assert (
         verdict(

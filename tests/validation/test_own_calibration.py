@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The calibration of a rig's folder: values that its validation rows lead to, and how a wrong one is refused."""
+"""The calibration of a rig's folder: the values to which its validation rows lead, and how wrong files are refused."""
 
 import re
 
@@ -19,7 +19,7 @@ steps:
   - motor: {speed: 600 rpm}
   - wait: {for: 2 s}
 """
-# beyond what the output takes the input has its drag, and that of the open clutches: 4.5 Nm in all
+# in addition to the output's torque, the input carries its drag and that of the open clutches: 4.5 Nm in all
 ROWS = """\
 rows:
   - id: input_drag

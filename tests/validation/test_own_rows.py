@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Validation rows of a rig's folder: what they take of a run, how they are judged, and how wrong ones are refused."""
+"""Validation rows of a rig's folder: the values that they take from a run, their judgement, and how wrong ones are refused."""
 
 import json
 
@@ -67,7 +67,7 @@ def test_a_variant_is_held_against_the_rows_of_its_base_until_it_has_its_own(fol
 
 
 def run_of(**channels) -> Run:
-    """3 s at 1 kHz: gear 1 ordered at 1 s, gear 2 at 2 s."""
+    """Returns a run of 3 s at 1 kHz: gear 1 is ordered at 1 s, gear 2 at 2 s."""
     config = load_rig("three_speed")
     rows = {name: np.zeros(3000) for name in config.transmission.channels} | {
         name: np.asarray(values, dtype=float) * np.ones(3000) for name, values in channels.items()

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From runs to records: what the readers take from shifts made by hand, what series there are, what must run."""
+"""From runs to records: what the readers take from shifts made by hand, which series exist, and what must run."""
 
 from math import pi
 from types import SimpleNamespace
@@ -65,7 +65,7 @@ def test_a_run_without_its_shift_says_so_in_every_value():
     series = SimpleNamespace(procedure="grid_up", conditions=UP)
     assert programme.measure(series, empty) == "the shift I-II did not take place"
     stopped = SimpleNamespace(recording=recording, end={"state": "failed", "reason": "/x/y/a.yaml:5: did not come true"})
-    assert programme.measure(series, stopped) == "a.yaml:5: did not come true"  # without the machine's folders
+    assert programme.measure(series, stopped) == "a.yaml:5: did not come true"  # the reason does not contain the machine's folders
     records = readers.failed("grid_up", UP, "step 5 did not come true")
     row = evaluate(TARGETS["up_t_p_upper"], records)
     assert row.verdict == "not compared" and "step 5" in row.reason
@@ -107,7 +107,7 @@ def test_a_coast_down_gives_inertia_and_speed_over_time():
 
 
 def delays(values, shift="I-II", quantity="k"):
-    """Records from {series: (t12, value)}."""
+    """Returns records from {series: (t12, value)}."""
     return [
         Record(
             "delay_series",
@@ -208,7 +208,7 @@ def test_only_what_rows_need_is_run():
 
 
 def test_the_series_hold_every_condition_that_rows_list():
-    """A list or a single value in a row that has no series would leave the row without an answer for ever."""
+    """A row with a list or a single value for which there is no series would never have an answer."""
     lacking = []
     for target in TARGETS.values():
         if target.procedure not in programme.READERS or target.role == "information":
@@ -247,7 +247,7 @@ def test_a_procedure_runs_and_its_rows_are_judged():
         "coast_down_inertia",
     }
     assert all(row.verdict in ("inside", "outside") and row.value is not None for row in result.rows)
-    # the mass that the rig was given, back from its own running out
+    # the inertia that the rig was given is found again from its own coast-down
     inertia = next(row.value for row in result.rows if row.target.id == "coast_down_inertia")
     assert inertia == pytest.approx(0.709, rel=0.05)
 
@@ -269,12 +269,12 @@ def test_chapter_8_is_judged_by_what_the_bench_measured():
     assert judged("bench_46x88_9_k_kor_osinski").value == pytest.approx(1.60, rel=0.005)
     assert judged("bench_46x88_9_k_kor").verdict == "inside"
     miss = judged("bench_50x76_n10_error")
-    # the pack follows the model, so only the instruments' errors are left of the laboratory's 12 %
+    # the pack follows the model, so of the laboratory's 12 % only the instruments' errors remain
     assert miss.verdict == "outside" and 0.0 < miss.value < 0.01
     assert judged("bench_80x115_2_scatter").basis == "information"
     steel, lined = (r for r in records if "m_rest_nm" in r.values)
     assert steel.values["m_rest_nm"] is None and "M_rest" in steel.why["m_rest_nm"]
-    # the gearbox's plates have the M_rest of its clutches, here too
+    # the gearbox's plates have the M_rest of its clutches on the bench too
     own = load_rig("hydmag").clutch_s1.rest_torque
     assert series["50x76-10"].overrides["clutch_pack.rest_torque"] == f"{own:g} Nm"
     assert lined.values["m_rest_nm"] == pytest.approx(own, abs=5.0)

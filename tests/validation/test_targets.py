@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laboratory's printed results: complete, in order among themselves, and refused when badly written."""
+"""The laboratory's printed results: complete, consistent among themselves, and refused when badly written."""
 
 import shutil
 import subprocess
@@ -19,7 +19,7 @@ from rig_nodes.validation.targets import TARGETS_FILE, Span, load_targets
 RPM = pi / 30.0
 NO_HOLD = {"ZR-P1": {1, 2, 3, 4, 5, 6, 7, 8, 21, 28}, "ZR-P2": {8}}
 
-# What the rig is to be judged by first: id -> what is accepted in SI, set down before any calibration.
+# The main rows: id -> what is accepted in SI, set down before any calibration.
 ACCEPTANCE = {
     "valve_delay_zr_p1": (0.18516, 0.20516),
     "valve_delay_zr_p2": (0.3206, 0.3406),

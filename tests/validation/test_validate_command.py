@@ -58,7 +58,7 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
     file = tmp_path / "rows.json"
     assert main(["validate", "--rows", "cylinder_*", "--jobs", "1", "--json", str(file), "--pictures", str(tmp_path / "p")]) == 0
     assert "predicted inside 1 of 1" in capsys.readouterr().out
-    # where the cylinder begins to push, by (8.2) at 0.098 MPa, within the class of the pressure transducer
+    # the pressure at which the cylinder begins to push, by (8.2) 0.098 MPa, within the class of the pressure transducer
     start = next(row for row in json.loads(file.read_text())["rows"] if row["id"] == "cylinder_force_start")
     assert start["value"] == pytest.approx(0.098e6, abs=0.0625e6 + 0.002e6)
     assert (tmp_path / "p" / "fig_8_8.svg").is_file() and (tmp_path / "p" / "fig_8_9.svg").is_file()
