@@ -59,7 +59,8 @@ def check(args: argparse.Namespace) -> int:
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
     config = load_gearbox_rig(args.rig, None, "controller check")
     items = []
-    for item in Check(args.spec, config, args.level, *args.step_timeout, say).items():
+    step_timeout, come_timeout = args.step_timeout
+    for item in Check(args.spec, config, args.level, step_timeout, come_timeout, say).items():
         items.append(item)
         if not quiet:
             print(f"{MARKS[item.ok]:<8}{item.name:<15}{item.text}", flush=True)

@@ -113,6 +113,7 @@ def run(args: argparse.Namespace) -> int:
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
+        step_timeout, come_timeout = args.step_timeout
         order = Order(
             args.sequence,
             rig,
@@ -120,7 +121,8 @@ def run(args: argparse.Namespace) -> int:
             args.settings,
             args.drop,
             args.speed,
-            *args.step_timeout,
+            step_timeout,
+            come_timeout,
             plug,
             args.parameters,
             processes_of(config.structure.shifts),

@@ -99,17 +99,16 @@ def unpack_answer(data: bytes) -> Answered:
         if data[1] != 1:
             raise NoAnswer("an answer is not little-endian CDR")
         session, controller, seq, status, gear, shifting, flags = ANSWER.unpack_from(data, 4)
-        at, lists = 4 + ANSWER.size, []
-        for _ in range(3):
-            values, at = _take_list(data, at)
-            lists.append(values)
+        command, at = _take_list(data, 4 + ANSWER.size)
+        setpoint, at = _take_list(data, at)
+        signals, at = _take_list(data, at)
         (length,) = COUNT.unpack_from(data, at)
         if at + 4 + length > len(data):
             raise NoAnswer(f"an answer of {len(data)} bytes is cut off")
         message = data[at + 4 : at + 4 + length].rstrip(b"\0").decode("utf-8", "replace")
     except (struct.error, IndexError):
         raise NoAnswer(f"an answer of {len(data)} bytes is cut off") from None
-    return Answered(session, controller, seq, status, gear, bool(shifting), flags, *lists, message)
+    return Answered(session, controller, seq, status, gear, bool(shifting), flags, command, setpoint, signals, message)
 
 
 def _take_list(data: bytes, at: int) -> tuple[tuple[float, ...], int]:

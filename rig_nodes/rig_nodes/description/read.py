@@ -213,6 +213,7 @@ class _Reader:
             check_keys(self.path, node, keys, keys, what, self.at(nodes, name))
             self.source(node, what)
             wheels = [self.body(node[key], self.at(node, key), f"{what}.{key}", ground=True) for key in keys[:3]]
+            sun, ring, carrier = wheels
             if len(set(wheels)) < 3:
                 raise RigError(
                     f"{self.at(nodes, name)}: {what}: sun, ring and carrier must be three bodies, found {', '.join(wheels)}"
@@ -223,7 +224,7 @@ class _Reader:
                     f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; give the "
                     "sun first, which has fewer"
                 )
-            out.append(PlanetarySet(name, *wheels, teeth))
+            out.append(PlanetarySet(name, sun, ring, carrier, teeth))
         return tuple(out)
 
     def shafts(self) -> tuple[Shaft, ...]:

@@ -308,7 +308,8 @@ def _judge_pair(target: Target, records: list[Record]) -> tuple[list[Judged], li
         sides.append({tuple(map(canonical, key.values())): (key, members) for key, members in group(found, names)})
     judged = []
     for key in [key for key in sides[0] if key in sides[1]]:
-        judged += _pairs(target, *sides[0][key], sides[1][key][1])
+        (common, of_records), (_, to_records) = (side[key] for side in sides)
+        judged += _pairs(target, common, of_records, to_records)
     if not judged and not lacking:
         lacking = ["the same conditions on both sides"]
     return judged, lacking

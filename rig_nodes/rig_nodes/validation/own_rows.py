@@ -55,12 +55,11 @@ _KEYS = (
     "low",
     "high",
 )
-_OPERATORS = {
+_OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    ast.USub: operator.neg,
 }
 _FUNCTIONS: dict[str, Callable] = {"mean": np.mean, "min": np.min, "max": np.max}
 
