@@ -401,18 +401,15 @@ def _write_message(out: bytearray, node: Node, value: Any, where: str) -> None:
 def _write_list(out: bytearray, node: Node, value: Any, where: str) -> None:
     if isinstance(value, (str, bytes)) and node.item.name not in ("byte", "uint8", "char"):
         raise TypeError(f"{where} is a list, got {value!r}")
-    if node.item.kind == "number":
-        numbers = _numbers(node.item, value, where)
-        length = len(numbers)
-    else:
-        length = len(value)
+    numbers = _numbers(node.item, value, where) if node.item.kind == "number" else None
+    length = len(value if numbers is None else numbers)
     if node.kind == "array" and length != node.count:
         raise TypeError(f"{where} has {node.count} elements, got {length}")
     if node.kind == "sequence":
         if node.count and length > node.count:
             raise ValueError(f"{where} holds at most {node.count} elements, got {length}")
         _write_length(out, length)
-    if node.item.kind == "number":
+    if numbers is not None:
         if length:
             out += bytes(-(len(out) - 4) % node.item.size)
             out += numbers.tobytes()

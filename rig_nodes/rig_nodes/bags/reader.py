@@ -525,7 +525,7 @@ class Bag:
             found = json.loads(text)
             deep = limits.deeper(found, limits.JSON_DEPTH)
         except RecursionError:
-            deep = True
+            found, deep = None, True
         except ValueError as error:
             raise BagError(f"{self.path}: {topic} is not JSON ({error})") from None
         if deep:

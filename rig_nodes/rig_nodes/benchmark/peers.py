@@ -325,7 +325,7 @@ def by_drake() -> Iterator[Candidate]:
         return [prepared(part, scheme, accuracy) for part in parts]
 
     def switched(simulators: list[Simulator]) -> float:
-        v, begin, last = np.array((W1, 0.0)), 0.0, []
+        v, begin, lock, last = np.array((W1, 0.0)), 0.0, np.nan, []
 
         def watch(context: Context) -> EventStatus:
             x = context.get_continuous_state_vector()

@@ -340,7 +340,7 @@ class RosNode(Plug):
         """Return the answer; None in real time while there is none."""
         side, began = self.other_side, time.monotonic()
         patience = GLANCE if self.real_time and self._away else self.step_timeout
-        waiting, sent_to = None, 0
+        waiting, sent_to, data = None, 0, b""
         while True:
             if side.controller != sent_to:
                 data, sent_to = side.next_step(inputs), side.controller

@@ -122,10 +122,11 @@ class Udp(Plug):
                 return None
             try:
                 data, peer = self._socket.recvfrom(LONGEST)
-                kind, session, frame, values = unpack(data)
             except ConnectionRefusedError:
                 self._see_who_has_gone()
                 continue
+            try:
+                kind, session, frame, values = unpack(data)
             except OtherVersion as error:
                 self._send_away(peer, str(error))
                 continue
