@@ -38,7 +38,6 @@ class Logged:
     period: float
     channels: dict[str, np.ndarray]
 
-    needed = ()  # channels that must be present
     use = "the results"  # what they are needed for, as the error names it
 
     def __post_init__(self) -> None:
@@ -50,6 +49,11 @@ class Logged:
         lengths = {name: np.shape(self.channels[name]) for name in self.needed or self.channels}
         if len(set(lengths.values())) != 1 or len(next(iter(lengths.values()))) != 1:
             raise RigError(f"the recording's channels have the shapes {lengths}; all must be 1-D of one length")
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The channels that must be present."""
+        return ()
 
     @property
     def rows(self) -> int:

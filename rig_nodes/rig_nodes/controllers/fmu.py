@@ -86,7 +86,6 @@ class ControllerFmu(Plug):
         self._said = open(said, "rb", buffering=0)  # the FMU's newest message, which outlives its process
         self._printed = threading.Thread(target=_show, args=(self._process.stdout,), daemon=True)
         self._printed.start()
-        self.process_id = self._process.pid  # for a debugger
         self._link, self._core = Link(ours.detach(), name), -1
         try:
             found = self._hear(name)
@@ -151,7 +150,7 @@ class ControllerFmu(Plug):
         if core != self._core:  # as in c_library.Host.ask: a process on the waiting core is woken sooner
             self._core = core
             with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() says so
-                os.sched_setaffinity(self.process_id, {core})
+                os.sched_setaffinity(self._process.pid, {core})
         try:
             self._link.send(
                 self._sample.pack(inputs.sample, inputs.gear_request, *inputs.current, *inputs.measured)
@@ -167,6 +166,11 @@ class ControllerFmu(Plug):
             return ControllerOutputs(status=status, message=data[self._told.size :].decode("utf-8", "replace"))
         own = dict(zip(self.signals, self._own_values.unpack_from(data, self._told.size), strict=True))
         return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, bool(shifting), flags, signals=own)
+
+    @property
+    def process_id(self) -> int:
+        """Number of the FMU's process, for a debugger."""
+        return self._process.pid
 
     def _abandon(self) -> None:
         """End the process without a call into the FMU."""

@@ -138,7 +138,6 @@ class Plug(ABC):
     named_later = False  # True: wants, settings and signals become known when it comes; then ``named`` is called
     signals: Mapping[str, str] = MappingProxyType({})  # its own signals, which are recorded: unit by name
     signal_values: tuple[float, ...] = ()  # values of ``signals`` in the newest answer
-    process_id: int | None = None  # number of a process that works for the plug
     end_fault = ""  # what went wrong when the controller was ended in order
 
     def __init__(self, name: str, config: RigConfig, level: str) -> None:
@@ -185,6 +184,11 @@ class Plug(ABC):
         NotUsed
             Sooner than that, when the only controller that came cannot be used.
         """
+
+    @property
+    def process_id(self) -> int | None:
+        """Number of a process that works for the plug; None when there is none."""
+        return None
 
     def record(self) -> dict:
         """Return what the report of a run says of the controller, once the controller has ended."""

@@ -298,7 +298,7 @@ class Recorder(Node):
         for message in early:
             self._store_at_its_coming(*message)
 
-    def publishers(self) -> int:
+    def connected_publishers(self) -> int:
         """Return how many publishers of the rig's own topics are still connected."""
         return sum(subscription.get_publisher_count() for subscription in self.inputs)
 
@@ -416,7 +416,7 @@ def drain(process: Process, node: Recorder) -> None:
         process.spin(IDLE)
         if node.received != before:
             before, quiet_since = node.received, time.monotonic()
-        elif time.monotonic() - quiet_since > IDLE_WITH_PUBLISHERS or not node.publishers():
+        elif time.monotonic() - quiet_since > IDLE_WITH_PUBLISHERS or not node.connected_publishers():
             return
 
 
