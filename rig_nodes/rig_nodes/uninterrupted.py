@@ -13,6 +13,7 @@ import threading
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
 
 
@@ -21,7 +22,7 @@ class Uninterrupted:
 
     def __init__(self) -> None:
         self.held = False
-        self._before: dict[int, object] = {}
+        self._before: dict[int, Callable[[int, FrameType | None], object]] = {}
         self._came: int | None = None
 
     def __enter__(self) -> Uninterrupted:

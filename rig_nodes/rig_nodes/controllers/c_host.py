@@ -253,6 +253,10 @@ def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
     return instance, {"status": status, "message": info.message.decode("utf-8", "replace"), "damage": memory.damage()}
 
 
+def _absent(*_: object) -> None:
+    """Stand for a function that the library need not have; it is not called, as there is nothing to bring, take or give."""
+
+
 def serve(line: socket.socket, path: str) -> None:
     """Do everything from the library's loading to its end."""
     library, description = describe(path)
@@ -266,7 +270,7 @@ def serve(line: socket.socket, path: str) -> None:
     if created["status"] != OK or created["damage"]:
         return
     wants, signals, settings = (len(description[key]) for key in ("wants", "signals", "settings"))
-    bring, take, give = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals", "settings"))
+    bring, take, give = (getattr(library, PAIRS[key][1], _absent) for key in ("wants", "signals", "settings"))
     outputs_8, transducers_8 = 8 * len(order["outputs"]), 8 * len(order["transducers"])
     memory = Guarded(
         {

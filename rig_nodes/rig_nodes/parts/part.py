@@ -13,11 +13,15 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..config.schema import record_dtype
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from .shown_rig import ShownRig
 
 # What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one of them may be
 # the ground), "torque" (a torque meter, or "clutches" for all torque that the body gives to clutches), "transducer", "output" (an
@@ -137,6 +141,11 @@ class Command:
         return list(self.takes)[-1]
 
 
+def says_nothing(_rig: ShownRig, _name: str) -> tuple[()]:
+    """Return the fields of no message."""
+    return ()
+
+
 @dataclass(frozen=True)
 class Part:
     """A type of device.
@@ -167,8 +176,8 @@ class Part:
         By the name of an effect that can be left out, the values of the configuration without it.
     message : str
         Type of its state's message.
-    says : function, optional
-        says(rig, name) returns the fields of that message.
+    says : function
+        says(rig, name) returns the fields of that message; a part without one needs none.
     shows : tuple of Shown
         Its signals.
     takes : tuple of Command
@@ -187,7 +196,7 @@ class Part:
     joined: dict[str, Wire] = field(default_factory=dict)
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
     message: str = ""
-    says: Callable | None = None
+    says: Callable[[ShownRig, str], tuple] = says_nothing
     shows: tuple[Shown, ...] = ()
     takes: tuple[Command, ...] = ()
 
