@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..bags.metadata import read_profile
@@ -162,7 +163,7 @@ def _named(counts: dict[str, int]) -> str:
     return ", ".join(f"{topic} {count}" for topic, count in most[:NAMED]) + more
 
 
-def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict] = ()) -> dict:
+def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: Sequence[dict] = ()) -> dict:
     """Return the ``run`` part of the report.
 
     Parameters
@@ -175,7 +176,7 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict
         What the bag itself says about how it was made.
     end : End
         How the run ended.
-    restarts : list of dict
+    restarts : sequence of dict
         The supervisor's list of restarted processes.
 
     Returns

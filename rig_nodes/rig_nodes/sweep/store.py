@@ -127,7 +127,10 @@ class Journal:
         """Return all entries, in the order in which they were added."""
         with open(self.path, "rb") as file:
             for line in file:
-                yield decode(line)
+                entry = decode(line)
+                if entry is None:
+                    raise RigError(f"{self.path}: an entry was damaged since the file was opened; run the sweep again to repair it")
+                yield entry
 
     def close(self) -> None:
         """Release the file for other processes."""

@@ -59,12 +59,15 @@ def frames(bus: can.BusABC) -> Iterator[can.Message]:
     unread = 0
     while True:
         try:
-            yield bus.recv()
+            frame = bus.recv()
         except can.CanOperationError as error:
             unread += 1
             if unread == 1:
                 print(f"my_tcu: {error}; it is left out, as are others like it", file=sys.stderr, flush=True)
             sleep(0.001)
+        else:
+            if frame is not None:  # a bus of another kind may return without one
+                yield frame
 
 
 def answer(bus: can.BusABC) -> None:
