@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig to try things on, and a way to bring it into a steady state."""
+"""A rig for tests, and a way to bring it into a steady state."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ def config():
 
 @pytest.fixture(scope="session")
 def noiseless():
-    """Makes a rig's configuration whose channels show the truth from one with transducers."""
+    """Makes a configuration whose channels show the true values from one with transducers."""
 
     def make(config):
         return config.replaced(effects=replace(config.effects, transducers=False))
@@ -31,7 +31,7 @@ def noiseless():
 
 @pytest.fixture(scope="session")
 def steady_rig(config):
-    """Makes a rig that runs in a gear at a motor speed [rpm] with a relief setting [Pa], settled."""
+    """Makes a rig that runs settled in a gear at a motor speed [rpm] with a relief setting [Pa]."""
 
     def make(gear: int, rpm: float, relief: float, seed: int = 1) -> Rig:
         rig = Rig(config, seed)

@@ -12,12 +12,12 @@ SHOWN = []
 
 
 def rows(_series, run):
-    """Measured of a run."""
+    """Returns the measured value of a run."""
     return run.recording.rows
 
 
 def show(_done, _of):
-    """Say once that runs come back."""
+    """Prints once that runs come back."""
     if not SHOWN:
         SHOWN.append(True)
         print("running", flush=True)

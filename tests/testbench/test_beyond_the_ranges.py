@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values at the ends of their ranges give a run that can be, or a trip that names what cannot; never nonsense."""
+"""Values at the ends of their ranges give a possible run, or a trip that names what is impossible, but never a wrong result."""
 
 import dataclasses
 import random
@@ -31,7 +31,7 @@ STIFF_PACK = {"clutch_s1.pack_rate": "10000000 N/mm", "valve_zr_p1.spool_dead_ba
 
 
 def shift_up_and_down(settings):
-    """(channels of 6 s with true values, rig): gear I, 1000 rpm, load, up, down."""
+    """Returns (channels of 6 s with true values, rig): gear I, 1000 rpm, load, up, down."""
     rig = Rig(load_rig("hydmag", {"effects.transducers": "off", **settings}))
     rows = []
 
@@ -55,7 +55,7 @@ def shift_up_and_down(settings):
 
 
 def longest_alternation(values, least):
-    """Steps in a row of which each turns the one before round, by more than ``least``."""
+    """Returns the largest number of consecutive steps that each reverse the one before by more than ``least``."""
     step = np.diff(values)
     turns = (step[1:] * step[:-1] < 0.0) & (np.minimum(abs(step[1:]), abs(step[:-1])) > least)
     ends = np.flatnonzero(np.diff(np.concatenate([[0], turns, [0]]).astype(int)))
@@ -63,7 +63,7 @@ def longest_alternation(values, least):
 
 
 def nonsense(channels, rig):
-    """What of a run cannot be, in words; nothing of one that can."""
+    """Returns sentences on everything that is impossible in a run, none for a possible run."""
     said = [f"{name} is not finite" for name, x in channels.items() if not np.isfinite(x).all()]
     said += [f"{name} falls to {x.min():g} Pa" for name, x in channels.items() if name[0] == "p" and x.min() < VACUUM]
     said += [
@@ -137,7 +137,7 @@ def test_a_recorded_run_ends_with_that_trip(monkeypatch):
 
 
 def drawn(rng):
-    """Two to five settings of the plant at, or anywhere between, the ends of their ranges."""
+    """Returns two to five settings of the plant at the ends of their ranges or anywhere between."""
     config, out = load_rig("hydmag"), {}
     for _ in range(rng.randint(2, 5)):
         part = rng.choice(
@@ -170,7 +170,7 @@ def drawn(rng):
 
 
 def run_drawn(seed):
-    """What is wrong with the run of a drawn rig."""
+    """Returns what is wrong with the run of a drawn rig."""
     values, config = drawn(random.Random(seed)), load_rig("hydmag", {"effects.transducers": "off"})
     for (part, field), value in values.items():
         config = config.replaced(**{part: dataclasses.replace(getattr(config, part), **{field: value})})

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The clutch bench of chapter 8 and its force benches: what they measure comes back by their own procedures."""
+"""The clutch bench of chapter 8 and its force benches: their own procedures find the values that they were given."""
 
 import json
 from functools import cache
@@ -29,7 +29,7 @@ MEAN_RADIUS = 2.0 / 3.0 * (57.5e-3**3 - 40e-3**3) / (57.5e-3**2 - 40e-3**2)
 
 
 def slipped(settings, seed=1, pressures="1 MPa, 2 MPa, 3 MPa", rig="clutch_bench"):
-    """(configuration, run) of slip tests on a bench with these values, its plates wetted for a short time."""
+    """Returns (configuration, run) of slip tests on a bench with these values, its plates wetted for a short time."""
     config = load_rig(rig, settings)
     run = record(config, load_sequence("clutch_bench", {"pressures": pressures, "wetting": "200 ms"}), seed)
     assert run.end["state"] == "ended", run.end
@@ -59,7 +59,7 @@ def test_a_planted_k_kor_comes_back_within_one_percent_through_the_instruments(k
     line = found_line(config, run)
     assert line["tests"] == 3 and line["r_squared"] > 0.999
     assert line["k_kor"]["thesis"] == pytest.approx(k_kor, rel=0.01)
-    # class errors of p_z (31 kPa of offset, about 40 N) and of the torque meter stand in the intercept
+    # the intercept contains the class errors of p_z (31 kPa of offset, about 40 N) and of the torque meter
     assert line["m_rest_nm"] == pytest.approx(rest, abs=5.0)
 
 
@@ -93,7 +93,7 @@ def test_models_are_compared_on_one_measurement():
 
 
 def test_the_pack_is_let_go_at_once():
-    """8.1.6: as little wear and heat as may be."""
+    """8.1.6 asks for as little wear and heat as possible."""
     _config, run = slipped(TRUE, pressures="2 MPa")
     channels, period = run.recording.channels, run.recording.period
     slips = np.flatnonzero((channels["n"] > 0.5 * RPM) & (channels["p_z"] > 0.5e6))
@@ -103,7 +103,7 @@ def test_the_pack_is_let_go_at_once():
 
 
 def test_the_springs_bring_the_piston_back_to_its_stop():
-    """8.1.2; so the plates are free while they are wetted."""
+    """8.1.2 requires this, so that the plates are free while they are wetted."""
     _, run = slipped(TRUE, pressures="3 MPa")
     assert run.recording.channels["s"].max() > 2.3e-3 and run.recording.channels["s"][-1] < 0.1e-3
 
@@ -243,14 +243,14 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "M_eks Nm" in out and "k_kor against the models: thesis" in out and "messages lost: 0" in out
     bag, report = Bag(tmp_path / "run"), json.loads((tmp_path / "run" / "report.json").read_text())
-    # the testing machine's command is there for the spring bench only
+    # only the spring bench has the command of the testing machine
     assert set(load_rig("clutch_bench").catalogue.topics) - set(bag.counts) == {"/testing_machine/command"}
     assert report["shifts"] == [] and report["run"]["configuration"]["name"] == "clutch_bench"
     assert [round(row["p_z_pa"], -5) for row in report["bench"]["slip_tests"]] == [1e6, 1.5e6, 2e6]
     assert report["bench"]["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
     _t, mode = bag.series("pack_mode")
     assert set(mode) == {0.0, 1.0, 2.0} and not bag.check()
-    # the rows are those that procedures measure in memory
+    # the rows are the same as those that procedures measure in memory
     config = load_rig("clutch_bench", {"plate_pack.surfaces": "12 -"})
     run = record(config, load_sequence("clutch_bench", {"pressures": "1 MPa, 1.5 MPa, 2 MPa", "wetting": "100 ms"}))
     logger = bag.logger()

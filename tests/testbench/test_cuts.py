@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices cut out of the plant: close to the whole rig, at rest where it rests, passive, or refused."""
+"""Devices cut out of the plant: close to the whole rig, at rest where it is at rest, passive, or refused."""
 
 import sys
 from pathlib import Path
@@ -27,8 +27,8 @@ from cut_errors import CASES, errors, settings, shifts
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")
-# the symmetrical optimum, J / (2 T), for the drive's 3.3 ms and a tick and a half of 5 ms: the loop that a drive behind such a
-# cut can have; with the calibrated gains it swings (docs/how_to/cuts.md)
+# The symmetrical optimum, J / (2 T), for the drive's 3.3 ms and one and a half ticks of 5 ms. A drive behind such a cut can
+# have this loop; with the calibrated gains it swings (docs/how_to/cuts.md).
 GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_gain_integral": "760 Nm/rad"}}
 
 
@@ -53,7 +53,7 @@ def uncut():
 @pytest.mark.parametrize(
     "devices",
     [
-        # one of two valves that differ in nothing
+        # the two valves do not differ, so one of them is enough
         pytest.param(names, marks=[pytest.mark.campaign] if names == ("valve_zr_p2",) else [])
         for names in CASES
     ],
@@ -123,7 +123,7 @@ def test_both_sides_of_a_shaft_count_the_same_work(tick, share):
 
 
 def answer_all(rig, **answers):
-    """Advance by a sample and answer it for every cut device."""
+    """Advances by a sample and answers it for every cut device."""
     rig.advance_samples(1)
     for device in rig.cuts.devices:
         rig.cuts.answer(device, rig.sample, answers.get(device, Answer()))
@@ -141,7 +141,7 @@ def test_whatever_a_valve_answers_the_port_stays_between_tank_and_supply():
         answer_all(rig, valve_zr_p1=answer)
         line, supply = rig.line_pressure(0), rig.oil["pressure"]
         high, low = max(high, line - supply), min(low, line)
-    # nothing but the springs of the piston may press the line below ambient, for a step
+    # only the springs of the piston may bring the line's pressure below ambient, for one step
     assert high < 1e3 and low > -0.1e6
     assert rig.line_pressure(0) > 0.0 or rig.valves[0]["flow"] >= 0.0
 
@@ -223,7 +223,7 @@ def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
     assert [m.sample for m in answers] == [m.sample for m in ports[: len(answers)]]
     assert len(ports) - len(answers) <= 1
     torque = {m.header.stamp.sec * 1000 + m.header.stamp.nanosec // 1_000_000: m.torque for _, m in bag.messages("/motor/state")}
-    # the answer to a sample acts from the next tick on, and is seen in the state at the end of it
+    # the answer to a sample acts from the next tick on, and the state at the end of that tick shows it
     assert max(torque.values()) > 10.0
     on = [m for m in answers if m.sample + 10 in torque and m.sample < 2000]
     assert len(on) == 400 and all(torque[m.sample + 10] == m.torque for m in on)
@@ -253,7 +253,7 @@ def test_wrong_cuts_are_refused(key, value, sentence):
 
 
 def test_a_motor_is_not_cut_at_a_tick_that_its_speed_loop_does_not_stand(tmp_path, capsys):
-    """107.4 Nm s/rad over 0.709 kg m2 turn 151 1/s; 0.35 of that is 2.3 ms."""
+    """107.4 Nm s/rad over 0.709 kg m2 give 151 1/s; 0.35 over that is 2.3 ms."""
     with pytest.raises(RigError, match=r"cut.tick is 5 ms: the motor's speed loop .* at most 2\.3 ms"):
         Rig(load_rig("hydmag", settings(("motor",), "5 ms")))
     out = tmp_path / "run"

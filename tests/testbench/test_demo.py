@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demo sequence as a user sees it: two good shifts, and visibly bad ones when the rig is set up wrongly."""
+"""The demo sequence as a user sees it: two good shifts, and visibly bad ones when the rig has wrong settings."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ steps:
 
 
 def run(folder, sequence="demo", **settings):
-    """(bag, report) of a simulated sequence with changed settings."""
+    """Returns (bag, report) of a simulated sequence with changed settings."""
     values = {name.replace("__", "."): value for name, value in settings.items()}
     record = simulate(load_rig("hydmag", values), load_sequence(sequence), folder)
     bag = Bag(folder)
@@ -62,7 +62,7 @@ def test_joint_states_carry_the_angle_that_the_encoders_have_counted(demo):
     moved = np.diff(angle, axis=0)
     assert (moved > -0.01).all() and angle[-1].min() > 1000.0, "it goes on, without wrapping"
     between = np.diff(t)[:, None] * 0.5 * (speed[:-1] + speed[1:])
-    # 10 ms apart, a shift's jerk shows between two of them
+    # the messages are 10 ms apart, so a shift's jerk can lie between two of them
     assert np.abs(moved - between).max() < 0.2
     assert angle[-1] == pytest.approx(between.sum(axis=0), rel=1e-3)
 
@@ -78,12 +78,12 @@ def test_energy_balances_within_a_hundredth_of_the_clutch_heat(demo):
 def test_the_output_never_turns_backwards(demo):
     bag, _ = demo
     assert bag.series("n_wyj")[1].min() >= 0.0
-    # a shaft that has come to rest stands still but for rounding
+    # a shaft that has come to rest stands still except for rounding
     assert min(m.speed_out for _, m in bag.messages("/gearbox/state")) > -1e-12
 
 
 def between(p, t, low, high):
-    """Time [s] that a pressure takes from low to high [MPa], from the first passing of each."""
+    """Returns the time [s] that a pressure takes from low to high [MPa], from the first passing of each."""
     return t[np.argmax(p > high)] - t[np.argmax(p > low)]
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each effect of the thesis's list, left out of one shift: what it is about changes, what comes before it does not."""
+"""Each effect of the thesis's list, left out of one shift: what it affects changes, and what comes before it does not."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ from rig_nodes.testbench.simulate import advance_with
 RPM = math.pi / 30.0
 SPEED = 1200 * RPM
 CHANNELS = ("current", "setpoint", "line", "piston", "clamp", "kinetic", "static", "drag", "temperature", "wear")
-# strong enough to be seen, whatever the rig's own values are; the oil is colder than what its viscosity is given for
+# strong enough to be seen, whatever the rig's own values are; the oil is colder than the temperature of its given viscosity
 STRONG = {
     "loss_in.share": "5 %",
     "loss_out.drag": "1 Nm",
@@ -47,10 +47,11 @@ STRONG = {
 
 
 class Shift:
-    """I to II at 1200 rpm and 60 Nm, told once a millisecond from the order on.
+    """A shift from I to II at 1200 rpm and 60 Nm, recorded once a millisecond from the order on.
 
-    Arrays (samples, 2 clutches) named as in CHANNELS; n_wej, m_wej and loss_out (samples,); modes: for each clutch
-    what it went through; ripple: of the coil current of ZR-P2 [A] over the last 20 logger rows; energy: at the end.
+    Arrays (samples, 2 clutches) are named as in CHANNELS; n_wej, m_wej and loss_out are (samples,). ``modes`` holds for each
+    clutch the modes that it went through, ``ripple`` that of the coil current of ZR-P2 [A] over the last 20 logger rows, and
+    ``energy`` the energies at the end.
     """
 
     def __init__(self, config):
@@ -91,7 +92,7 @@ def strong(noiseless):
 
 @pytest.fixture(scope="module")
 def whole(strong):
-    """With every effect on the plant but the resolved pulses, which are no part of the rig's own settings."""
+    """The shift with every effect on the plant except the resolved pulses, which do not belong to the rig's own settings."""
     effects = dataclasses.replace(
         strong.effects,
         pwm_frequency=0.0,
@@ -108,11 +109,11 @@ def largest(difference):
     return float(np.abs(difference).max())
 
 
-# ---- what an effect is about: (with it, without it)
+# ---- checks of what an effect changes: (with it, without it)
 
 
 def current_follows_the_setpoint(on, off):
-    """That of the sample before, as every answer acts one sample later."""
+    """The current is the setpoint of the sample before, as every answer acts one sample later."""
     assert largest(off.current[1:] - off.setpoint[:-1]) == 0.0
     assert largest(on.current[1:] - on.setpoint[:-1]) > 10e-3
 
@@ -140,13 +141,13 @@ def test_without_the_current_loop_setpoints_act_alike_from_inside_and_outside_an
 def speed_stays(on, off):
     assert largest(off.n_wej - SPEED) < 1e-3 * RPM
     assert largest(on.n_wej - SPEED) > 5 * RPM
-    # what holds it is in no account: the work is that of the same test with the drive, the balance closes
+    # The torque that holds the speed is not counted: the work is that of the same test with the drive, and the balance closes.
     assert off.energy["motor"] == pytest.approx(on.energy["motor"], rel=0.03)
     assert abs(off.energy["residual"]) < 1e-6 * off.energy["motor"]
 
 
 def no_loss_by_torque(on, off):
-    """1 Nm on the z5 axis is what is lost on the driven side without a load, so it stays."""
+    """Without a load, the loss on the driven side is 1 Nm on the z5 axis, and it stays."""
     assert off.loss_out == pytest.approx(41 / 40)
     assert on.loss_out[-1] > 41 / 40 + 2.0 and np.ptp(on.loss_out) > 0.1
     assert off.m_wej[-1] < on.m_wej[-1] - 3.0
@@ -166,20 +167,20 @@ def piston_goes_where_its_springs_want_it(on, off):
 
 
 def capacity_follows_the_clamp(on, off):
-    """Torque to break S1 away per clamp force, once it has begun to let go, is that of the closing pack, (6.54)."""
+    """While S1 is released, its torque to break away per clamp force is that of the closing pack, (6.54)."""
     falling = (off.clamp[:, 0] < 0.7 * off.clamp[0, 0]) & (off.clamp[:, 0] > 100.0)
     closed, kept = (s.static[falling, 0] / s.clamp[falling, 0] for s in (off, on))
-    # the plates are warmer after the shift, which is worth a little
+    # the plates are warmer after the shift, which has a small effect
     assert closed == pytest.approx(off.static[0, 0] / off.clamp[0, 0], rel=0.1)
     assert kept.max() > 1.5 * closed.max()
-    # what the splines hold back of the clamp a slipping pack feels too, and rubs there with 0.17 instead of 0.30
+    # the clamp that the splines hold back acts on a slipping pack too, with friction 0.17 instead of 0.30
     held_back = on.static[falling, 0] - off.static[falling, 0]
     assert held_back.max() > 50.0
     assert on.kinetic[falling, 0] - off.kinetic[falling, 0] == pytest.approx(0.17 / 0.30 * held_back, rel=0.1, abs=1.0)
 
 
 def oil_is_as_thick_when_cold(on, off):
-    """S2 before the shift is open and has the same gap in both: 3 %/K over 20 K, less what its plates are warmer."""
+    """Before the shift S2 is open with the same gap in both: 3 %/K over 20 K, less the amount by which its plates are warmer."""
     by_hand = math.exp(-0.03 * (on.temperature[0, 1] - 40.0))
     assert on.drag[0, 1] / off.drag[0, 1] == pytest.approx(by_hand, rel=1e-6) and by_hand > 1.2
 
@@ -214,29 +215,29 @@ def test_an_effect_that_is_left_out(strong, whole, name, changes, unmoved):
     off = without(strong, name)
     changes(whole, off)
     for channel in unmoved:
-        # wear, a few nanometres, is all that leads from the shafts back to the pistons
+        # only wear, a few nanometres, leads from the shafts back to the pistons
         size = largest(getattr(whole, channel))
         assert largest(getattr(off, channel) - getattr(whole, channel)) < 1e-6 * size, channel
     assert off.modes == whole.modes == ([2, 1, 0], [0, 1, 2]), "S1 slips and opens, S2 grips and locks"
 
 
 def test_every_effect_is_in_the_table(strong):
-    # transducers act on nothing but the channels: test_gauges
+    # transducers act only on the channels, see test_gauges
     assert {row[0] for row in TABLE} | {"pwm_frequency", "transducers"} == {f.name for f in dataclasses.fields(strong.effects)}
 
 
 def test_resolved_pulses_make_a_ripple_of_current(strong, whole):
-    """On for the share d of 1 ms: the current swings by d (1 - d) U / L times that."""
+    """The pulse is on for the share d of 1 ms, so the current swings by d (1 - d) U / L times that."""
     resolved, valve = without(strong, "pwm_frequency", 1000.0), strong.valve_zr_p2
     duty = resolved.setpoint[-1, 1] * valve.coil_resistance / valve.coil_voltage
     by_hand = duty * (1 - duty) * valve.coil_voltage / valve.coil_inductance * 1e-3
-    # rows that miss the turning points show a little less
+    # rows that do not meet the turning points show a little less
     assert resolved.ripple == pytest.approx(by_hand, rel=0.2) and whole.ripple < 0.01 * by_hand
     assert resolved.modes == whole.modes
 
 
 def test_the_energy_of_a_shift_balances_to_rounding(whole):
-    """Each heat is integrated from its own torque and slip, none by difference."""
+    """Each heat is integrated from its own torque and slip, none is a difference of others."""
     heat = whole.energy["heat_s1"] + whole.energy["heat_s2"]
     assert heat > 100.0 and whole.energy["loss_in"] > 100.0 and whole.energy["loss_out"] > 100.0
     assert abs(whole.energy["residual"]) < 1e-11 * whole.energy["motor"]

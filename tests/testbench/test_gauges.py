@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rig's channels show beside the truth: each transducer's error, hum, pickup and steps, one by one."""
+"""What the rig's channels show in addition to the true values: each transducer's error, hum, pickup and steps, one by one."""
 
 import math
 
@@ -39,12 +39,12 @@ QUIET = {
         "resolution_bits": "0 -",
     }.items()
 }
-# largest errors of tab. 7.1 and, for 40 degC, of (7.2), less the 0.01 Nm and the 1 MPa of a person who reads
+# largest errors of tab. 7.1 and, for 40 degC, of (7.2), without the 0.01 Nm and the 1 MPa of reading by eye
 LARGEST = {"M_wej": 1.0, "M_wyj": 1.0, "p1": 0.1e6, "p2": 0.0625e6, "p_po": 0.2e6, "T_oil": 0.5}
 
 
 def rows(rig, seconds: float) -> np.ndarray:
-    """The logger's rows of the next seconds, all channels; at most one second."""
+    """Returns the logger's rows of the next seconds, at most one, with all channels."""
     first = rig.sample * 10 + 1
     rig.advance(seconds)
     return rig.rows_at(1e-4, first, round(seconds * 1e4)).copy()
@@ -55,12 +55,12 @@ def column(values, name: str) -> np.ndarray:
 
 
 def only(seed=1, **parts) -> Rig:
-    """A rig whose instruments have only these parts."""
+    """Returns a rig whose instruments have only these parts."""
     return Rig(load_rig("hydmag", QUIET | {f"instruments.{name}": value for name, value in parts.items()}), seed)
 
 
 def turned(rig, rpm: float = 1500.0) -> Rig:
-    """With oil, in gear I, at a speed and under a load."""
+    """Returns a rig with oil, in gear I, at a speed and under a load."""
     rig.set("oil", 4e6, True)
     rig.advance(0.3)
     rig.order_gear(1)
@@ -117,7 +117,7 @@ def test_class_errors_stay_in_a_run_and_inside_the_largest_error_of_7_1():
         zeros.append(standing[0])
     for name, largest in LARGEST.items():
         errors = column(np.array(zeros), name) - (40.0 if name == "T_oil" else 0.0)
-        # zero of the torque meters and pressure transducers: half of the class; (7.2) has no zero at 40 degC
+        # the zero error of torque meters and pressure transducers is half of the class; (7.2) has none at 40 degC
         most = largest if name == "T_oil" else 0.5 * largest
         assert 0.5 * most < np.abs(errors).max() <= most and errors.min() < 0.0 < errors.max()
     assert abs(np.corrcoef(column(np.array(zeros), "M_wej"), column(np.array(zeros), "M_wyj"))[0, 1]) < 0.6
@@ -133,7 +133,7 @@ def test_a_class_error_has_a_gain_as_well_as_an_offset():
 
 
 def test_hum_is_on_torques_and_pressures_with_the_amplitude_that_is_set():
-    """A second of a standing rig: sine of 50 Hz by Fourier, its third and fifth 0.3 and 0.15 of it."""
+    """A second of a standing rig has a sine of 50 Hz by Fourier, and its third and fifth harmonics of 0.3 and 0.15 of it."""
     seen = rows(only(torque_hum="0.1 Nm", p1_hum="8 kPa", p2_hum="5 kPa", p1_class="0.25 %", p2_class="0.25 %"), 1.0)
     t = 1e-4 * np.arange(len(seen))
     for name, amplitude in (("M_wej", 0.1), ("M_wyj", 0.1), ("p1", 8e3), ("p2", 5e3)):
@@ -143,7 +143,7 @@ def test_hum_is_on_torques_and_pressures_with_the_amplitude_that_is_set():
 
 
 def pulses(rig) -> np.ndarray:
-    """What is added to p1 in 20 ms at half duty on ZR-P1."""
+    """Returns what is added to p1 in 20 ms at half duty on ZR-P1."""
     for sample in range(100):
         rig.set_duty(sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, True)
         rig.advance_samples(1)
@@ -157,7 +157,7 @@ def pulses(rig) -> np.ndarray:
 
 
 def test_the_coil_induces_its_pulses_in_its_own_pressure_though_the_plant_takes_their_mean():
-    """1 kHz at duty 0.5 without oil: five rows up, five down, half of the height each way."""
+    """At 1 kHz and duty 0.5 without oil: five rows up, five down, half of the height each way."""
     quiet = {"p1_pickup": "20 kPa", "p1_class": "0.25 %", "p2_pickup": "12.5 kPa"}
     config = load_rig(
         "hydmag", QUIET | {"alfa46.pwm_frequency": "1 kHz"} | {f"instruments.{name}": value for name, value in quiet.items()}

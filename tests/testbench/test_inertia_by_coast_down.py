@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the coast-down procedure says of an inertia that is known, from the logger's channels."""
+"""The result of the coast-down procedure for a known inertia, from the logger's channels."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,9 @@ from rig_nodes.testbench.procedure import load_procedure, run_repeat
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
 def test_the_inertia_of_the_rig_comes_back_within_2_percent(config, share):
-    """Parabola and tangent of 7.1.3.2 on noisy channels; the inertia of w0 is 20 % less, as it is, and 20 % more.
+    """Parabola and tangent of 7.1.3.2 are taken on noisy channels; the inertia of w0 is 20 % less, as it is, and 20 % more.
 
-    The torque meter's class is left out: half a Nm of 5 Nm is its error, not the procedure's.
+    The torque meter's class is left out, because half a Nm of 5 Nm is its error, not that of the procedure.
     """
     inertia = share * config.w0.inertia
     series = load_procedure("coast_down").series()[0]

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ships with the package is read once and kept between processes, each file under a name of its own."""
+"""Files that ship with the package are read once and kept between processes, each file under a name of its own."""
 
 import pathlib
 import pickle
@@ -34,7 +34,7 @@ def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, mo
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """The file in which the content of an installed one is kept, and a way to read that one as another process would."""
+    """Returns the file in which the content of an installed one is kept, and a way to read it as another process would."""
     monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def read():
@@ -46,14 +46,14 @@ def kept(tmp_path, monkeypatch):
 
 
 class Planted:
-    """Runs when it is unpickled."""
+    """An object whose code runs when it is unpickled."""
 
     def __reduce__(self):
         return (pathlib.Path.touch, (pathlib.Path("it-ran"),))
 
 
 def damaged(content: bytes):
-    """What may lie there in its place."""
+    """Returns what may lie in the place of the kept file."""
     yield from (b"", content[:-7], content[: len(content) // 2], b"[" * 100_000, b"null", b"{}", b"\xff\xfe")
     yield content.replace(b"1500 rpm", b"9999 rpm")
     yield content.partition(b"\n")[0] + b"\nnull"

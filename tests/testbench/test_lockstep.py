@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one way in which time passes: any cutting into calls, any repetition, gives the same bits."""
+"""Time passes in one way only: any division into calls and any repetition gives the same bits."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from rig_nodes.testbench.rig_base import RigStatus
 
 
 def shift_up(config, chunks, seed=1):
-    """A rig through a whole upshift, advanced in the given pieces (controller samples)."""
+    """Returns a rig through a whole upshift, advanced in the given pieces (controller samples)."""
     rig = Rig(config, seed)
     rig.set("oil", 4e6, True)
     rig.advance(0.3)
@@ -90,7 +90,7 @@ def test_e_stop_beats_commands_until_reset(config):
     assert rig.status == RigStatus.STARTING
     rig.advance(0.05)
     assert rig.motor["torque"] == 0.0, "a setting made while stopped must not start the motor"
-    # as a controller that never heard of the stop: what it held is not given back by the reset
+    # a controller that did not receive the stop acts so: the reset does not restore the current that it held
     for _ in range(200):
         rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, False)
         rig.advance_samples(1)

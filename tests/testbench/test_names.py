@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is said of a name that nobody knows."""
+"""The sentences about a name that does not exist."""
 
 import pytest
 

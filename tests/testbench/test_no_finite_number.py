@@ -3,8 +3,8 @@
 
 """A value that is no finite number ends every verb that moves a rig: a sentence with name and time, and exit code 1.
 
-No setting of the rig gives one; the tests put it into the plant's state. The graph's is in tests/graph/test_cut.py, the
-FMU's in tests/fmu/test_rig_fmu.py.
+No setting of the rig gives one; the tests put it into the plant's state. tests/graph/test_cut.py tests the same on the graph,
+tests/fmu/test_rig_fmu.py in the FMU.
 """
 
 import json
@@ -23,7 +23,7 @@ from rig_nodes.validation.calibration_rows import Miss
 
 @pytest.fixture
 def spoil(monkeypatch):
-    """Let every rig in this process meet a heat that is no number in the first step after a sample."""
+    """Lets every rig in this process get a heat that is no number in the first step after a sample."""
     advance = Rig.advance_samples
 
     def spoil(after, only=lambda rig: True):
@@ -41,7 +41,7 @@ def spoil(monkeypatch):
 
 
 def said(capsys):
-    """What a verb has told people last, and all of it."""
+    """Returns the last sentence that a verb has printed for people, and all of its output."""
     out = capsys.readouterr()
     return out.err.splitlines()[-1], out
 
@@ -110,7 +110,7 @@ def test_settings_that_trip_the_rig_are_no_shift_on_the_tuners_bench(config, spo
     bench, point = Bench(config), Point("I-II", 150.0, 40.0)
     sound = bench.shift(point, config.alfa46)
     assert sound.valid and not sound.tripped
-    spoil(bench._rig.sample - 200)  # after everything that is measured has happened, before the window ends
+    spoil(bench._rig.sample - 200)  # after all measured events, before the window ends
     shift = bench.shift(point, config.alfa46)
     assert shift.tripped and not shift.valid and shift.peak is None
     assert shift.why.startswith("the rig tripped: clutch_s1: temperature became nan between ")

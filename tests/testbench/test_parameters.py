@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a sequence: defaults, values from outside, refusals, and what a run's record says of them."""
+"""Parameters of a sequence: defaults, values from outside, refusals, and their place in a run's record."""
 
 import math
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laboratory's procedures: every one loads, its first series runs to its end, and what is wrong is refused."""
+"""The laboratory's procedures: every one loads, its first series runs to its end, and wrong ones are refused."""
 
 import math
 import os
@@ -109,7 +109,7 @@ def test_series_have_the_laboratorys_settings(config):
     assert profiles["ZR-P1-7"][0, :3] == pytest.approx(np.array([[0.3, 0.13], [0.42, 0.13], [0.6, 0.74]]))
     assert profiles["ZR-P2-5"][1, :3] == pytest.approx(np.array([[0.125, 0.22], [0.3, 0.22], [0.6, 0.74]]))
     assert np.array_equal(profiles["ZR-P1-7"][1], config.alfa46.profiles[1]), "the other valve keeps its own"
-    for chosen in ("ZR-P1-19", "ZR-P2-10"):  # tab. 7.2 and 7.3: what the rig is set to
+    for chosen in ("ZR-P1-19", "ZR-P2-10"):  # tab. 7.2 and 7.3: the rig's own settings
         assert profiles[chosen] == pytest.approx(config.alfa46.profiles)
     seventh, last = (load_procedure("delay_series").series([number])[0] for number in ("7", "19"))
     assert seventh.conditions == pytest.approx({"series": 7, "t12": -0.175, "t21": 0.125, "n_wej": 500 * RPM, "m_wyj": 60.0})
@@ -119,7 +119,7 @@ def test_series_have_the_laboratorys_settings(config):
 
 
 def test_the_grids_go_as_far_as_the_laboratorys():
-    """7.1.3.5: up to 120 Nm, down to 240 Nm, but not at 1000 and 2000 rpm."""
+    """7.1.3.5: up to 120 Nm upwards and 240 Nm downwards, but not at 1000 and 2000 rpm."""
     for name, shift, highest in (
         ("grid_up", "I-II", dict.fromkeys((1000, 1200, 1500, 1800, 2000), 120.0)),
         ("grid_down", "II-I", {1000: 180.0, 1200: 240.0, 1500: 240.0, 1800: 240.0, 2000: 180.0}),
@@ -148,7 +148,7 @@ def test_the_first_series_runs_to_its_end_with_its_orders(first_runs, name):
 def test_shifts_are_made_at_the_speed_and_load_of_the_conditions(first_runs, name):
     series, run = first_runs[name]
     rows = shifts(run.recording)
-    # the delays of the first series let the output stop: measured all the same, and said
+    # with the delays of the first series the output stops, which is measured all the same and reported
     reasons = [why for row in rows for why in row["why"]]
     assert all("the output stood still" in why for why in reasons) and (name == "delay_series" or not reasons), reasons
     wanted = {"I-II": [1], "II-I": [2]}.get(series.conditions.get("shift"), [1])
@@ -170,7 +170,7 @@ def test_the_clutch_is_opened_under_the_load_of_the_conditions(first_runs):
 
 
 def test_the_shaft_runs_out_by_itself(first_runs):
-    """From 470 rpm with nothing but losses: all the way down, slower than its inertia alone would stay."""
+    """From 470 rpm only the losses brake it, and its speed falls in every second until it is at rest."""
     _, run = first_runs["coast_down"]
     off = next(t for t, name, text, _ in run.events if text == "motor off")
     n, period = run.recording.channels["n_wej"], run.recording.period
@@ -179,7 +179,7 @@ def test_the_shaft_runs_out_by_itself(first_runs):
     assert run.recording.channels["M_wej"][start - 10_000 : start].mean() > 3.0
     seconds = n[start : start + 10_000 * int((len(n) - start) // 10_000)].reshape(-1, 10_000).mean(axis=1)
     assert np.all(np.diff(seconds) < 0.0) and n[-100:].mean() < 2 * RPM
-    # as far as the transducers' class, hum and noise let one say so
+    # within the transducers' class, hum and noise
     assert max(run.recording.channels["p1"].max(), run.recording.channels["p2"].max()) < 0.1e6, "both clutches open"
 
 
@@ -245,7 +245,7 @@ def test_a_setting_that_the_series_set_themselves_is_refused(small):
 
 
 def highest_supply(series, run):
-    """Measured of a run, in a process of its own."""
+    """Returns the measured value of a run, in a process of its own."""
     if series.conditions["m_wyj"] > 25.0:
         raise RigError("too much for this test")
     return series.label, float(run.recording.channels["p_p"].max())
@@ -265,12 +265,12 @@ def test_two_processes_give_what_one_gives(small):
 
 
 def pid_of(_item):
-    """Of the process that works."""
+    """Returns the process id of the process that works."""
     return os.getpid()
 
 
 def broken(item):
-    """Not a RigError."""
+    """Raises an error that is no RigError."""
     return 1 / item
 
 
@@ -291,7 +291,7 @@ def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):
         [sys.executable, program, small], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
     )
     assert process.stdout.readline() == "running\n"
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
+    os.killpg(process.pid, signal.SIGINT)  # to all of them, as a terminal does
     began = time.monotonic()
     said, complained = process.communicate(timeout=30)
     assert (process.returncode, said, complained) == (130, "interrupted\n", "")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points of the controller's profiles as settings of the rig: what a series of Annex B changes."""
+"""Points of the controller's profiles as settings of the rig, which the series of Annex B change."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from rig_nodes.testbench.configuration import load_rig
 
 
 def test_points_are_taken_together_whatever_their_order(config):
-    """P1 to 340 ms would lie behind the P2 that is set, 330 ms, if it were taken alone."""
+    """P1 at 340 ms would lie behind the P2 that is set, 330 ms, if it were taken alone."""
     changed = load_rig(
         "hydmag", {"alfa46.output_1.P1": "340 ms 160 mA", "alfa46.t12": "-100 ms", "alfa46.output_1.P2": "420ms,170mA"}
     )

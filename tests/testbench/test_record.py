@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rows straight into memory: the very rows of a bag of the same run, at the logger's rate or at the kernel's."""
+"""Rows written directly into memory equal those of a bag of the same run, at the logger's rate or at the kernel's."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-# waits for signals of 100 Hz, 200 Hz and 1 kHz, with and without hold, for times and for shifts
+# waiting for signals of 100 Hz, 200 Hz and 1 kHz, with and without hold, for times and for shifts
 WAITS = """
 description: waits of every kind
 steps:
@@ -55,13 +55,13 @@ def test_rows_orders_and_events_are_those_of_the_bag(tmp_path, config, text, sta
     for name, values in logged.channels.items():
         assert np.array_equal(run.recording.channels[name], values), name
     told = [(t, name, text, value) for t, topic, name, text, value in bag.events() if topic != "/rig/events"]
-    # an event of the tick at which a run fails does not reach its bag
+    # an event of the tick in which a run fails does not reach the bag
     assert sorted(told) == sorted(e for e in run.events if state == "ended" or e[0] <= told[-1][0])
 
 
 def test_the_truth_stands_beside_the_rows(tmp_path, config):
     sequence = written(tmp_path, WAITS)
-    config = with_overrides(config, {"effects.transducers": "off"})  # an encoder cuts its speed into steps
+    config = with_overrides(config, {"effects.transducers": "off"})  # because an encoder rounds the speed to steps
     plain, run = record(config, sequence), record(config, sequence, plant_states=("s1_slip", "motor_torque"))
     channels = run.recording.channels
     assert all(np.array_equal(values, plain.recording.channels[name]) for name, values in channels.items())

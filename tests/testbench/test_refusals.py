@@ -215,7 +215,7 @@ def test_the_kernels_step_is_named_as_in_the_file(rig):
 
 
 def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tmp_path):
-    """The launcher holds it back until the command can answer."""
+    """The launcher holds Ctrl-C back until the command can answer."""
 
     def held_back():
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -234,7 +234,7 @@ def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tm
 
 
 class FakeBench:
-    """A bench whose readings are set by the test and which refuses what it is told to."""
+    """A bench whose readings are set by the test, and which refuses gears while the test sets a reason."""
 
     def __init__(self):
         self.values, self.calls, self.is_ready, self.refuse = {"n_wej": 0.0, "n_wyj": 0.0}, [], True, None
@@ -336,7 +336,7 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
     for sample in range(2500):
         outputs.rig.time_ns = sample * 1_000_000
         commands.put("/controller/command", refuse, sample, f"duty must be 0 to 1, found [{sample * 0.5:g}, nan, 0.0]")
-        commands.put("/controller/command", lambda: None)  # a good one in between
+        commands.put("/controller/command", lambda: None)  # a valid command in between
         if sample == 1200:
             commands.put("/controller/command", refuse, sample, "level 7 is neither")
         commands.apply()
@@ -356,7 +356,7 @@ HOSTILE = "\x1b[2J\x9b31m\u202e\r\nrig: all is well"
 
 
 def shown(capsys):
-    """What reached the terminal; fails when it holds something that a terminal obeys."""
+    """Returns the output on the terminal; fails when it holds something that a terminal obeys."""
     out, err = capsys.readouterr()
     obeyed = [c for c in out + err if not c.isprintable() and c != "\n"]
     assert not obeyed, f"{obeyed} in {out + err!r}"
@@ -396,7 +396,7 @@ def test_control_characters_of_files_and_of_the_environment_do_not_reach_the_ter
         assert main(["simulate", str(path), "--out", str(tmp_path / "run")]) == 2
         said = shown(capsys)
         assert len(said.splitlines()) == 1 and said.count("[2J") == 2, "once of the name, once of what is wrong"
-    # what a run says of its steps as it goes on, and how it ends
+    # the lines that a run prints about its steps, and its end
     path.write_text(
         f'description: x\nparameters: {{p: {words}}}\nsteps:\n  - wait: {{for: 1 ms}}\n  - controller: {{"a\\eb${{p}}": 1}}\n'
     )

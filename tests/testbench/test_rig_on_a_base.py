@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rigs that name another one and what differs, and clutch pressures that are prescribed."""
+"""Rigs that name another one and the values that differ, and clutch pressures that are prescribed."""
 
 import pytest
 
@@ -61,7 +61,7 @@ def test_prescribed_pressures_follow_the_printed_curves_from_the_order_on():
 
 
 def shift_up(rig):
-    """Speeds of input and output [rad/s] every ms of 0.6 s from the order I to II on, at 100 rad/s under load."""
+    """Returns the speeds of input and output [rad/s] every ms of 0.6 s from the order I to II on, at 100 rad/s under load."""
     rig.order_gear(1)
     rig.advance(1.3)
     rig.set("motor", 100.0, True)
@@ -77,12 +77,13 @@ def shift_up(rig):
 
 
 def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_asks_for(tmp_path):
-    """Between the clutches 100 rad/s drive the output with those of gear I until it has those of gear II; free, it stops."""
+    """Bounded, the output's speed at 100 rad/s stays between those of gear I and of gear II; free, the output falls."""
     rig = Rig(load_rig("chapter9"))
     driving, driven = shift_up(rig)
     assert driving == pytest.approx([100.0] * 600, abs=0.01)
     assert min(driven) == pytest.approx(driven[0], rel=1e-4) and max(driven) == pytest.approx(driven[-1], rel=1e-4)
-    # the motor's torque is what the gearbox takes at 100 rad/s, the open S1's drag included, and its work is that of it
+    # The motor gives the torque that the gearbox takes at 100 rad/s, the drag of the open S1 included, and does the work of
+    # that torque.
     torque, before = float(rig.motor["torque"]), rig.energy()["motor"]
     assert torque == pytest.approx(float(rig.true("M_wej")) + rig.clutches[0]["drag"] * 34 / 47 * rig.slip(0), abs=1e-3)
     rig.advance(0.1)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sample bag that ships with the project is whole, small, and what its command makes."""
+"""The sample bag that ships with the project is complete, small, and equal to the output of its command."""
 
 from pathlib import Path
 
@@ -28,5 +28,5 @@ def test_sample_bag_is_what_its_command_makes(tmp_path):
     assert new == {"/instruments/controller_record"}, "the bag is of before there was such a topic"
     assert {topic: again.counts[topic] for topic in bag.counts} == bag.counts
     for name in ("M_wej", "n_wyj", "p1", "p2"):
-        # not bit by bit: another processor may round elsewhere
+        # not bit by bit, because another processor may round differently
         assert again.series(name)[1] == pytest.approx(bag.series(name)[1], rel=1e-3, abs=1e-3 * bag.series(name)[1].max())

@@ -30,7 +30,7 @@ SAID = [("oil_supply.temperature = 80 degC", 80.0), ("instruments.noise = false"
 
 
 def run(folder, text=SEQUENCE, controller=None):
-    """End and bag of a simulation of this sequence."""
+    """Returns end and bag of a simulation of this sequence."""
     (folder / "sequence.yaml").write_text(text)
     config = load_rig()
     plug = load_controller(controller, config) if controller else None

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One table of settings: a value has one name, one range and one sentence, whoever changes it and whenever."""
+"""One table of settings: a value has one name, one range and one sentence wherever and whenever it is changed."""
 
 import pytest
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""SIGTERM ends a verb as Ctrl-C does: what is there is whole, nothing runs on, the exit code is 143."""
+"""SIGTERM ends a verb as Ctrl-C does: the files are complete, no process remains, the exit code is 143."""
 
 import json
 import os
@@ -20,7 +20,7 @@ LONG = "description: long\nsteps:\n  - oil: {pressure: 4 MPa}\n  - wait: {for: 6
 
 
 class Verb:
-    """A verb as a process of its own, with whatever it starts in one session."""
+    """A verb in a process of its own, with everything that it starts in one session."""
 
     def __init__(self, folder: Path, *arguments: str):
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments]
@@ -30,7 +30,7 @@ class Verb:
         )
 
     def session(self) -> list[int]:
-        """Processes of its session that are there and no zombies."""
+        """Returns the processes of its session that exist and are no zombies."""
         found = []
         for stat in Path("/proc").glob("[0-9]*/stat"):
             try:
@@ -48,7 +48,7 @@ class Verb:
             time.sleep(0.02)
 
     def terminate(self) -> tuple[int, str]:
-        """Exit code and output after SIGTERM to it alone, as from a service manager or `timeout`."""
+        """Returns exit code and output after SIGTERM to the verb alone, as from a service manager or `timeout`."""
         self.process.send_signal(signal.SIGTERM)
         output, _ = self.process.communicate(timeout=PATIENCE)
         until = time.monotonic() + 5.0
@@ -60,7 +60,7 @@ class Verb:
 
 @pytest.fixture
 def start(tmp_path):
-    """Starts a verb; what is left of it after the test is killed."""
+    """Starts a verb; processes that remain after the test are killed."""
     verbs = []
 
     def begin(*arguments: str) -> Verb:
@@ -102,7 +102,7 @@ def test_simulate_leaves_a_whole_bag_and_its_report(tmp_path, start):
 )
 def test_a_campaign_ends_with_its_processes_and_leaves_no_half_file(tmp_path, start, arguments, last):
     verb = start(*arguments)
-    # beside it the server of its processes, their tracker and themselves; a procedure without --jobs has none
+    # its session also has the server of its processes, their tracker and the processes; a procedure without --jobs has none
     verb.until(lambda: len(verb.session()) > 3 or any(tmp_path.rglob("*.mcap")), "its work")
     code, output = verb.terminate()
     assert code == 143 and "Traceback" not in output, output

@@ -10,14 +10,14 @@ import pytest
 
 from rig_nodes.testbench.rig import Rig
 
-# by hand, from the tables of the thesis and, where they were calibrated, the values of rigs/hydmag/rig.yaml
+# computed by hand from the tables of the thesis and, for calibrated values, from rigs/hydmag/rig.yaml
 RATIO = {1: 47 / 34, 2: 41 / 40}
 DISPLACEMENT = 100e-6 / (2 * math.pi)
 RELIEF = 5e6
 
 
 def open_drag(config, gear: int, n_wej: float, n_wyj: float) -> tuple[float, float]:
-    """(torque on w0, torque on wk) of the open clutch, after (6.4), released piston, speeds in rad/s."""
+    """Returns (torque on w0, torque on wk) of the open clutch by (6.4), with the piston released and speeds in rad/s."""
     mean_radius = 2 / 3 * (0.038**3 - 0.025**3) / (0.038**2 - 0.025**2)
     per_gap = 12 * math.pi * mean_radius**2 * (0.038**2 - 0.025**2) * 0.08
     if gear == 1:  # S2 is open, its clearance over 12 gaps
@@ -28,10 +28,10 @@ def open_drag(config, gear: int, n_wej: float, n_wyj: float) -> tuple[float, flo
 
 
 def hand(config, gear: int, rpm: float) -> dict:
-    """Speeds and torques where nothing accelerates: losses of Annex D, by the load's torque and by w0's torque, and of (7.7), by
-    its speed.
+    """Returns speeds and torques where nothing accelerates.
 
-    The loss by the load brakes w0 with the power that it takes, or behind the clutches (torque_side).
+    The losses are those of Annex D, by the load's torque and by w0's torque, and of (7.7), by its speed. The loss by the load
+    brakes w0 with the power that it takes, or behind the clutches (torque_side).
     """
     into, out = config.loss_in, config.loss_out
     n_wyj = rpm / RATIO[gear]
@@ -52,7 +52,7 @@ def hand(config, gear: int, rpm: float) -> dict:
 
 
 def test_the_loss_by_load_costs_the_motor_the_same_on_either_side(config):
-    """Equal power: without Annex D's parabola of w0's own torque, M_wej is the same in both readings."""
+    """The power is equal: without Annex D's parabola of w0's own torque, M_wej is the same in both readings."""
     found = []
     for side in ("driving", "driven"):
         rig = Rig(
@@ -101,7 +101,7 @@ def test_the_open_clutch_slips_with_the_sign_of_the_convention(steady_rig):
 
 
 def test_transducers_read_the_truth_within_their_largest_errors(steady_rig, config):
-    """Tab. 7.1 and (7.1), and beside them what scatters: 3.5 deviations of noise, hum (up to 0.3 and 0.15 more), pulses."""
+    """Tab. 7.1 and (7.1) give the errors; to these are added 3.5 deviations of noise, hum (up to 0.3 and 0.15 more) and pulses."""
     rig, parts = steady_rig(1, 1500, RELIEF), config.instruments
     truth = {
         "M_wej": (rig.true("M_wej"), 500 * 0.2e-2 + 3.5 * parts.torque_noise + 1.45 * parts.torque_hum),

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's step is short enough: half of it leaves every metric of a shift where it is."""
+"""The plant's step is short enough: half of it changes no metric of a shift noticeably."""
 
 import dataclasses
 
@@ -26,11 +26,11 @@ METRICS = (
     "overlap_s",
 )
 SHORT = 4e-4  # s: half a percent of a t_p of 50 ms would be less than three logger rows
-FINER = 10  # rows between two logger rows, by straight lines: the metrics count in whole rows
+FINER = 10  # rows interpolated between two logger rows, because the metrics count in whole rows
 
 
 def finer(recording):
-    """The same recording with more rows."""
+    """Returns the same recording with more rows."""
     rows = np.arange(recording.rows)
     dense = np.arange(FINER * (recording.rows - 1) + 1) / FINER
     channels = {name: np.interp(dense, rows, values) for name, values in recording.channels.items()}
@@ -39,7 +39,7 @@ def finer(recording):
 
 @pytest.mark.parametrize("up, down", [("40 Nm", "80 Nm"), ("70 Nm", "140 Nm")])
 def test_half_the_step_changes_no_metric_by_half_a_percent(noiseless, up, down):
-    """Up and down at two loads, without noise, which moves the metrics more than the step does."""
+    """Shifts up and down at two loads, without noise, which moves the metrics more than the step does."""
     sequence = load_sequence("grid_point", {"speed": "1500 rpm", "load_up": up, "load_down": down})
     whole, half = (
         shifts(finer(record(noiseless(load_rig("hydmag", {"kernel.step": step})), sequence).recording))

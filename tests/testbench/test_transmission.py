@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The transmission as data: its ratios by the wheels, its signals and devices as the rest of the rig names them."""
+"""The transmission as data: its ratios from the wheels, its signals and devices as the rest of the rig names them."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def with_gears(count: int) -> Transmission:
 
 
 def test_the_box_takes_the_gears_that_there_are_and_has_three_outputs(config):
-    settings = Alfa46Config(config.alfa46.values, config.alfa46.profiles[[0, 1, 0]])  # the third is not set on this rig
+    settings = Alfa46Config(config.alfa46.values, config.alfa46.profiles[[0, 1, 0]])  # the third output is not used on this rig
     three = Alfa46(settings, with_gears(3))
     three.order(3)
     for sample in range(700):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An interrupt in the middle of what must be whole waits for its end: of a message with its count, of the bag's last lines."""
+"""An interrupt during an operation that must be complete waits for its end: a message with its count, the bag's last lines."""
 
 import signal
 
@@ -16,7 +16,7 @@ from rig_nodes.uninterrupted import Uninterrupted
 
 
 class Interrupted:
-    """A struct of the writer's; Ctrl-C at one of its calls."""
+    """A struct of the writer in which one call raises Ctrl-C."""
 
     def __init__(self, original, call: int):
         self._original, self._left, self.size = original, call, original.size

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes of campaigns: forked from a server that is loaded beside its caller, and said when there can be none."""
+"""Processes of campaigns: forked from a server that loads beside its caller, and one sentence when none can be started."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ from rig_nodes.testbench.workers import Workers
 
 
 def loaded(_item):
-    """(own parent, is the plant there before anything asks for it) of the process that works."""
+    """Returns (own parent, whether the plant is loaded before anything asks for it) of the process that works."""
     return os.getppid(), "rig_nodes.engine.loop" in sys.modules
 
 
@@ -36,7 +36,7 @@ def test_a_verb_can_start_the_server_before_it_loads_a_compiler():
 
 def test_a_server_that_cannot_be_started_is_said_in_a_sentence(monkeypatch):
     def refused():
-        raise OSError("AF_UNIX path too long")  # as of a long TMPDIR; newer Pythons go to /tmp then
+        raise OSError("AF_UNIX path too long")  # as with a long TMPDIR, where newer Pythons use /tmp
 
     monkeypatch.setattr(forkserver, "ensure_running", refused)
     with pytest.raises(RigError, match=r"one job \(--jobs 1\) needs none \(AF_UNIX path too long; .*\)$"):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of YAML that are too large, too deep, stand on themselves or are mutilated: one sentence, soon, never a traceback."""
+"""Files of YAML that are too large, too deep, contain themselves or are mutilated: one sentence, soon, never a traceback."""
 
 import random
 import re
@@ -23,7 +23,7 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.validation.calibrate import STAGES_FILE, load_stages
 from rig_nodes.validation.targets import TARGETS_FILE, load_targets
 
-SECONDS = 4.0  # of the processor, on a machine that has other work; twice what is promised
+SECONDS = 4.0  # s of processor time on a busy machine: twice the promised time
 LAUGHS = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{name}: &{name} [{','.join(['*' + before] * 10)}]\n" for before, name in zip("abcdefgh", "bcdefghi")
 )
@@ -97,7 +97,7 @@ def test_what_is_too_much_is_refused_soon(tmp_path, what):
 
 
 def test_a_file_that_eats_memory_ends_below_300_mb(tmp_path):
-    """All files that are too much, one after the other in a process of its own, numerics included."""
+    """All files that are too large are read one after the other in a process of its own, numerics included."""
     for k, what in enumerate(TOO_MUCH):
         (tmp_path / f"{k}.yaml").write_text(TOO_MUCH[what][1])
     code = (
@@ -280,7 +280,7 @@ MARKS = "{}[]:,-#&*!|>'\"%@`\t\x00\x1b\u2028\ufeff\x85 \\"
 
 
 def mutilated(chance: random.Random, text: str) -> str:
-    """The text after one to six accidents."""
+    """Returns the text after one to six random changes."""
     lines = text.split("\n")
     for _ in range(chance.choice((1, 1, 1, 2, 3, 6))):
         k, k2 = chance.randrange(len(lines)), chance.randrange(len(lines))
@@ -317,7 +317,7 @@ def read_procedure(path):
 
 
 def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
-    """Every kind of YAML that the program reads; which ones are taken does not matter."""
+    """Every kind of YAML that the program reads is tried; which files are taken does not matter."""
     files = [
         ("sweep.yaml", SWEEP, read_plan),
         ("rigs/mine.yaml", ON_BASE, load_rig),
