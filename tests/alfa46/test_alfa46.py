@@ -18,7 +18,7 @@ def box_with(rig="hydmag", **settings):
 
 
 def setpoints(box, first, samples):
-    """Setpoints [mA] over samples, with coils that follow at once."""
+    """Returns the setpoints [mA] over samples, with coils that follow at once."""
     out, current = [], np.zeros(3)
     for sample in range(first, first + samples):
         _, setpoint = box.step(sample, current)
@@ -79,7 +79,7 @@ def test_files_may_leave_out_the_delays_of_a_third_gear():
 
 
 def test_falling_starts_from_the_current_of_that_moment():
-    """Neutral ordered in gear with P3 lowered: P4 is reached from the lowered current."""
+    """Neutral is ordered in gear with P3 lowered, and P4 is reached from the lowered current."""
     config = load_rig("hydmag")
     profiles = config.alfa46.profiles.copy()
     profiles[0, 2, 1] = 0.5
@@ -112,7 +112,7 @@ def test_the_gear_already_in_is_refused_and_the_next_order_is_taken():
 
 
 def coil_run(box, samples, disturbance=0.0):
-    """Current [A] of output 1 with the coil of ZR-P1 (22 ohm, 350 mH) and one sample of delay."""
+    """Returns the current [A] of output 1 with the coil of ZR-P1 (22 ohm, 350 mH) and one sample of delay."""
     current, duty, seen = 0.0, 0.0, []
     for sample in range(samples):
         new, setpoint = box.step(sample, [current, 0.0, 0.0])

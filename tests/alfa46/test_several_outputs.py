@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gears that two clutches hold: the box drives the outputs of both, each by its own profile, and keeps one that stays."""
+"""Gears that two clutches hold: the box drives both outputs, each by its own profile, and keeps one that stays."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 
-# the sun is clutched to the input; with the ring held the first gear, with input and carrier in one piece the second
+# The sun is clutched to the input. The first gear holds the ring, the second one joins input and carrier.
 TWO = """\
 description: two clutches in each gear
 base: three_speed
@@ -63,14 +63,14 @@ def config(folder):
 
 
 def setpoints(box: Alfa46, gear: int, first: int, samples: int) -> np.ndarray:
-    """What the box asks for after an order (samples, 3) [A]."""
+    """Returns the setpoints of the box after an order (samples, 3) [A]."""
     box.order(gear)
     return np.array([box.step(first + k, [0.0] * 3)[1].copy() for k in range(samples)])
 
 
 def test_each_output_of_a_gear_follows_its_own_profile(config):
     profiles = config.alfa46.profiles.copy()
-    profiles[0, :3, 0] *= 0.5  # so that the brake's is told from the clutch's
+    profiles[0, :3, 0] *= 0.5  # so that the brake's profile differs from the clutch's
     settings = type(config.alfa46)(config.alfa46.values, profiles)
     box = Alfa46(settings, config.transmission)
     rise = setpoints(box, 1, 0, 800)

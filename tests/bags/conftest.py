@@ -13,7 +13,7 @@ from rig_nodes.bags.cdr import encode_any, encoder
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
 
-sys.path.insert(0, str(Path(__file__).parent))  # crafted.py
+sys.path.insert(0, str(Path(__file__).parent))  # for crafted.py
 
 ROWS = 50
 STATES = {
@@ -27,7 +27,7 @@ STATES = {
 
 
 def _messages(seconds, start_seq):
-    """(topic, time [ns], bytes) of a run of that length [s]: the catalogue's topics at their rates."""
+    """Returns (topic, time [ns], bytes) of a run of that length [s]: the catalogue's topics at their rates."""
     topics = catalogue().topics
     seqs = dict(start_seq)
     noise = np.random.default_rng(7)
@@ -109,7 +109,7 @@ def write_run(messages):
 
 @pytest.fixture(scope="session")
 def run(write_run, tmp_path_factory):
-    """Folder of one finished small run; not to be changed."""
+    """Folder of one finished small run, which tests must not change."""
     folder = tmp_path_factory.mktemp("run")
     write_run(folder)
     return folder

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags made to break a reader: what is wrong with each, its bytes, and the words that must stand in the refusal.
+"""Bags made to break a reader: the fault of each, its bytes, and the words that must stand in the refusal.
 
-Run as a program it tries all readers on the files of a folder and prints what each did as JSON, one line a file.
+Run as a program it tries all readers on the files of a folder and prints the result of each as JSON, one line for each file.
 """
 
 import contextlib
@@ -63,12 +63,12 @@ def file(*data, library="crafted", summary=b"", end=True):
 
 
 def one(definition=VALUE, data=b"\0\1\0\0" + bytes(8), name="a/msg/B", **options):
-    """A bag of one message."""
+    """Returns a bag of one message."""
     return file(chunk(schema(name=name, definition=definition) + channel(**options) + message(data)))
 
 
 def zstd_of(size):
-    """So many zero bytes, packed without ever being there."""
+    """Returns so many zero bytes, packed without being in memory."""
     packer = zstandard.ZstdCompressor().compressobj()
     return b"".join(packer.compress(bytes(MIB)) for _ in range(size // MIB)) + packer.flush()
 
@@ -83,7 +83,7 @@ def section(name, lines):
 
 
 def info(json_text):
-    """A description of a run."""
+    """Returns a description of a run."""
     data = b"\0\1\0\0" + bytes(16) + text(json_text.encode() + b"\0")
     definition = "builtin_interfaces/Time stamp\nuint64 seq\nstring json\n" + section(
         "builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"
@@ -92,7 +92,7 @@ def info(json_text):
 
 
 def listed(count, definition="a/E[] x\n" + section("a/E", "int8 y\n")):
-    """A message that holds so many messages."""
+    """Returns a message that states so many messages."""
     return one(definition, b"\0\1\0\0" + struct.pack("<I", count) + bytes(count))
 
 
@@ -101,7 +101,7 @@ NESTED = "".join(section(f"a/T{n}", f"T{n + 1} f\n") for n in range(300)) + sect
 HEAD = schema() + channel()
 MANY = [schema(), *(channel(number, f"/t{number}") for number in range(1, 10_102)), message()]
 
-# what -> (its bytes, words of the sentence with which it is refused when it is opened or read)
+# fault -> (bytes of the bag, words of the sentence with which it is refused when it is opened or read)
 BAGS = {
     "a chunk of zstd that says 16 GB": lambda: (
         file(chunk(b"", "zstd", 1 << 34, zstd_of(MIB))),
@@ -220,7 +220,7 @@ BAGS = {
 
 
 def read_all(path):
-    """Everything that a program may ask of a bag."""
+    """Makes every request that a program may make of a bag."""
     from rig_nodes.bags.reader import Bag
 
     bag = Bag(path)
@@ -231,7 +231,7 @@ def read_all(path):
 
 
 def index_all(path):
-    """What the replay does to a bag, less the publishing."""
+    """Does with a bag what the replay does, except publishing."""
     from rig_nodes.bags.index import BagIndex
     from rig_nodes.bags.metadata import read_profile
     from rig_nodes.errors import RigError
@@ -242,7 +242,7 @@ def index_all(path):
         for _ in bag.timeline(list(bag.types)):
             pass
         if bag.damage:
-            raise RigError(bag.damage[0])  # as the command tells it
+            raise RigError(bag.damage[0])  # as the command reports it
 
 
 def command(verb, *options):
@@ -263,7 +263,7 @@ READERS = {"Bag": read_all, "replay": index_all, "report": command("report"), "v
 
 
 def peak_mb():
-    """Most memory since the last call [MB]."""
+    """Returns the highest memory since the last call [MB]."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmHWM"):
             peak = int(line.split()[1]) / 1024
@@ -272,12 +272,12 @@ def peak_mb():
 
 
 def try_out(folder):
-    """Every reader on every file of a folder."""
+    """Tries every reader on every file of a folder."""
     from rig_nodes.cli import report, view  # noqa: F401
     from rig_nodes.errors import RigError
     from rig_nodes.view import convert  # noqa: F401
 
-    # a reader that takes much more than it may is stopped, not the machine
+    # a reader that takes far too much memory must be stopped, not the machine
     resource.setrlimit(resource.RLIMIT_DATA, (2 << 30, 2 << 30))
     for path in sorted(Path(folder).glob("*/bag.mcap"), key=lambda path: int(path.parent.name)):
         tried = {}

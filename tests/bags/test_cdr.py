@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The encoder against two independent implementations, and what it refuses."""
+"""The encoder against two independent implementations, and its refusals."""
 
 import importlib
 import json
@@ -19,14 +19,14 @@ from rig_nodes.bags.definitions import installed
 from rig_nodes.errors import RigError
 
 SHARE = Path(get_package_share_directory("rig_msgs")) / "msg"
-# what bags hold; the messages of a controller's handshake, Controller*, have no stamp and are recorded by nobody
+# types in bags; the messages of a controller's handshake, Controller*, have no stamp and are not recorded
 HANDSHAKE = {f"Controller{name}" for name in ("Start", "Ready", "Step", "Answer")}
 RIG_TYPES = sorted(f"rig_msgs/msg/{path.stem}" for path in SHARE.glob("*.msg") if path.stem not in HANDSHAKE)
 TEXTS = ["", "x", "ab", "abc", "Sprzęgło S1 zamknięte", "four"]
 
 
 def get_message(ros_type):
-    """The generated message class of a type."""
+    """Returns the generated message class of a type."""
     package, _, name = ros_type.split("/")
     return getattr(importlib.import_module(f"{package}.msg"), name)
 
@@ -43,7 +43,7 @@ def reference():
 
 
 def sample(node, rng):
-    """A random value for a field; sequences and strings of every length modulo the alignment."""
+    """Returns a random value for a field; sequences and strings have every length modulo the alignment."""
     if node.kind == "string":
         return TEXTS[rng.integers(len(TEXTS))]
     if node.kind == "number":
@@ -113,7 +113,7 @@ def test_type_hash_is_the_one_ros_installed(ros_type):
 
 
 def test_whole_numbers_and_numpy_scalars_arrive_as_the_number_they_are():
-    # The setters of rclpy messages turn these silently into garbage.
+    # The setters of rclpy messages silently turn these into wrong values.
     name = "rig_msgs/msg/Measurement"
     for value in (3, np.float32(3.0), np.int64(3), np.float64(3.0)):
         assert decode(name, encoder(name).encode(0, 0, value)).value == 3

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags made to break a reader: each gets one sentence, soon and without much memory, from every reader."""
+"""Bags made to break a reader: every reader refuses each in one sentence, soon and without much memory."""
 
 import json
 import random
@@ -16,12 +16,12 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 
-LONGEST, MOST = 4.0, 380.0  # s of the processor, twice what the worst takes on an idle one; MB of the whole process
+LONGEST, MOST = 4.0, 380.0  # s of processor time, twice that of the worst bag on an idle machine; MB of the whole process
 
 
 @pytest.fixture(scope="module")
 def tried(tmp_path_factory):
-    """For each crafted bag the words that are expected and what each reader said, how long and how much it took."""
+    """Returns for each crafted bag the expected words, and what each reader printed, how long it took and how much memory."""
     folder = tmp_path_factory.mktemp("crafted")
     words = {}
     for number, (what, make) in enumerate(crafted.BAGS.items()):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Damaged and missing bags: one sentence with the place and what to do, and recovery of what is whole."""
+"""Damaged and missing bags: one sentence with the place and the remedy, and recovery of what is whole."""
 
 import io
 
@@ -29,19 +29,19 @@ def small(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def summary(small):
-    """Mcap's own summary of it."""
+    """Returns the summary that mcap makes of it."""
     return make_reader(io.BytesIO(small)).get_summary()
 
 
 def put(folder, data):
-    """A file with these bytes."""
+    """Writes a file with these bytes."""
     path = folder / "run_0.mcap"
     path.write_bytes(data)
     return path
 
 
 def refused(path, **options):
-    """The sentence with which opening it is refused."""
+    """Returns the sentence with which opening it is refused."""
     with pytest.raises(BagError) as caught:
         Bag(path, **options)
     sentence = str(caught.value)
@@ -111,7 +111,7 @@ def test_something_after_the_end_is_refused(tmp_path, small):
 
 
 def foreign(folder, text=b"float64 value\n", encoding="ros2msg", data=bytes(12), name="some_msgs/msg/Value"):
-    """A bag as another program might make it."""
+    """A bag as another program might write it."""
     with open(folder / "run_0.mcap", "wb") as file:
         writer = Writer(file)
         writer.start("ros2", "other")

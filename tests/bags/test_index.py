@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag read as its messages are asked for: the same messages in the same order, whoever wrote it, in little memory."""
+"""A bag that is read as its messages are requested: the same messages in the same order from every writer, in little memory."""
 
 import json
 import subprocess
@@ -23,7 +23,7 @@ def all_of(path, begin=0):
 
 
 def written_by_others(path, rows, **options):
-    """rows: (topic, time, data) in the order of the file; chunks of about 400 bytes."""
+    """Writes a bag of rows (topic, time, data) in the order of the file, with chunks of about 400 bytes."""
     with open(path, "wb") as file:
         writer = Writer(file, **{"chunk_size": 400, **options})
         writer.start("ros2", "another")
@@ -153,4 +153,4 @@ def test_a_bag_of_30_mb_is_read_in_a_few(tmp_path):
     assert done.returncode == 0, done.stderr
     held, replay, pieces, piecewise, size = json.loads(done.stdout)
     assert held == pieces == 400 and size > 28
-    assert replay < 6 and piecewise < 15, (replay, piecewise)  # MB more than the process had
+    assert replay < 6 and piecewise < 15, (replay, piecewise)  # MB more than the process had before

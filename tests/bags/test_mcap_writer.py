@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Our writer of the container against the library's: the same calls, the same bytes."""
+"""The rig's writer of the container against the one of the library: the same calls give the same bytes."""
 
 import io
 
@@ -9,7 +9,7 @@ from mcap.writer import CompressionType, Writer
 
 from rig_nodes.bags.mcap_writer import McapWriter
 
-CHUNK_BYTES = 20_000  # so that one is closed by its size
+CHUNK_BYTES = 20_000  # so small that one chunk is closed because of its size
 
 
 def test_the_bytes_are_those_of_the_mcap_library(messages):
@@ -23,7 +23,7 @@ def test_the_bytes_are_those_of_the_mcap_library(messages):
         schema = one.register_schema("a/msg/Type", "ros2msg", b"float64 value")
         channels = {topic: one.register_channel(topic, "cdr", schema, {"topic": topic}) for topic in topics}
         for number, (topic, stamp, data) in enumerate(rows):
-            # not all of them in the order of time
+            # some of them out of the order of time
             stamp += 3_000_000 if number % 7 == 0 else 0
             if one is writer:
                 one.add_message(channels[topic], stamp, data, number)
@@ -32,7 +32,7 @@ def test_the_bytes_are_those_of_the_mcap_library(messages):
             if number % 150 == 0:
                 one.flush()
         one.flush()
-        one.flush()  # nothing in it
+        one.flush()  # with nothing to write
         one.add_metadata("rosbag2", {"serialized_metadata": "text"})
         one.finish()
     assert len(ours.getvalue()) > 10 * 1000 and ours.getvalue() == theirs.getvalue()

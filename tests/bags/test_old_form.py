@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of before messages had a Header, and users' messages that name a frame: read as those of today."""
+"""Bags from before messages had a Header, and users' messages that name a frame: read like those of today."""
 
 from pathlib import Path
 
@@ -16,13 +16,13 @@ from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 
-# fields of before that have another name or another place today
+# old fields that have another name or another place today
 OLD_NAMES = {"stamp", "n_wej", "n_wyj", "p1", "p2", "w_wej", "w_wyj", "m_wej", "m_wyj", "__msgtype__"}
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
 
 def as_written(topic):
-    """Messages of a topic of the sample bag, decoded by others' programs and by the definition in the bag."""
+    """Returns messages of a topic of the sample bag, decoded by other programs and by the definition in the bag."""
     (path,) = SAMPLE.glob("*.mcap")
     store, found = get_typestore(Stores.EMPTY), []
     with path.open("rb") as file:
@@ -92,7 +92,7 @@ def cdr_fields(ros_type, text):
 
 
 def test_a_users_message_with_a_frame_is_read_like_one_without(tmp_path):
-    """What is behind a frame_id has another place; PlotJuggler's and others' messages have one."""
+    """The fields behind a frame_id have another place; messages of PlotJuggler and other programs have one."""
     ros_type = "rig_msgs/msg/ValveCommand"
     own = [cdr.encoder(ros_type).encode(10**6 * k, k, k, 1, True, 1, 0, (0.0,) * 3, (0.1 * k, 0.2, 0.0)) for k in range(4)]
     message = cdr.decode(ros_type, own[2])

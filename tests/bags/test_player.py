@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pure player under a clock of the test's own: what is due, when, in which order."""
+"""The pure player under a clock of the test's own: which messages are due, when, and in which order."""
 
 import math
 
@@ -19,12 +19,12 @@ STEP = 0.001
 
 
 def recorded(times, first=T0):
-    """What begins a pass over messages at these times: from ``first`` on, each message its number."""
+    """Returns the function that begins a pass over messages at these times: from ``first`` on, each message is its number."""
     return lambda: ((time, number) for number, time in enumerate(times) if time >= first)
 
 
 class Run:
-    """A player, driven every millisecond of a made-up wall clock."""
+    """A player that is called at every millisecond of a made-up wall clock."""
 
     def __init__(self, **options):
         self.now = 100.0
@@ -34,7 +34,7 @@ class Run:
         self.taken = []  # (wall time since the start [ms], number or CLOCK, recorded time since T0 [ms])
 
     def drive(self, ms):
-        """Let wall time pass; returns what became due meanwhile, with when."""
+        """Lets wall time pass; returns what became due meanwhile, with the times."""
         before = len(self.taken)
         for _ in range(round(ms) + 1):
             wall = round((self.now - 100.0) * 1e3)

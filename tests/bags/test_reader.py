@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What comes out of a bag is what went in, and what is missing is counted."""
+"""The messages of a bag are those that were written, and missing ones are counted."""
 
 import json
 
@@ -160,11 +160,11 @@ def test_hash_shows_which_topic_differs(write_run, run, tmp_path):
 
 
 def test_a_bag_is_read_by_the_definitions_it_carries(tmp_path):
-    """A bag of an older message without the last field, made by another program."""
+    """The bag has an older message without the last field and was made by another program."""
     text = "builtin_interfaces/Time stamp\nuint64 seq\nfloat64 speed\nfloat32 torque\n"
     text += "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
     payload = encoder("rig_msgs/msg/Measurement").encode(3_000_000_000, 0, 99.5) + b"\x00\x00\x20\x41"
-    payload = payload[:12] + payload[20:]  # a bare stamp, as messages had before
+    payload = payload[:12] + payload[20:]  # a bare stamp, as in old messages
     with open(tmp_path / "old.mcap", "wb") as file:
         writer = Writer(file, use_chunking=False)
         writer.start("ros2", "other")
@@ -211,7 +211,7 @@ def test_metadata_that_disagrees_is_reported(write_run, tmp_path):
 
 
 def recorded_elsewhere(run, folder, keep):
-    """The run as ``ros2 bag record`` keeps it: another program's name, the wall clock's log times, less what ``keep`` drops."""
+    """Writes the run as ``ros2 bag record`` does: another program's name, log times of the wall clock, and only what is kept."""
     folder.mkdir()
     bag, channels = Bag(run), {}
     with open(folder / "theirs_0.mcap", "wb") as file:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which rig a bag is of: its own record, of any age and also after the rig's folder is gone; else the topics say it."""
+"""The rig of a bag: it is named by the bag's own record, of any age and also without the rig's folder, else by the topics."""
 
 import json
 import shutil
@@ -34,7 +34,7 @@ steps:
 
 @pytest.fixture(scope="module")
 def foreign(tmp_path_factory):
-    """The run of a rig in a folder of its own, which is gone since."""
+    """The run of a rig in a folder of its own, which does not exist any more."""
     folder = tmp_path_factory.mktemp("foreign")
     mine = folder / "mine"
     shutil.copytree(RIGS_DIR / "three_speed", mine)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags as other tools see them, and what is left of one when its writer is ended by force."""
+"""Bags as other tools see them, and what remains of one when its writer is ended by force."""
 
 import re
 import subprocess
@@ -34,7 +34,7 @@ def measurement(ns, seq, value=0.0):
 
 
 def test_ros2_bag_reindex_takes_the_file_for_a_piece_of_the_bag(run):
-    # the whole name must match what rosbag2_cpp's reindexer looks for
+    # the whole name must match the pattern of rosbag2_cpp's reindexer
     assert [bool(re.fullmatch(r".+_(\d+)\.([a-zA-Z0-9])+", path.name)) for path in run.glob("*.mcap")] == [True]
 
 
@@ -61,7 +61,7 @@ def test_mcap_validates_all_checksums_and_finds_every_message(run, messages):
 
 
 def plain(node, value):
-    """Numbers, strings, lists and dicts of a decoded message, whoever decoded it."""
+    """Returns numbers, strings, lists and dicts of a message, whichever program decoded it."""
     if node.kind == "message":
         return {name: plain(member, getattr(value, name)) for name, member in node.fields}
     if node.kind in ("array", "sequence"):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sample bag, copied: a report may be written beside a bag."""
+"""A copy of the sample bag, because a report may be written beside a bag."""
 
 import shutil
 from pathlib import Path
@@ -11,6 +11,6 @@ import pytest
 
 @pytest.fixture(scope="session")
 def sample_bag(tmp_path_factory) -> str:
-    """A run's folder."""
+    """The folder of a run."""
     source = Path(__file__).resolve().parents[2] / "bags" / "sample"
     return str(shutil.copytree(source, tmp_path_factory.mktemp("bench") / "sample"))

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig bench``: what it refuses, what it writes, and that what is measured on the bare problem is the right thing."""
+"""``rig bench``: its refusals, its output, and that the measurement on the bare problem computes the right result."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_one_part_as_json(tmp_path, monkeypatch, capsys):
 
 
 def test_the_exact_lock_up_is_that_of_the_equations_of_motion():
-    # Euler steps of 1 us, midpoint torque: first order in the speeds' kinks only
+    # Euler steps of 1 us with the midpoint's torque, which are of first order only at the kinks of the speeds
     h, w1, w2, n = 1e-6, two_inertias.W1, 0.0, 0
     while w1 > w2:
         torque = 264.0 * (math.sin(0.5 * math.pi * (n + 0.5) * h / 0.045) if (n + 0.5) * h < 0.045 else 1.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a run with devices cut out is from the same run without: the table of docs/how_to/cuts.md.
+"""The difference between a run with devices cut out and the same run without: the table of docs/how_to/cuts.md.
 
 .venv/bin/python tests/benchmarks/cut_errors.py [SEQUENCE]
 """
@@ -25,19 +25,19 @@ TICKS = ("1 ms", "2 ms", "5 ms")
 
 
 def settings(devices, tick):
-    """Overrides that cut these devices out."""
+    """Returns the overrides that cut these devices out."""
     return {"cut.tick": tick, **{f"{device}.source": "topic" for device in devices}}
 
 
 def shifts(sequence, values=None):
-    """The report of a simulated sequence."""
+    """Returns the shifts in the report of a simulated sequence."""
     with tempfile.TemporaryDirectory() as folder:
         run = simulate(load_rig("hydmag", values), sequence, Path(folder))
         return build_report(Bag(folder), run)
 
 
 def errors(reference, report) -> dict[str, float]:
-    """Greatest differences over all shifts: peak torque [share], times [s], k, settled loss [share]."""
+    """Returns the greatest differences over all shifts: peak torque [share], times [s], k, settled loss [share]."""
     pairs = list(zip(reference["shifts"], report["shifts"], strict=True))
     return {
         "peak": max(abs(b["input_torque_max_nm"] / a["input_torque_max_nm"] - 1.0) for a, b in pairs),
@@ -48,7 +48,7 @@ def errors(reference, report) -> dict[str, float]:
 
 
 def works(sequence, values) -> dict[str, tuple[float, float]]:
-    """Energy over each cut at the end of the sequence [J]: (as the plant counts it, as the device does)."""
+    """Returns the energy over each cut at the end of the sequence [J]: (counted by the plant, counted by the device)."""
     config = load_rig("hydmag", values)
     rig = Rig(config)
     outputs = Outputs(rig, {}, commands=True)
@@ -61,7 +61,7 @@ def works(sequence, values) -> dict[str, tuple[float, float]]:
 
 
 def main() -> int:
-    """Print the table."""
+    """Prints the table."""
     sequence = load_sequence(sys.argv[1] if len(sys.argv) > 1 else "demo")
     reference = shifts(sequence)
     print("| cut out | tick | peak M_wej | times | k | loss | balance | work: plant, device |")
@@ -72,7 +72,7 @@ def main() -> int:
             name = "all four" if devices == load_rig().cuttable else devices[0]
             try:
                 report = shifts(sequence, values)
-            except RigError:  # the motor's speed loop does not stand such a tick
+            except RigError:  # the motor's speed loop is not stable with such a tick
                 print(f"| {name} | {tick} | refused, see below | | | | | |", flush=True)
                 continue
             e = errors(reference, report)

@@ -34,11 +34,11 @@ METRICS = (
 )
 # speed, torque before the shift up, torque before the shift down: points of the grid of tab. 7.4
 POINTS = (("1500 rpm", "80 Nm", "80 Nm"), ("1500 rpm", "40 Nm", "160 Nm"), ("800 rpm", "60 Nm", "120 Nm"))
-FINER = 100  # rows between two logger rows, by straight lines: the metrics count in whole rows
+FINER = 100  # rows interpolated between two logger rows, because the metrics count in whole rows
 
 
 def finer(recording):
-    """The same recording with more rows."""
+    """Returns the same recording with more rows."""
     rows = np.arange(recording.rows)
     dense = np.arange(FINER * (recording.rows - 1) + 1) / FINER
     channels = {name: np.interp(dense, rows, values) for name, values in recording.channels.items()}
@@ -46,7 +46,7 @@ def finer(recording):
 
 
 def metrics_at(step: str) -> dict[str, dict[str, float]]:
-    """ "speed, loads, direction" -> metric -> value, without transducers."""
+    """Returns "speed, loads, direction" -> metric -> value, without transducers."""
     out = {}
     for point in POINTS:
         config = load_rig("hydmag", {"kernel.step": step, "effects.transducers": "off"})
@@ -61,7 +61,7 @@ def metrics_at(step: str) -> dict[str, dict[str, float]]:
 
 
 def main() -> int:
-    """Print the table: for each step and metric the largest change against the reference, and where it is."""
+    """Prints the table: for each step and metric the largest change against the reference, and its place."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", nargs="+", default=["100 us", "50 us", "20 us", "10 us"])
     parser.add_argument("--reference", default="1 us")

@@ -2,7 +2,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Release check: the README's commands, as an unprivileged user, in a Debian root made for it a minute ago.
+"""Release check: the README's commands, as an unprivileged user, in a Debian root that is newly made for it.
 
 Run by hand or by a release job, as root (docs/how_to/release.md). Packages and commands are read from the README of
 the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: the check could not be made.
@@ -29,7 +29,7 @@ HOME = "home/" + USER
 BUNDLE = "rig.bundle"
 DISK_MIN_GB = 5.0
 LOCAL_CERTIFICATES = "usr/local/share/ca-certificates"
-# How this machine reaches its package index: the only variables that the commands in the root get from here.
+# Variables with which this machine reaches its package index; the commands in the root get no others from it.
 ACCESS = re.compile(r"PIP_\w+|(https?|all|no)_proxy|SSL_CERT_(FILE|DIR)|REQUESTS_CA_BUNDLE", re.IGNORECASE)
 
 
@@ -41,7 +41,7 @@ class CheckError(Exception):
 
 
 def git(*arguments):
-    """Output of a git command in the checkout, which may belong to somebody else than root."""
+    """Returns the output of a git command in the checkout, which may belong to another user than root."""
     try:
         command = ["git", "-c", "safe.directory=%s" % CHECKOUT, "-C", str(CHECKOUT), *arguments]
         return subprocess.check_output(command, stderr=subprocess.PIPE, text=True).strip()
@@ -51,7 +51,7 @@ def git(*arguments):
 
 
 def read_readme(text):
-    """(packages, commands) of the README: `apt install ...` and the first indented block of its section."""
+    """Returns (packages, commands) of the README: `apt install ...` and the first indented block of its section."""
     section = re.search(r"^%s$(.*?)(?=^## |\Z)" % re.escape(SECTION), text, re.MULTILINE | re.DOTALL)
     if not section:
         raise CheckError("README.md has no section %r, from which packages and commands are read" % SECTION)
@@ -64,7 +64,7 @@ def read_readme(text):
     return [p for p in install[1].split() if not p.startswith("-")], commands
 
 
-# --- what this machine lacks ----------------------------------------------------------------------
+# --- what the machine needs -----------------------------------------------------------------------
 
 
 def check_machine(folder):
@@ -95,7 +95,7 @@ def check_machine(folder):
 
 
 def make_folder(wanted):
-    """The empty folder for the root: the wanted one, or a temporary one."""
+    """Returns the empty folder for the root: the wanted one, or a temporary one."""
     if wanted is None:
         folder = Path(tempfile.mkdtemp(prefix="fresh_root_")).resolve()
         folder.chmod(0o755)  # it becomes the / of an unprivileged user
@@ -111,7 +111,7 @@ def make_folder(wanted):
 
 
 def remove(folder):
-    """Remove the root; processes that were killed a moment ago may still hold on to it."""
+    """Removes the root; processes that were killed a moment ago may still use it."""
     for _ in range(20):
         shutil.rmtree(folder, ignore_errors=True)
         if not folder.exists():
@@ -135,7 +135,7 @@ def run_quietly(command, log, failure):
 
 
 def make_root(root, suite, mirror, packages):
-    """A minimal Debian with these packages in the folder `root`, in which nothing is mounted yet."""
+    """Makes a minimal Debian with these packages in the folder `root`, in which nothing is mounted yet."""
     command = ["debootstrap", "--variant=minbase", "--include=" + ",".join(packages), suite, str(root)]
     run_quietly(
         command + ([mirror] if mirror else []),
@@ -145,7 +145,7 @@ def make_root(root, suite, mirror, packages):
 
 
 def mount_filesystems(root):
-    """What a booted system has mounted: /proc, /sys, shared memory for DDS, terminals."""
+    """Mounts what a booted system has: /proc, /sys, shared memory for DDS, terminals."""
     for kind, options, where in (
         ("proc", "nosuid,nodev,noexec", "proc"),
         ("sysfs", "ro,nosuid,nodev,noexec", "sys"),
@@ -161,7 +161,7 @@ def mount_filesystems(root):
 
 
 def give_access(root):
-    """Name resolution, pip settings and local certificates of this machine; returns the variables."""
+    """Copies name resolution, pip settings and local certificates of this machine; returns the variables."""
     access = {k: v for k, v in os.environ.items() if ACCESS.fullmatch(k)}
     local = list(Path("/", LOCAL_CERTIFICATES).glob("**/*.crt"))
     files = [Path("/etc/resolv.conf"), Path("/etc/hosts"), Path("/etc/pip.conf"), *local]
@@ -183,7 +183,7 @@ def give_access(root):
 
 
 def clone_checkout(root, environment):
-    """The bundled commit as a clone in the user's home, made by that user like a reader makes it."""
+    """Clones the bundled commit into the user's home, as the user and as a reader of the README does it."""
     run_quietly(
         ["chroot", str(root), "useradd", "--create-home", "--shell", "/bin/bash", USER],
         root / "user.log",
@@ -199,10 +199,10 @@ def clone_checkout(root, environment):
 
 
 def run_as_user(root, command, folder, environment, timeout):
-    """Run a shell command as the root's user in `folder`; its exit code, 124 when it took too long."""
+    """Runs a shell command as the root's user in `folder`; returns its exit code, 124 when it took too long."""
 
     def ordinary_login():
-        # Root's shell may carry rights that a login has not; with real-time ones the check would be too kind.
+        # Root's shell may have rights that a login does not have; with real-time rights the check would not be strict enough.
         for right in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE):
             resource.setrlimit(right, (0, 0))
 
@@ -216,7 +216,7 @@ def run_as_user(root, command, folder, environment, timeout):
         start_new_session=True,
     )
     end = time.monotonic() + timeout
-    # This is process 1 of its namespace: whatever loses its parent in there has to be collected here.
+    # This is process 1 of its namespace, so it has to collect all processes there that lose their parent.
     while True:
         pid, status = os.waitpid(-1, os.WNOHANG)
         if pid == process.pid:
@@ -298,7 +298,7 @@ def read_options(arguments):
 
 def main(arguments):
     options = read_options(arguments)
-    os.umask(0o022)  # root's own may be stricter, and then the user in there could read nothing
+    os.umask(0o022)  # root's own mask may be stricter, and then the user in there could not read anything
     if options.inside:
         return check(Path(options.inside), options)
 
@@ -309,7 +309,7 @@ def main(arguments):
     folder = make_folder(options.root)
     inside = None
     try:
-        # Each of the two dies with its parent, and process 1 of the namespaces takes all others along.
+        # Each of the two ends with its parent, and all other processes end with process 1 of the namespaces.
         inside = subprocess.Popen(
             [
                 "setpriv",

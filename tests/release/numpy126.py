@@ -2,7 +2,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Release check with numpy 1.26, the one of Ubuntu 24.04: the locked packages but the viewer, demo, tests.
+"""Release check with numpy 1.26, the one of Ubuntu 24.04: the locked packages without the viewer, demo, tests.
 
 Standard library only. Makes a copy of the checkout with an environment of its own in a temporary folder and
 compares what `rig simulate demo` writes there with what the checkout's writes. See docs/how_to/release.md.
@@ -27,7 +27,7 @@ NUMPY = """numpy==1.26.4 \\
     --hash=sha256:666dbfb6ec68962c033a450943ded891bed2d54e6755e35e5835d63f4f6931d5 \\
     --hash=sha256:675d61ffbfa78604709862923189bad94014bef562cc35cf61d3a07bba02a7ed
 """
-PYTHONS = ((3, 11), (3, 12))  # numpy 1.26.4 has wheels for no later one, the rig takes no earlier one
+PYTHONS = ((3, 11), (3, 12))  # numpy 1.26.4 has no wheels for later versions, and the rig needs at least the first one
 VIEWER = ("rerun-sdk", "pyarrow")  # needs numpy 2
 TESTS = ("plant", "alfa46", "testbench", "bags", "analysis", "controllers")
 GRAPH_TESTS = ("graph/test_live_graph.py",)
@@ -38,7 +38,7 @@ class CheckError(Exception):
 
 
 def load_launcher(checkout):
-    """The file `rig` of a checkout as a module; its ROOT is that checkout."""
+    """Returns the file `rig` of a checkout as a module, whose ROOT is that checkout."""
     loader = SourceFileLoader("rig_launcher", str(checkout / "rig"))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("rig_launcher", loader))
     sys.dont_write_bytecode = True
@@ -47,7 +47,7 @@ def load_launcher(checkout):
 
 
 def copy_checkout(folder):
-    """The files that git knows or would take, as they are now."""
+    """Copies the files that git tracks or would add, as they are now."""
     command = ["git", "-C", str(CHECKOUT), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, capture_output=True, text=True)
     if listed.returncode:
@@ -60,7 +60,7 @@ def copy_checkout(folder):
 
 
 def with_old_numpy(lock):
-    """The text of requirements.lock with numpy 1.26.4 and without the viewer."""
+    """Returns the text of requirements.lock with numpy 1.26.4 and without the viewer."""
     blocks = re.split(r"(?m)^(?=[\w.-]+==)", lock)
     names = [block.split("==")[0] for block in blocks]
     if "numpy" not in names:
@@ -69,7 +69,7 @@ def with_old_numpy(lock):
 
 
 def make_environment(launcher, folder):
-    """The launcher's environment in the copy, built as the launcher builds it."""
+    """Makes the launcher's environment in the copy, built as the launcher builds it."""
     venv = str(folder / ".venv")
     lock = folder / "requirements.lock"
     lock.write_text(with_old_numpy(lock.read_text()))
@@ -77,14 +77,14 @@ def make_environment(launcher, folder):
     with open(folder / "lock", "w") as held:
         steps = launcher.Steps(3, str(folder / "setup.log"), held.fileno())
         launcher.install_packages(str(folder), venv, steps, environment)
-        # The ROS wheels were made beside numpy 2, whose C headers lie in another folder.
+        # The ROS wheels were built with numpy 2, whose C headers lie in another folder.
         for path in folder.glob(".venv/share/*/cmake/*__rosidl_generator_pyExport.cmake"):
             path.write_text(path.read_text().replace("numpy/_core/include", "numpy/core/include"))
         launcher.build_messages(str(folder), venv, steps, environment)
 
 
 def run(what, command, folder):
-    """Run a command of the check; True when it passed."""
+    """Runs a command of the check; returns True when it passed."""
     print("numpy 1.26: $ %s" % what, flush=True)
     began = time.monotonic()
     code = subprocess.run(command, cwd=str(folder), stdin=subprocess.DEVNULL).returncode
@@ -94,7 +94,7 @@ def run(what, command, folder):
 
 
 def compare(ours, theirs):
-    """True when both environments wrote the same bag; says how the two stand."""
+    """Returns True when both environments wrote the same bag, and prints the differences."""
     digests = [hashlib.sha256((folder / "demo_0.mcap").read_bytes()).hexdigest() for folder in (ours, theirs)]
     same = digests[0] == digests[1]
     print(
@@ -106,7 +106,7 @@ def compare(ours, theirs):
 
 
 def check(folder, options):
-    """The whole check in an empty folder; the exit code."""
+    """Runs the whole check in an empty folder; returns the exit code."""
     copy_checkout(folder)
     launcher = load_launcher(folder)
     missing = launcher.find_missing(root=str(folder))

@@ -25,7 +25,7 @@ PACKAGES = ("rig_msgs", "rig_nodes")
 EXECUTABLES = ("alfa46", "device", "recorder", "replay", "rig", "rig_container", "sequencer")  # sorted as ros2 prints them
 TIMES, CURRENTS = "[0.01, 0.1, 0.4, 0.01, 0.1, 0.2]", "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]"
 PROFILE = "{output: 1, times: %s, currents: %s}"
-# Words after `ros2`, and what the answer has to show: without a rig, then of one that runs by hand.
+# Words after `ros2`, and what the answer has to show: without a rig, then with one that is worked by hand.
 WITHOUT = (
     ("interface show rig_msgs/msg/ValveCommand", r"^\s*float64\[\] duty", r"^std_msgs/Header header"),
     ("interface show rig_msgs/action/Shift", r"^uint8 gear"),
@@ -106,7 +106,7 @@ BY_HAND = (
         r"SUCCEEDED",
     ),
 )
-# What was answered is not ordered twice.
+# An order that was answered is not sent twice.
 ANSWERED = re.compile(r"^(response:|Result:|Set parameter|Setting parameter)", re.MULTILINE)
 
 
@@ -115,16 +115,16 @@ class CheckError(Exception):
 
 
 class Check:
-    """The commands of one check and what became of them."""
+    """The commands of one check and their results."""
 
     def __init__(self, ros2, domain, patience, verbose):
         self.ros2, self.patience, self.verbose = ros2, patience, verbose
-        # Line by line, so that what a command has printed is there when it is ended.
+        # Line by line, so that the output of a command is complete when the command is ended.
         self.environment = dict(os.environ, ROS_DOMAIN_ID=str(domain), PYTHONUNBUFFERED="1")
         self.failed = []
 
     def call(self, words, seconds):
-        """Output of a command that ends by itself within so many seconds, or is ended."""
+        """Returns the output of a command, which is ended when it takes longer than so many seconds."""
         process = self.start(words)
         try:
             return process.communicate(timeout=seconds)[0]
@@ -148,7 +148,7 @@ class Check:
         )
 
     def expect(self, words, patterns):
-        """Ask until everything is shown: finding each other takes DDS a while."""
+        """Repeats a command until everything is shown, because DDS needs some time for discovery."""
         deadline = time.monotonic() + 2 * self.patience
         while True:
             output = self.call(words, self.patience)
@@ -158,7 +158,7 @@ class Check:
         self.note("ros2 " + " ".join(words), not missing, "no %r in:\n%s" % (missing[:1], output), output)
 
     def rate(self, words, unit, low, high):
-        """A command that prints a number over and over: the last one lies between low and high."""
+        """Checks that the last number of a command that prints numbers repeatedly lies between low and high."""
         output = self.call(words, 12)
         found = re.findall(r"([\d.]+) ?%s" % unit if unit != "rate" else r"average rate: ([\d.]+)", output)
         good = bool(found) and low <= float(found[-1]) <= high
@@ -183,7 +183,7 @@ def launch(check, *arguments):
 
 
 def end(process, seconds=60):
-    """Ctrl-C to the launch and its nodes; whole output."""
+    """Sends Ctrl-C to the launch and its nodes; returns the whole output."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)
     try:
@@ -194,7 +194,7 @@ def end(process, seconds=60):
 
 
 def ask(check, commands):
-    """Every command of a list."""
+    """Runs every command of a list."""
     for command, *patterns in commands:
         words = command.split()
         if patterns[0].startswith("{"):
@@ -203,7 +203,7 @@ def ask(check, commands):
 
 
 def by_hand(check, folder):
-    """A rig that runs until Ctrl-C, and every command against it."""
+    """Starts a rig that runs until Ctrl-C, and runs every command against it."""
     rig = launch(check, "out:=%s" % folder)
     try:
         ask(check, BY_HAND)
@@ -221,7 +221,7 @@ def by_hand(check, folder):
 
 
 def a_sequence(check, folder):
-    """A launch that ends with its sequence."""
+    """Starts a launch that ends with its sequence."""
     process = launch(check, "sequence:=%s" % SHORT, "out:=%s" % folder, "seed:=7")
     output = finish(process)
     report = read_report(folder)
@@ -236,7 +236,7 @@ def a_sequence(check, folder):
 
 
 def a_bench(check, folder):
-    """The clutch bench, which has no shift controller, with a parameter whose value has commas."""
+    """Starts the clutch bench, which has no shift controller, with a parameter whose value has commas."""
     process = launch(check, "sequence:=clutch_bench", "with:=pressures=1 MPa, 1.5 MPa,wetting=200 ms", "out:=%s" % folder)
     output = finish(process)
     report = read_report(folder)
@@ -249,7 +249,7 @@ def a_bench(check, folder):
 
 
 def refusals(check, folder):
-    """Launches that cannot go on say why and end."""
+    """Starts launches that cannot continue, which must print why and end."""
     for arguments, sentence in (
         (["sequence:=no_such_sequence", "record:=false"], r"no_such_sequence"),
         (["rig:=no_such_rig", "record:=false"], r"no_such_rig"),
@@ -267,7 +267,7 @@ def refusals(check, folder):
 
 
 def a_death(check, folder):
-    """A node that is killed ends the launch with its name, and what was recorded is whole."""
+    """Kills a node, which must end the launch with the node's name, and the recorded messages must be complete."""
     rig = launch(check, "out:=%s" % folder)
     check.expect(["topic", "echo", "--once", "/rig/state"], [r"^header:"])
     killed = [
@@ -284,7 +284,7 @@ def a_death(check, folder):
 
 
 def finish(process):
-    """Whole output of a launch that ends by itself; ended when it does not."""
+    """Returns the whole output of a launch that ends by itself; it is ended when it does not."""
     try:
         return process.communicate(timeout=180)[0]
     except subprocess.TimeoutExpired:
@@ -299,13 +299,13 @@ def contents(path):
 
 
 def read_report(folder):
-    """The run part of the report in a folder, empty when there is none."""
+    """Returns the run part of the report in a folder, empty when there is none."""
     path = folder / "report.json"
     return json.loads(path.read_text())["run"] if path.is_file() else {}
 
 
 def ended(report):
-    """State in which the run ended, empty when the report does not say."""
+    """Returns the state in which the run ended, empty when the report does not contain it."""
     return report.get("end", {}).get("state", "")
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the view's tests share: recorded runs, copies of them with parts missing, a reader of Rerun files."""
+"""Fixtures and helpers of the view's tests: recorded runs, copies of them with parts missing, a reader of Rerun files."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-REQUIRED = os.environ.get("RIG_REQUIRE_VIEW") == "1"  # then nothing here may be skipped
+REQUIRED = os.environ.get("RIG_REQUIRE_VIEW") == "1"  # with this variable set, no test here may be skipped
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))  # pixels.py
 
@@ -40,7 +40,7 @@ def pytest_runtest_makereport(item, call):
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory):
-    """The folder of a demo run, not to be changed."""
+    """The folder of a demo run, which tests must not change."""
     folder = tmp_path_factory.mktemp("recorded") / "demo"
     run = simulate(load_rig(), load_sequence("demo"), folder)
     write_report(folder, build_report(Bag(folder), run))
@@ -55,7 +55,7 @@ def run(recorded, tmp_path):
 
 @pytest.fixture(scope="session")
 def tripped(tmp_path_factory):
-    """The folder of a run of 0.1 s that somebody stopped, without a report and without a shift."""
+    """The folder of a run of 0.1 s that a person stopped, without a report and without a shift."""
     folder = tmp_path_factory.mktemp("tripped") / "stopped"
     rig = Rig(load_rig(), 1, controller="embedded")
     outputs = Outputs(rig, {"sequence": "stopped", "seed": 1})
@@ -85,7 +85,7 @@ def without(recorded, tmp_path):
 
 
 class RrdFile:
-    """What a Rerun file holds: entity -> column -> values, times in ns, of its recording and its layout."""
+    """The content of a Rerun file: entity -> column -> values, times in ns, its recording and its layout."""
 
     def __init__(self, path):
         from rerun.chunk import RrdReader
@@ -114,11 +114,11 @@ class RrdFile:
         return found
 
     def rows(self, entity, component):
-        """Times [ns] and values of a component that has one value in every row."""
+        """Returns times [ns] and values of a component that has one value in every row."""
         return self.data[entity]["t"], self.data[entity][component]
 
     def views(self):
-        """Display name -> entities of all views of the layout that bear it."""
+        """Returns display name -> entities of all views of the layout with that name."""
         found = {}
         for path, parts in self.layout.items():
             if "ViewBlueprint:display_name" in parts:

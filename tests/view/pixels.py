@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Finding curves, legends, texts and state bars in a picture of a view; used by the tests that look at pictures."""
+"""Finds curves, legends, texts and state bars in a picture of a view; used by the tests that look at pictures."""
 
 import io
 
@@ -11,38 +11,38 @@ from PIL import Image
 from rig_nodes.view.pages import Pages
 
 PAGES = Pages()
-LONGEST = 300.0  # s for what one viewer is asked, on a busy machine
-DOT = 5  # px; a legend's dot holds a square of this size, no curve does
-LEGEND = 0.3  # of the width, in which the legend lies
-WHITE = 200  # of each channel of a text, at least
-BAR = 0.78  # brightness of a state's bar over the colour it is given
+LONGEST = 300.0  # s for the requests to one viewer on a busy machine
+DOT = 5  # px; a square of this size fits into a legend's dot, but into no curve
+LEGEND = 0.3  # share of the width in which the legend lies
+WHITE = 200  # least brightness of each channel of a text
+BAR = 0.78  # brightness of a state's bar relative to its given colour
 
 
 def image_of(png: bytes) -> np.ndarray:
-    """Height x width x RGB."""
+    """Returns a picture as height x width x RGB."""
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
 
 
 def has(image: np.ndarray, colour, tolerance: int = 10) -> np.ndarray:
-    """Which pixels have a colour, but for smoothed edges."""
+    """Returns which pixels have a colour, apart from smoothed edges."""
     return np.abs(image - np.array(colour)).max(axis=2) <= tolerance
 
 
 def curve_pixels(image: np.ndarray, colour, side: str = "right") -> int:
-    """Pixels of a colour where no legend lies. side: where the legend is."""
+    """Returns the pixels of a colour outside the legend; ``side`` is the side on which the legend lies."""
     width = image.shape[1]
     part = image[:, : int((1 - LEGEND) * width)] if side == "right" else image[:, int(LEGEND * width) :]
     return int(has(part, colour).sum())
 
 
 def dots(image: np.ndarray, colour) -> list[tuple[int, int]]:
-    """Row and column of the filled squares of a colour: the dots of a legend."""
+    """Returns row and column of the filled squares of a colour: the dots of a legend."""
     windows = np.lib.stride_tricks.sliding_window_view(has(image, colour), (DOT, DOT))
     return [tuple(place) for place in np.argwhere(windows.all(axis=(2, 3)))]
 
 
 def legend_text(image: np.ndarray, colour) -> int:
-    """Bright pixels to the right of the dot of a colour; 0 without a dot."""
+    """Returns the number of bright pixels to the right of the dot of a colour; 0 without a dot."""
     found = dots(image, colour)
     if not found:
         return 0
@@ -51,18 +51,21 @@ def legend_text(image: np.ndarray, colour) -> int:
 
 
 def text_pixels(image: np.ndarray) -> int:
-    """Pixels as bright as text."""
+    """Returns the pixels as bright as text."""
     return int((image.min(axis=2) >= WHITE).sum())
 
 
 def lanes(image: np.ndarray) -> list[np.ndarray]:
-    """The bars of a picture of states, from the top: one row of RGB each, of the bar's upper edge, free of text."""
+    """Returns the bars of a picture of states, from the top.
+
+    Each is one row of RGB from the bar's upper edge, free of text.
+    """
     full = (image.max(axis=2) > 50).mean(axis=1) > 0.9  # dark letters on a bar
     edges = np.flatnonzero(np.diff(np.concatenate([[False], full, [False]]).astype(int)))
     return [image[start + 2] for start, end in edges.reshape(-1, 2) if end - start >= 10]
 
 
 def share(bar: np.ndarray, signal: str, label: str) -> float:
-    """Part of a bar's length that has the colour of a state."""
+    """Returns the part of a bar's length that has the colour of a state."""
     colour = np.array(PAGES.state_colour(signal, label)) * BAR
     return float((np.abs(bar - colour).max(axis=1) <= 12).mean())

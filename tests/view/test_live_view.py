@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view: what late and later viewers see, what stays bounded, who listens, how it ends."""
+"""The live view: what early and late viewers see, its limits in memory, the topics to which it subscribes, its end."""
 
 import os
 import re
@@ -30,7 +30,7 @@ PAGES = Pages()
 
 
 def plots(*groups):
-    """(name of the view, signals) of plots."""
+    """Returns (name of the view, signals) of plots."""
     return [(f"{title} [{catalogue().signal(names[0]).display_unit}]", names) for group in groups for title, names in group]
 
 
@@ -48,7 +48,7 @@ def until(predicate, what):
 
 @pytest.fixture
 def server():
-    """Starts servers that are gone afterwards."""
+    """Starts servers, which end with the test."""
     started = []
 
     def start(*arguments, **keywords):
@@ -62,12 +62,12 @@ def server():
 
 @pytest.fixture(scope="module")
 def messages(recorded):
-    """(time [ns], topic, data) of what the live view shows of the demo run."""
+    """Returns (time [ns], topic, data) of the demo run's messages that the live view shows."""
     return Bag(recorded).timeline([topic.name for topic in live_topics(PAGES)])
 
 
 def feed(sender, messages):
-    """Hand over messages, never more than the queue holds."""
+    """Hands over messages, never more than the queue holds."""
     for begin in range(0, len(messages), 2000):
         for _, topic, data in messages[begin : begin + 2000]:
             sender.put(topic, data)
@@ -75,7 +75,7 @@ def feed(sender, messages):
 
 
 def spans(viewer):
-    """(first, newest) time [ns] of each recording of a viewer that holds any data."""
+    """Returns (first, newest) time [ns] of each recording of a viewer that holds any data."""
     return [(t.start, t.end) for recording in viewer.state().recordings for t in recording.timelines]
 
 
@@ -83,7 +83,7 @@ FIRST_TAB = {name for name, _ in RUN} | {"States", "Report", "Events"}
 
 
 def seen(viewer, end, shown=frozenset(("Slip [rpm]", "States"))):
-    """Pictures of some views of the first tab by name, when the viewer has everything up to a time [s]."""
+    """Returns pictures of some views of the first tab by name, when the viewer has everything up to a time [s]."""
     until(lambda: [newest for _, newest in spans(viewer)] == [round(end * 1e9)], f"data up to {end} s")
 
     def slips():
@@ -129,7 +129,7 @@ def test_a_late_viewer_and_one_after_a_killed_one_see_the_newest(server, message
 
 
 def later_by(messages, seconds):
-    """The same messages later: stamps moved, numbers kept."""
+    """Returns the same messages at later times: stamps moved, numbers kept."""
     later = []
     for t, topic, data in messages:
         moved = t + round(seconds * 1e9)
@@ -151,7 +151,7 @@ def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, me
         images = seen(viewer, 2 * length)
         ((oldest, _),) = spans(viewer)
         assert oldest / 1e9 > 0.5 * length, "the oldest data should be gone"
-    # layout, colours and legends are older than what was dropped
+    # layout, colours and legends are older than the dropped messages
     assert dots(images["Slip [rpm]"], SECOND) and len(lanes(images["States"])) == len(PAGES.states)
 
 
@@ -233,7 +233,7 @@ def test_which_domain_is_meant_must_be_clear(monkeypatch, capsys):
 
 
 class LiveCommand:
-    """`rig view --live` as a process, and a replay of the sample bag in its domain."""
+    """`rig view --live` in a process of its own, and a replay of the sample bag in its domain."""
 
     def __init__(self, folder, domain, *arguments):
         env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layouts for PlotJuggler and Foxglove: whole, of all signals, and every path leads to a field of the sample bag."""
+"""Layouts for PlotJuggler and Foxglove: complete, with all signals, and every path leads to a field of the sample bag."""
 
 import json
 import re
@@ -24,7 +24,7 @@ PAGES = Pages()
 
 @pytest.fixture(scope="module")
 def fields():
-    """Topic -> name -> (type, number of elements or None, empty for a list) of the fields, from the schemas in the sample bag."""
+    """Returns topic -> name -> (type, number of elements or None, empty for a list), from the schemas in the sample bag."""
     bag, found = Bag(SAMPLE), {}
     for topic in bag.counts:
         _, text, _ = bag.channel(topic)
@@ -37,7 +37,7 @@ def fields():
 
 
 def signal_at(fields, topic, field):
-    """Name of the signal at a place, which must be a number that the bag's schema has."""
+    """Returns the name of the signal at a place, which must be a number that the bag's schema has."""
     name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", field).groups()
     kind, count = fields[topic][name]
     assert PLOTTED.fullmatch(kind), f"{topic} {field} is a {kind}"
@@ -69,7 +69,7 @@ def foxglove(made):
 
 
 def titles():
-    """Tab -> titles of its plots as ours have them."""
+    """Returns tab -> titles of its plots in the rig's own layout."""
     return {tab: [title for column in columns for title, _ in column] for tab, columns in tabs(PAGES)}
 
 

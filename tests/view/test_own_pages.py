@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pages of the view that a rig's folder has itself: they replace the ones made from its parts, or stand beside them."""
+"""Pages of the view from a rig's folder: they replace the ones made from its parts, or stand beside them."""
 
 import json
 
@@ -36,7 +36,7 @@ def written(folder, text: str = OWN):
 
 
 def titles(blueprint) -> list[str]:
-    """Names of the tabs of a layout."""
+    """Returns the names of the tabs of a layout."""
     return [tab.name for tab in blueprint.root_container.contents]
 
 

@@ -35,7 +35,7 @@ def shown(recorded, tmp_path_factory, read_rrd):
 
 @pytest.fixture
 def orders(recorded):
-    """Times [s] of the two orders under way: to II, and back to I."""
+    """Times [s] of the two gear changes: to II, and back to I."""
     return [t for t, _, name, _, _ in Bag(recorded).events() if name == "shift_ordered"][1:]
 
 
@@ -116,7 +116,7 @@ def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
 
 
 def window_of(rrd):
-    """The window [s] that linked plots open with."""
+    """Returns the window [s] with which linked plots open."""
     axis = rrd.layout[f"/view/{layout.SHARED_AXIS}/TimeAxis"]
     view_range = axis["TimeAxis:view_range"][0]
     return view_range["start"] / 1e9, view_range["end"] / 1e9

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the viewer really draws, with a software Vulkan driver and without a display."""
+"""The pictures that the viewer draws, with a software Vulkan driver and without a display."""
 
 import os
 import signal
@@ -24,7 +24,9 @@ from rig_nodes.view.pages import SUPPLY, Pages
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
-TABS = tuple(tab for tab in layout.TABS if tab != "controller")  # the built-in one names no signals of its own
+TABS = tuple(
+    tab for tab in layout.TABS if tab != "controller"
+)  # the built-in controller has no signals of its own, so this tab is empty
 PAGES = Pages()
 PLOTS = {"shifts": PAGES.shift_plots, "run": PAGES.run_left + PAGES.run_right, "other": tuple(PAGES.other_plots)}
 EVERY_PLOT = [(tab, title, tuple(names)) for tab, plots in PLOTS.items() for title, names in plots]
@@ -33,13 +35,13 @@ COLOURS = set(PAGES.colours.values())
 
 
 def heading(title, names):
-    """What stands above a plot."""
+    """Returns the heading of a plot."""
     return f"{title} [{catalogue().signal(names[0]).display_unit}]"
 
 
 @pytest.fixture(scope="module")
 def tabs(recorded, tmp_path_factory):
-    """Tab -> whole picture, (title, picture) of its views, what the viewer reports; of the demo run."""
+    """Tab -> whole picture, (title, picture) of its views, reports of the viewer; of the demo run."""
     folder = tmp_path_factory.mktemp("tabs")
     view, found = make_view(recorded).path, {}
     for tab in TABS:
@@ -52,7 +54,7 @@ def tabs(recorded, tmp_path_factory):
 
 
 def test_a_viewer_that_shows_another_layout_than_the_one_given_is_started_again(recorded, tmp_path, monkeypatch):
-    """It opens a recording and a layout at once, and on a busy machine the recording's own layout may come last."""
+    """The viewer opens a recording and a layout at once, and on a busy machine the recording's own layout may come last."""
     save_bare_layout(recorded, None, tmp_path / "tab.rbl", "other")
     starts, start = [], picture._start
 
@@ -67,7 +69,7 @@ def test_a_viewer_that_shows_another_layout_than_the_one_given_is_started_again(
 
 
 def pictures(tabs, tab, title, names):
-    """The pictures of the plots with a title: two of the shifts, else one; that with a legend first."""
+    """Returns the pictures of the plots with a title: two for the shifts, else one; the one with a legend comes first."""
     found = [image for name, image in tabs[tab].views if name == heading(title, names)]
     assert len(found) == (2 if tab == "shifts" else 1)
     return sorted(found, key=lambda image: not dots(image, PAGES.colour(names[0])))
@@ -111,7 +113,7 @@ def test_no_plot_shows_the_colour_of_another(tabs, tab, title, names):
 def test_legends_and_numbers_are_written(tabs, tab, title, names):
     image, *without = pictures(tabs, tab, title, names)
     for name in names:
-        # thinnest letters, e.g. of p1 [MPa]
+        # for the thinnest letters, e.g. of p1 [MPa]
         assert legend_text(image, PAGES.colour(name)) > 25, f"no text beside the dot of {name}"
         assert not any(legend_text(other, PAGES.colour(name)) for other in without), "a legend that is off"
     ground = int(np.median(image))
@@ -126,7 +128,7 @@ def test_report_and_events_are_written(tabs):
 
 @pytest.fixture(scope="module")
 def windows(recorded):
-    """Title of a view of states -> the window that it shows [s], its signals from the top."""
+    """Returns title of a view of states -> the window that it shows [s], its signals from the top."""
     events = Bag(recorded).events()
     orders = [(t, int(value)) for t, _, name, _, value in events if name == "shift_ordered"]
     shifts = layout.choose(
