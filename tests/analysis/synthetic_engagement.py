@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One engagement of S1 made by hand, with every time known, for the tests of the analysis."""
+"""One engagement of S1 made by hand, with all times known, for the tests of the analysis."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ class Engagement:
     """Times in s after the order, pressures in Pa; the shape is that of p1 in chapter 9."""
 
     rpm: float = 500.0
-    rise: float = 0.20  # pressure leaves its rest
+    rise: float = 0.20  # time at which the pressure leaves its rest
     fill_slope: float = 1.622e6  # Pa/s
     fill: float = 0.0863  # s from there to the jump
     plateau: float = 1.02e6
-    plateau_for: float = 0.080  # 0: the jump goes on as the ramp
+    plateau_for: float = 0.080  # with 0 the jump continues as the ramp
     ramp: float = 5.87e6  # Pa/s
     end: float = 2.3e6
     kiss: float = 0.17e6
     dip: float = 0.0  # Pa by which the pressure falls once within 60 ms after the plateau
-    closed: float = 0.46  # slip reaches zero
+    closed: float = 0.46  # time at which the slip reaches zero
     peak: float = 120.0
     length: float = 1.5
 

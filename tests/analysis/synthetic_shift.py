@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shifts made by hand, with every time known, for the tests of the analysis."""
+"""Shifts made by hand, with all times known, for the tests of the analysis."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Shift:
 
 
 def noisy(channels: dict[str, np.ndarray], seed: int) -> dict[str, np.ndarray]:
-    """As the instruments show it: class 0.25 of range as 2-sigma scatter, encoders rounded to their step."""
+    """Returns the channels as the instruments show them: class 0.25 of range as 2-sigma scatter, encoders rounded to their step."""
     rng = np.random.default_rng(seed)
     sigma = {"M_wej": 0.625, "M_wyj": 0.625, "p1": 0.05e6, "p2": 0.031e6}
     out = {}
@@ -81,7 +81,7 @@ def noisy(channels: dict[str, np.ndarray], seed: int) -> dict[str, np.ndarray]:
 
 
 class FakeBag:
-    """What the report asks of a bag, from arrays."""
+    """The parts of a bag that the report needs, from arrays."""
 
     began = True
     recorded_from = 0.0

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A planetary transmission of three clutches and three gears, and shifts of it made by hand, each time known."""
+"""A planetary transmission of three clutches and three gears, and shifts of it made by hand, with all times known."""
 
 from __future__ import annotations
 
@@ -80,5 +80,5 @@ class ThreeSpeedShift:
         return Recording(0.0, PERIOD, self.channels() | changed, [(1.0, self.old, self.new)], BOX)
 
     def both(self, releasing: float, engaging: float) -> float:
-        """Time in which the first releasing and the last engaging clutch are above these kiss pressures [s]."""
+        """Returns the time in which the first releasing and the last engaging clutch are above these kiss pressures [s]."""
         return self.fall + (2e6 - releasing) / 13e6 - (self.rise + engaging / 4e6)

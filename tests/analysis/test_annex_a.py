@@ -29,7 +29,7 @@ def test_clean_upshift_by_hand():
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1.5e-3)
     # p2 grows by 36 bar/s from 1.25 s and is 0.5 bar above its rest 13.9 ms later
     assert row["t_c_s"] == pytest.approx(1.6998 - 1.2639 + 0.330576, abs=1.5e-3)
-    # the torque comes linearly from 150 to 88 Nm between 1.70 and 1.80 s: 5 % of 88 Nm are left 7.1 ms before the end,
+    # the torque falls linearly from 150 to 88 Nm between 1.70 and 1.80 s: 7.1 ms before the end it is still 5 % above 88 Nm,
     # and the first sample must itself be inside
     assert row["t_o_s"] == pytest.approx(0.1 * (150.0 - 88.0 * 1.05) / 62.0, abs=1e-3)
     assert row["input_torque_max_nm"] == 250.0
@@ -38,9 +38,9 @@ def test_clean_upshift_by_hand():
 
 
 def test_departure_of_the_speed_and_its_late_rule():
-    """n_wyj grows 2.5 % within 10 ms: the first sample after which that holds is the departure."""
+    """The departure is the first sample at which n_wyj will grow by 2.5 % within the next 10 ms."""
     row = up()
-    # from 1.60 s the output gains 34.8 % in 0.1 s; 2.5 % are there after 7.2 ms, so 50 samples ahead means 2.2 ms in
+    # from 1.60 s the output gains 34.8 % in 0.1 s and 2.5 % in 7.2 ms; as 50 samples are looked ahead, it is found 2.2 ms late
     assert row["t_p_s"] == pytest.approx(0.0998 - 0.0022, abs=1e-3)
 
 
@@ -92,7 +92,7 @@ def test_plain_and_annex_agree_where_the_recipe_is_sound():
 
 def test_factors_are_settings():
     assert up(b=1.5)["t_o_s"] < up(b=1.05)["t_o_s"]
-    rate = transmission_of().clutches[1].kiss_pressure / 1e5 / 0.1  # bar/s, of the fill
+    rate = transmission_of().clutches[1].kiss_pressure / 1e5 / 0.1  # rate of the fill [bar/s]
     assert up(c=2.0)["t_c_s"] == pytest.approx(up(c=0.5)["t_c_s"] - 1.5 / rate, abs=1e-3)
     assert up(set_speed=1520 / RPM)["why"] == ["n_wej did not come back to its set speed"]
     with pytest.raises(RigError, match="upper edge of a band"):
@@ -100,7 +100,7 @@ def test_factors_are_settings():
 
 
 def test_thresholds_in_bar_are_those_of_the_laboratory():
-    """A rig whose clutches hold 1.9 MPa never has 20 bar, whatever it does."""
+    """A rig whose clutches hold at 1.9 MPa never reaches 20 bar."""
     recording = Shift().recording()
     low = dict(recording.channels, p1=recording.channels["p1"] * 1.9 / 2.3)
     row = shift_metrics_annex_a(Recording(0.0, PERIOD, low, recording.orders), UP)

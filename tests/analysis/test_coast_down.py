@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertia from a coast-down, against the thesis's own parabola and runs integrated by hand."""
+"""Inertia from a coast-down, for the thesis's own parabola and for runs integrated by hand."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ STEP = 1e-3
 
 
 def printed(lead=1.0):
-    """(7.7) from ``lead`` seconds on, its first value before; stands after its zero at 5.90 s."""
+    """Returns (7.7) from ``lead`` seconds on, before that its first value; the shaft stands after the zero at 5.90 s."""
     t = np.arange(0.0, lead + 8.0, STEP)
     s = np.clip(t - lead, 0.0, 5.90)
     return t, np.maximum(0.5735 * s**2 - 11.736 * s + 49.274, 0.0)
 
 
 def run_down(inertia, lead=1.0, dry=5.0, viscous=0.067):
-    """J dw/dt = -(dry + viscous w) from 49.2 rad/s: w = (w0 + d/v) exp(-v s / J) - d/v."""
+    """Returns J dw/dt = -(dry + viscous w) from 49.2 rad/s: w = (w0 + d/v) exp(-v s / J) - d/v."""
     t = np.arange(0.0, lead + 12.0, STEP)
     s = np.maximum(t - lead, 0.0)
     w = (49.2 + dry / viscous) * np.exp(-viscous * s / inertia) - dry / viscous
@@ -50,7 +50,7 @@ def test_given_cut_gives_the_parabola_back_exactly():
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
 def test_inertia_comes_back_within_2_percent_from_encoder_steps(share):
-    """Losses that are no parabola's: constant and growing with speed."""
+    """The losses are not those of a parabola: they are constant and grow with speed."""
     true = 0.709 * share
     t, w, torque = run_down(true)
     w = np.round((w + np.random.default_rng(4).normal(0.0, 0.01, w.size)) / ENCODER) * ENCODER

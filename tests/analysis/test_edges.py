@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a ramp has left its level, also where it soon slows down."""
+"""The start of a ramp that leaves its level, also where the ramp soon slows down."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ START = 2000
 
 
 def found(points, noise=0.0, level=0.05, span=0.25, reach=200, seed=0):
-    """Start of a ramp through points (samples after START, height), seen at ``level``."""
+    """Returns the start of a ramp through points (samples after START, height), noticed at ``level``."""
     x = np.interp(np.arange(4000) - START, *zip(*points))
     x = x + np.random.default_rng(seed).normal(0.0, noise, x.size)
     smooth = running_mean(x, 11)
@@ -29,7 +29,7 @@ def test_a_straight_ramp_is_followed_back():
 
 @pytest.mark.parametrize("noise", [0.0, 0.005])
 def test_a_ramp_that_soon_slows_starts_where_it_starts(noise):
-    """0.08 in 40 samples, then 0.1 in 1000: a line across the knee would lie 200 samples early."""
+    """The ramp has 0.08 in 40 samples, then 0.1 in 1000; a line across the knee would give a start 200 samples too early."""
     assert found([(0, 0.0), (40, 0.08), (1040, 0.18)], noise) == pytest.approx(START, abs=15)
 
 

@@ -20,7 +20,7 @@ T = np.arange(0.0, 2.0001, 0.005)
 
 
 def account(leak=0.0):
-    """500 W in; 300 W load, 120 + 30 W clutch heat, 10 W losses, the rest stored, `leak` W nowhere."""
+    """Returns an account of 500 W in; 300 W load, 120 + 30 W clutch heat, 10 W losses, `leak` W lost, the rest stored."""
     return {
         "motor_work": (T, 500.0 * T),
         "load_work": (T, 300.0 * T),

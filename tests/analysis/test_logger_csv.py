@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A logger's CSV gives the same numbers as the arrays it was written from; a bad one is refused in one sentence."""
+"""A logger's CSV gives the same numbers as the arrays from which it was written; a bad one is refused in one sentence."""
 
 from __future__ import annotations
 

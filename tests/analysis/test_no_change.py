@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs in which no gear is changed under way: the report says what they measured, as their procedures evaluate it."""
+"""Runs without a gear change under way: the report gives their measured values, as their procedures evaluate them."""
 
 import json
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ from rig_nodes.cli.main import main
 
 
 def simulated(tmp_path, capsys, sequence):
-    """report.json and what the terminal showed of a run."""
+    """Returns the report.json of a run and its output on the terminal."""
     assert main(["simulate", sequence, "--out", str(tmp_path / sequence)]) == 0
     return json.loads((tmp_path / sequence / "report.json").read_text()), capsys.readouterr().out
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the plant's states say of a shift: by hand, and on the sample bag beside the transducers."""
+"""The metrics of a shift from the plant's states: by hand, and on the sample bag beside those from the transducers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROW = dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_
 
 
 def states():
-    """200 Hz: S2 locks at 1.6 s; the input torque peaks with 250 Nm at 1.55 s; n_wyj dips by 10 % at 1.45 s."""
+    """Returns states at 200 Hz: S2 locks at 1.6 s; the input torque peaks with 250 Nm at 1.55 s; n_wyj dips by 10 % at 1.45 s."""
     t = np.arange(0.0, 3.0, 0.005)
     w = np.full(t.size, 150.0)
     w_wyj = np.interp(t, [1.4, 1.45, 1.5, 1.6], np.array([1 / I1, 0.9 / I1, 1 / I1, 1 / I2]) * 150.0)
@@ -75,7 +75,7 @@ def test_on_the_sample_bag_truth_and_transducers_agree():
     (row,), (truth,), (account,) = report["shifts"], report["truth"], report["energy"]["shifts"]
     assert truth["t_lock_s"] == pytest.approx(row["t_c_s"], abs=0.01)
     assert truth["k"] == pytest.approx(row["k"], abs=0.01)
-    # states 5 ms apart may pass over the peak's tip, or hit it where the metric's mean over 2 ms takes it down
+    # states 5 ms apart may miss the tip of the peak, or show it where the metric's mean over 2 ms lowers it
     peak = row["input_torque_max_nm"]
     assert 0.5 * peak < truth["input_torque_max_nm"] < 1.1 * peak + report["uncertainty"][0]["input_torque_max_nm"]
     for heat in ("heat_s1_j", "heat_s2_j"):

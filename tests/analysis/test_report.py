@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of a run: what goes in, what a reader of the JSON and of the terminal sees."""
+"""The report of a run: its inputs, and what a reader of the JSON and of the terminal sees."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_energy_of_run_and_of_each_shift():
 def test_inertias_are_those_of_the_rig_that_ran():
     plain = build_report(bag(), RUN)
     light = build_report(bag(), {**RUN, "configuration": {"gearbox": {"inertia_in": 1e-9, "inertia_out_z5": 1e-9}}})
-    # the output gains kinetic energy, which is a loss to who does not know of it
+    # the output gains kinetic energy, which looks like a loss when it is not counted
     assert light["shifts"][1]["e_loss_j"] > plain["shifts"][1]["e_loss_j"] + 500.0
 
 
@@ -170,7 +170,7 @@ def test_bad_shift_is_named_under_the_table():
     assert not report["shifts"][1]["valid"]
     text = format_report(report)
     assert "I -> II at 1.00 s is not valid: the output never settled on the ratio of gear II" in text
-    # the heat up to some other moment would look like that of a shift
+    # no heat is given, because heat up to another moment would look like that of a shift
     assert report["energy"]["shifts"][1] is None and report["energy"]["run"]["motor_work_j"] > 0.0
     assert "energy I -> II: -, as no end of the shift was found" in text
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig report RUN`: what it prints, what it keeps and what it refuses."""
+"""`rig report RUN`: its output, its files and its refusals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
 
 class RunBag(FakeBag):
-    """One up-shift; the path that was asked for is remembered."""
+    """One upshift; it remembers the path from which it was opened."""
 
     opened: list[str] = []
     recovered = ""
@@ -102,7 +102,7 @@ def run_of(folder):
 
 
 def cut(folder):
-    """Only 4/5 of the bag are left; its whole bytes and how many messages are gone."""
+    """Cuts the bag to 4/5; returns the bytes of the whole bag and how many messages are gone."""
     (mcap,) = folder.glob("*.mcap")
     data, held = mcap.read_bytes(), sum(Bag(mcap).counts.values())
     mcap.write_bytes(data[: len(data) * 4 // 5])
@@ -110,7 +110,7 @@ def cut(folder):
 
 
 def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsys):
-    """What is left is still worth a report; the one of the whole bag is worth more."""
+    """The rest still gives a report, but the existing report of the whole bag is worth more and is kept."""
     before = (sample / "report.json").read_bytes()
     whole, gone = cut(sample)
     assert gone > 1000
@@ -122,7 +122,7 @@ def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsy
     assert "is damaged" in said.err and "left as it is" in said.err
     assert (sample / "report.json").read_bytes() == before
 
-    # with nothing beside the bag nobody knows what is lost
+    # without the files beside the bag it is unknown what is lost
     for name in ("report.json", "metadata.yaml"):
         (sample / name).unlink()
     assert main(["report", str(sample)]) == 1

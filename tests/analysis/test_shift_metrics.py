@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shift metrics against shifts whose times were laid down by hand."""
+"""Shift metrics of shifts whose times were set by hand."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def test_known_times_and_values(case, seed):
     # M_wej falls linearly to 88 Nm: it is settled when it is 5 % above that
     settled = case.settle - (case.settle - case.end) * 0.05 * 88.0 / (150.0 - 88.0)
     assert row["t_o_s"] == pytest.approx(settled - case.end, abs=1.5e-3 if clean else 4e-3)
-    # a downshift ends, and its minimum with it, when 0.1 % of slip and what encoders cannot resolve are left
+    # a downshift and its minimum end when the remaining slip is 0.1 % and what encoders cannot resolve
     assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / I1, abs=0.6 if case.up else 2.2)
     assert row["k"] == pytest.approx(1.0, abs=5e-4 if case.up else 2e-3)
 
 
 def test_energy_loss_by_hand():
-    """Constant torques and input speed, output speed rising linearly: each term of (6.108) by hand."""
+    """Torques and input speed are constant and the output speed rises linearly: each term of (6.108) by hand."""
     w, t_d, t_p = 150.0, 0.25, 0.1
     case = dataclasses.replace(UP, rpm=w * RPM)
     torque = np.full(int(case.length / PERIOD), 100.0)
@@ -87,7 +87,7 @@ def test_dip_shows_in_k_and_leaves_the_shift_valid(seed):
 
 @pytest.mark.parametrize("seed", [None, 6])
 def test_downshift_that_dips_ends_after_the_minimum(seed):
-    """The output falls through the ratio of gear I, 30 % below it, and comes back."""
+    """The output falls through the ratio of gear I to 30 % below it, and comes back."""
     case = dataclasses.replace(DOWN, depart=0.36, end=0.66, settle=0.8, dip=0.3)
     row = only(case.recording(seed))
     assert row["valid"]
@@ -96,7 +96,7 @@ def test_downshift_that_dips_ends_after_the_minimum(seed):
 
 
 def test_lingering_on_the_ratio_before_a_dip_does_not_end_a_downshift():
-    """30 ms on the ratio of gear I would pass for its end, were it not for the minimum that follows."""
+    """30 ms on the ratio of gear I would be taken for its end without the minimum that follows."""
     t = np.arange(30000) * PERIOD - 1.0
     w = 1500.0 / RPM
     n_wyj = w * np.interp(t, [0.36, 0.42, 0.45, 0.50, 0.60], [1 / I2, 1 / I1, 1 / I1, 0.9 / I1, 1 / I1])
@@ -108,7 +108,7 @@ def test_lingering_on_the_ratio_before_a_dip_does_not_end_a_downshift():
 
 
 def test_sagging_input_is_no_departure_of_the_output():
-    """A tie-up slows input and output together; the speed change begins when the old clutch lets go."""
+    """A tie-up slows input and output together; the speed change begins when the old clutch releases."""
     channels = UP.channels()
     t = np.arange(channels["p1"].size) * PERIOD - 1.0
     sag = np.interp(t, [0.45, 0.62, 1.0], [1.0, 0.97, 1.0])
@@ -124,14 +124,14 @@ def test_gap_between_the_clutches_is_a_negative_overlap():
 
 
 def test_slow_end_of_the_slip_is_met_at_the_threshold():
-    """The last 1 % of slip creeps out over 0.2 s: 0.05 % remain 10 ms before the end."""
+    """The last 1 % of slip disappears over 0.2 s: 0.05 % remain 10 ms before the end."""
     t = np.arange(30000) * PERIOD - 1.0
     n_wyj = 1500.0 / RPM * np.interp(t, [0.60, 0.70, 0.90], [1 / I1, 0.99 / I2, 1 / I2])
     assert only(UP.recording(n_wyj=n_wyj))["t_c_s"] == pytest.approx(0.89, abs=1.5e-3)
 
 
 def test_undithered_encoders_do_not_hide_a_locked_clutch():
-    """Rounding alone may show more slip than the threshold for ever; it must not make the shift invalid."""
+    """Rounding alone may always show more slip than the threshold, which must not make the shift invalid."""
     rounded_worst = 0.0
     for rpm in (1001.1, 1004.2, 1500.0, 2008.9):
         channels = dataclasses.replace(UP, rpm=rpm).channels()
@@ -155,7 +155,7 @@ def test_half_a_percent_of_slip_is_no_lock():
 
 
 def test_no_supply_pressure():
-    """Nothing is clamped: neither the engagement nor the shift after it is valid, and nothing is raised."""
+    """Without pressure no clutch is clamped: neither the engagement nor the shift after it is valid, and no error is raised."""
     n = 60000
     channels = dict.fromkeys(("M_wyj", "n_wyj", "p1", "p2"), np.zeros(n))
     channels |= {"M_wej": np.full(n, 5.0), "n_wej": np.full(n, 157.0)}
@@ -197,11 +197,11 @@ def test_engagement_from_neutral_counts_from_the_pressure():
 @pytest.mark.parametrize(
     "order, reason",
     [
-        # the gears named wrongly: gear II has been in for 0.5 s and stays, or gear I is about to be left
+        # the order has wrong gears: gear II has been in for 0.5 s and stays, or gear I is about to be left
         ((2.2, 0, 2), "gear II was in when II was ordered from neutral (slip 0.0 %)"),
         ((1.0, 0, 1), "gear I was in when I was ordered from neutral (slip 0.0 %)"),
         ((1.0, 0, 2), "gear I was in when II was ordered from neutral (slip 0.0 %)"),
-        # the order taken too late: the shift was over
+        # the time of the order is too late: the shift was over
         ((1.75, 1, 2), "gear I was not in when II was ordered"),
     ],
 )
@@ -219,7 +219,7 @@ def test_the_same_gear_ordered_again_is_no_shift():
 
 
 def test_two_shifts_do_not_see_each_other():
-    """Up and, 2 s later, down; what is found of the first ends with the second order."""
+    """After an upshift comes a downshift 2 s later; the evaluation of the first ends with the second order."""
     up, down = UP.channels(), DOWN.channels()
     channels = {name: np.concatenate([up[name], down[name]]) for name in up}
     channels["M_wej"][30001:] = np.maximum(channels["M_wej"][30001:], 88.0)
@@ -265,7 +265,7 @@ def test_missing_channel_is_one_sentence():
 
 
 def test_a_fall_that_slows_down_starts_where_it_starts():
-    """As on the rig: 0.15 MPa within 8 ms, then a slow part, then the rest; at the noise of the rig's transducers."""
+    """As on the rig, 0.15 MPa fall within 8 ms, then follow a slow part and the rest, with the noise of the rig's transducers."""
     shift = Shift()
     recording = shift.recording()
     t = np.arange(recording.rows) * recording.period - 1.0
@@ -296,10 +296,10 @@ def test_the_order_that_came_first_is_named_and_not_the_end_of_the_recording():
 
 
 def test_a_clutch_that_cannot_carry_the_torque_is_said_to_slip_with_what_it_carries():
-    stalled = dataclasses.replace(UP, end=6.0, depart=0.6, dip=1.0)  # n_wyj falls towards nothing
+    stalled = dataclasses.replace(UP, end=6.0, depart=0.6, dip=1.0)  # n_wyj falls towards zero
     channels = stalled.channels()
     late = slice(-2000, None)
-    channels["n_wyj"][late] = 50.0  # steady at the end, and gear II would be 153.2 rad/s
+    channels["n_wyj"][late] = 50.0  # steady at the end, while gear II would give 153.2 rad/s
     channels["M_wyj"] = np.where(np.arange(channels["M_wyj"].size) < 12000, 240.0, 171.0)
     row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
     slip = 1500.0 - I2 * 50.0 * RPM

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything that is computed of a shift, on a transmission in which a clutch stays engaged through it."""
+"""All metrics of a shift, on a transmission in which a clutch stays engaged through it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_shift_is_measured_on_the_clutches_that_it_moves(old, new, releasing, 
 
 
 def loss_by_hand(case: ThreeSpeedShift) -> float:
-    """(6.108) with the torques at constant speed of the input, the output's speed and the torque straight lines."""
+    """Returns (6.108) for torques at a constant input speed, with output speed and torque as straight lines."""
     w = case.rpm / RPM
     t = np.linspace(case.fall, case.end, 20_001)
     m_in = np.interp(t, [case.depart, case.end - 1e-2, case.end], [60.0, 200.0, 190.0])
@@ -70,7 +70,7 @@ def loss_by_hand(case: ThreeSpeedShift) -> float:
 
 
 def test_a_staying_clutch_that_is_weak_before_the_shift_does_not_matter():
-    """C1 is in both gears; that its pressure moves is no part of the shift."""
+    """C1 is engaged in both gears, so the motion of its pressure does not belong to the shift."""
     case = ThreeSpeedShift(1, 2)
     wandering = case.channels()["p_c1"] - np.linspace(0.0, 1.5e6, 30_000)
     changed, plain = only(case.recording(p_c1=wandering)), only(case.recording())
@@ -101,7 +101,7 @@ def test_a_gear_whose_clutch_slips_names_it():
 
 def test_errors_are_those_of_the_clutch_that_is_let_go():
     by_brake, by_clutch = (uncertainty(only(ThreeSpeedShift(*way).recording()), INSTRUMENTS, BOX) for way in ((1, 2), (2, 1)))
-    # B1's transducer has twice the range of C2's: its error by 0.5 MPa/s more of the overlap
+    # B1's transducer has twice the range of C2's, and its error over 0.5 MPa/s adds to that of the overlap
     assert by_brake["overlap_s"] - by_clutch["overlap_s"] == pytest.approx((20e3 - 10e3) / 0.5e6)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors of the instruments and of the metrics, against the thesis's table and sums done by hand."""
+"""Errors of the instruments and of the metrics, compared with the thesis's table and with sums computed by hand."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_errors_are_those_of_the_rigs_own_instruments():
     coarse = load_rig("hydmag", {"instruments.torque_class": "2 %", "instruments.speed_step": "3 rpm"}).as_dict()
     found = uncertainty(ROW, instruments_of(coarse))
     assert found["output_torque_nm"] == pytest.approx(10.01) and found["input_speed_rpm"] == pytest.approx(3.0)
-    # true values: what is left is a sample and half the filter, at each end
+    # with true values only a sample and half the filter remain, at each end
     true = uncertainty(ROW, instruments_of(load_rig("hydmag", {"effects.transducers": "off"}).as_dict()))
     assert true["output_torque_nm"] == true["k"] == 0.0
     assert true["t_dt_s"] == pytest.approx(2.2e-3) and true["t_c_s"] == pytest.approx(1.1e-3)
@@ -103,7 +103,7 @@ def test_what_is_missing_has_no_error():
     half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None})
     assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
     assert half["input_torque_max_nm"] > 1.01
-    # an output that stood still: n_wyj / n_wej is wrong by the encoder's 1 rpm, times i1
+    # for an output that stood still, n_wyj / n_wej is wrong by the encoder's 1 rpm, times i1
     assert uncertainty(ROW | {"output_speed_min_rpm": 0.0, "k": 0.0})["k"] == pytest.approx(47 / 34 * 1.0 / 1500, rel=1e-3)
     neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None})
     assert "k" not in neutral and neutral["t_dt_s"] > 0.0

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Valve delay from coil and pressure at 125 kHz, against traces made by hand."""
+"""Valve delay from coil and pressure at 125 kHz, for traces made by hand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RATE = 125e3
 def trace(
     delay=0.3306, pulse=0.8753, pwm=1000.0, duty=0.3, slope=1.33, seed=None, noise=0.0, hum=0.0, hum_hz=50.0, pickup=0.0, length=1.9
 ):
-    """Times, 24 V PWM, and a pressure [MPa] that rises to 2.3 by a straight fill and a steep end."""
+    """Returns times, 24 V PWM, and a pressure [MPa] that rises to 2.3 by a straight fill and a steep end."""
     t = np.arange(int(length * RATE)) / RATE
     coil = np.where((t >= pulse) & (((t - pulse) * pwm) % 1.0 < duty), 24.0, 0.0)
     start = pulse + delay
@@ -42,7 +42,7 @@ def test_both_printed_delays_come_back_from_clean_traces():
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("hum_hz", [50.0, 49.93])
 def test_hum_pickup_and_noise_move_it_less_than_3_ms(seed, hum_hz):
-    """Hum of 0.05 MPa and pickup of the same size bury the first 40 ms of the rise for the eye."""
+    """Hum of 0.05 MPa and pickup of the same size hide the first 40 ms of the rise from the eye."""
     found = valve_delay(*trace(seed=seed, noise=0.02, hum=0.05, hum_hz=hum_hz, pickup=0.05))
     assert found["valve_delay_s"] == pytest.approx(0.3306, abs=3e-3)
     assert found["hum_hz"] == pytest.approx(hum_hz, abs=0.02)
