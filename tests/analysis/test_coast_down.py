@@ -23,7 +23,7 @@ def printed(lead=1.0):
 
 
 def run_down(inertia, lead=1.0, dry=5.0, viscous=0.067):
-    """Returns J dw/dt = -(dry + viscous w) from 49.2 rad/s: w = (w0 + d/v) exp(-v s / J) - d/v."""
+    """Returns the speed of J dw/dt = -(dry + viscous w) from 49.2 rad/s: w = (w0 + d/v) exp(-v s / J) - d/v."""
     t = np.arange(0.0, lead + 12.0, STEP)
     s = np.maximum(t - lead, 0.0)
     w = (49.2 + dry / viscous) * np.exp(-viscous * s / inertia) - dry / viscous

@@ -1,12 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One shift by scipy's adaptive integrator: the plant's equations written down again, apart from its kernel.
+"""One shift by scipy's adaptive integrator: the plant's equations written down again, independently of its kernel.
 
-Used by test_reference_shift.py. Nothing here knows the kernel's step or its order of doing things: every device is a
+Used by test_reference_shift.py. Nothing here depends on the kernel's step or its order of computation: every device is a
 differential equation in continuous time, solved to a relative tolerance between events.
 
-How what is not smooth is treated:
+What is not smooth is treated as follows:
 
 * duty: constant over a controller sample, so each millisecond is integrated for itself; in it the coil's current is an
   exponential, and the magnet's hysteresis (a play operator) has its exact value, as the current does not turn round.
@@ -32,12 +32,12 @@ PULL = 1e-6  # s
 FEED_LINEAR = 10.0  # Pa
 LAMINAR = 2e3  # Pa, below which the valve's orifice is linear (docstring of its flow)
 RPM = pi / 30.0
-# slips over the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
+# slips from the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
 SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
 STUCK = 0
 W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
 SPOOL, LINE, CHAMBER, PISTON, HELD, REST, HEAT, WEAR, PER_CLUTCH = range(9)
-# absolute tolerances, each far below what is read of it: rad/s, Nm, Pa; m, Nm, share, K, m
+# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, Nm, share, K, m
 ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-7, 1e-9, 1e-9, 1e-20))
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
@@ -62,7 +62,7 @@ class Start:
 
 
 class Equations:
-    """The right-hand side for one millisecond. config: RigConfig, all values of one rig with every effect on."""
+    """The right-hand side for one millisecond; ``config`` is a RigConfig, all values of one rig with every effect on."""
 
     def __init__(self, config, start: Start):
         self.c, self.start = config, start
@@ -100,7 +100,7 @@ class Equations:
         return clamp(self.magnet[k], (1.0 - v.hysteresis) * force, (1.0 + v.hysteresis) * force)
 
     def next_sample(self, t, duty):
-        """Go on from t with other duties."""
+        """Continues from t with other duties."""
         for k in range(2):
             self.magnet[k], self.current[k] = self.magnet_at(k, t), self.current_at(k, t)
         self.duty, self.t0 = duty, t
@@ -113,7 +113,7 @@ class Equations:
         return x.pack_rate * squeeze / max(1e-4, 1.0 - squeeze / x.pack_travel) if squeeze > 0.0 else 0.0
 
     def valve_flow(self, k, spool, line, supply):
-        """Into the line, from the supply or to the tank [m3/s]."""
+        """Returns the flow into the line, from the supply or to the tank [m3/s]."""
         v = self.valves[k]
         if spool > 0.0:
             area, drop, sign = spool / v.spool_stroke * v.orifice_area, max(0.0, supply - line), 1.0
@@ -124,7 +124,7 @@ class Equations:
         return sign * area * sqrt(2.0 / self.c.oil_supply.density) * drop / (drop * drop + LAMINAR**2) ** 0.25
 
     def hydraulics(self, k, t, z, supply):
-        """(rates of SPOOL to REST, flow through the valve, clamp force) for the clutch's part z of the state."""
+        """Returns (rates of SPOOL to REST, flow through the valve, clamp force) for the clutch's part z of the state."""
         v, x, oil = self.valves[k], self.cylinders[k], self.c.oil_supply
         spool, line, chamber, piston = z[SPOOL], z[LINE], z[CHAMBER], z[PISTON]
         middle = self.magnet_at(k, t) - v.pressure_gain * v.cracking_current
@@ -168,7 +168,7 @@ class Equations:
     # ---- clutches and shafts
 
     def capacities(self, k, z, force):
-        """(kinetic torque [Nm], limit while stuck [Nm], drag [Nm s/rad])."""
+        """Returns (kinetic torque [Nm], limit while stuck [Nm], drag [Nm s/rad])."""
         x, pack, oil = self.cylinders[k], self.pack, self.c.oil_supply
         rest = x.rest_torque * z[REST]
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
@@ -181,8 +181,10 @@ class Equations:
         return kinetic, max(kinetic, static), self.film * viscosity / gap * max(0.0, 1.0 - force / pack.film_force)
 
     def shafts(self, y, capacities):
-        """(accelerations, friction torques and drag torques of the clutches, their slips, torque at the output's
-        meter) with the modes as they are; the first four for w_wej and w_wyj or S1 and S2.
+        """Returns what the shafts do with the present modes.
+
+        These are accelerations, friction torques and drag torques of the clutches, their slips, and the torque at the output's
+        meter; the first four are given for w_wej and w_wyj or for S1 and S2.
         """
         w = (y[W_IN], y[W_OUT])
         if min(w) <= 0.0:
@@ -198,14 +200,16 @@ class Equations:
         if len(stuck) > 1:
             raise ValueError("both clutches stick")
         carried, meter = 0.0, load
-        for _ in range(60):  # the losses depend on the torques that they load: a contraction by a factor below 0.2
+        for _ in range(
+            60
+        ):  # the losses depend on the torques that they change, so they are iterated: a contraction by a factor below 0.2
             u = abs(carried) if into.square >= 0.0 else min(abs(carried), -0.5 * into.share / into.square)
             loss_in = by_speed + max(0.0, into.constant + into.share * u + into.square * u * u)
             m = abs(meter)
             loss_out = 41 / 40 * max(0.0, out.drag)
             by_load = 41 / 40 * max(0.0, out.share * m + out.square * m * m)
             if out.torque_side == "driving":
-                loss_in += by_load * min(1.0, w[1] / w[0])  # the same power
+                loss_in += by_load * min(1.0, w[1] / w[0])  # the loss takes the same power
             else:
                 loss_out += by_load
             free = [y[TORQUE] - loss_in, -load - loss_out]
@@ -227,14 +231,14 @@ class Equations:
         raise ValueError("the losses by torque do not settle")
 
     def whole(self, t, y):
-        """All at once: (hydraulics of both, capacities of both, shafts)."""
+        """Returns everything at once: (hydraulics of both, capacities of both, shafts)."""
         parts = [y[FIRST + k * PER_CLUTCH : FIRST + (k + 1) * PER_CLUTCH] for k in range(2)]
         oil = [self.hydraulics(k, t, parts[k], y[SUPPLY]) for k in range(2)]
         capacities = [self.capacities(k, parts[k], oil[k][2]) for k in range(2)]
         return parts, oil, capacities, self.shafts(y, capacities)
 
     def rates(self, t, y):
-        """dy/dt."""
+        """Returns dy/dt."""
         y = y.tolist()
         parts, oil, _, (accelerations, torques, viscous, slips, _) = self.whole(t, y)
         c, m = self.c, self.c.motor
@@ -268,7 +272,7 @@ class Equations:
         return out
 
     def meters(self, t, y):
-        """What the logger would read, as CHANNELS: the torque meters sit outside the gearbox's own inertia."""
+        """Returns what the logger would read, as CHANNELS: the torque meters sit outside the gearbox's own inertia."""
         *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
         m_wej = y[TORQUE] - (self.c.w0.inertia - self.c.M_wej.inertia) * accelerations[0]
         return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + LINE], y[FIRST + PER_CLUTCH + LINE], y[SUPPLY]
@@ -276,7 +280,7 @@ class Equations:
     # ---- stick and slip
 
     def margin(self, k, t, y):
-        """What falls through zero at the next event of clutch k: its slip, or while it sticks the torque to spare."""
+        """Returns what falls through zero at the next event of clutch k: its slip, or, while it sticks, the torque to spare."""
         y = y.tolist()
         if self.modes[k] != STUCK:
             a, b = SLIPS[k]
@@ -285,7 +289,7 @@ class Equations:
         return capacities[k][1] - abs(torques[k])
 
     def after_event(self, k, t, y):
-        """Another mode of clutch k at its event, and the speeds with a slip that is exactly zero."""
+        """Returns the new mode of clutch k after its event, and the speeds with a slip that is exactly zero."""
         a, b = SLIPS[k]
         before = self.modes[k]
         self.modes[k] = STUCK
@@ -299,9 +303,9 @@ class Equations:
 
 
 def solve(config, start: Start, duty: np.ndarray, rtol: float = 1e-8, method: str = "Radau"):
-    """(channels, events): logger rows of CHANNELS (1 + 10 n, 7) from the order on, and (time, clutch, new mode).
+    """Returns (channels, events): logger rows of CHANNELS (1 + 10 n, 7) from the order on, and (time, clutch, new mode).
 
-    duty (n, 2): on both coils in each millisecond after the order.
+    ``duty`` (n, 2) is that of both coils in each millisecond after the order.
     """
     eq = Equations(config, start)
     eq.duty = tuple(duty[0])

@@ -42,7 +42,7 @@ def result():
         d.inertia(f"J{k}", 1.0)
     for k in (1, 2, 3):
         d.clutch(f"c{k}", f"J{k}", f"J{k + 1}", stick=1.1)
-    # a step also ends at each time of the table, so that speeds are compared there and not nearby
+    # a step also ends at each time of the table, so that speeds are compared exactly there
     times = [row[0] for row in TABLE]
     return run(
         d.build(),
@@ -72,7 +72,7 @@ def test_speed_of_the_driven_inertia(result):
 
 
 def test_first_slip_against_the_closed_form(result):
-    """Until clutch 1 locks, J1 feels only the drive and capacity 1, which integrate by hand."""
+    """Until clutch 1 locks, only the drive and capacity 1 act on J1, and both can be integrated by hand."""
     w1 = result.speed("J1")
     for t in (0.4, 0.709621):
         driven = (1.0 - math.cos(10.0 * math.pi * t)) / math.pi

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertia over an angle: a slider-crank against its own energy and momentum."""
+"""Inertia over an angle: a slider-crank, compared with its own energy and momentum."""
 
 import math
 
@@ -17,7 +17,7 @@ MASS, RADIUS, ROD, WHEEL = 2.0, 0.08, 0.2, 0.05
 
 
 def lever(angle):
-    """Slider's speed over that of the crank: x = r cos + sqrt(l^2 - r^2 sin^2) (e.g. Shigley, Theory of Machines)."""
+    """Returns the slider's speed over that of the crank: x = r cos + sqrt(l^2 - r^2 sin^2) (e.g. Shigley, Theory of Machines)."""
     across = RADIUS * np.sin(angle)
     return -across - across * RADIUS * np.cos(angle) / np.sqrt(ROD**2 - across**2)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torques, capacities, friction and motion by functions of the driveline's own motion, against closed forms and scipy."""
+"""Torques, capacities, friction and motion by functions of the driveline's own motion, compared with closed forms and scipy."""
 
 import math
 
@@ -23,7 +23,7 @@ def event(result, element, kind):
 
 
 def closes(r):
-    """Energy to 1e-9 of what flowed, and every step solved."""
+    """Checks that energy closes to 1e-9 of the transferred energy, and that every step is solved."""
     flowed = 1e-9 + np.abs(np.diff(r.e_in)).sum() + r.stored.max()
     return np.abs(r.residual()).max() < 1e-9 * flowed and r.capped == 0
 
@@ -132,7 +132,7 @@ def test_friction_that_falls_with_slip_stops_a_body_when_its_closed_form_says():
 
 
 def test_friction_that_falls_with_slip_makes_a_shaft_stick_and_slip():
-    """A body on a spring that is pulled over falling friction: events and speeds against scipy's, from stick to stick."""
+    """A body on a spring is pulled over falling friction: events and speeds are compared with scipy's, from stick to stick."""
     friction, pull = ([0.0, 1.0, 10.0], [1.0, 0.6, 0.5]), 0.5
     d = Driveline()
     d.inertia("puller", 1.0, speed=pull)
@@ -167,7 +167,7 @@ def test_a_stick_limit_may_differ_by_direction():
 
 
 def centrifugal():
-    """Shoes that press by the square of their speed beyond 100 rad/s."""
+    """Returns shoes that press by the square of their speed beyond 100 rad/s."""
     speeds = np.linspace(100.0, 400.0, 3001)
     d = Driveline()
     d.inertia("engine", 0.02)

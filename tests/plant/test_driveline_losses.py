@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Any number of losses by torque, and the short way of a step in which nothing happens, against the whole one."""
+"""Any number of losses by torque, and the short way of a step without events, compared with the whole step."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from rig_nodes.plant.driveline_quiet import quiet_step
 
 J = (0.4, 0.3, 0.2, 1.5)
 STEP_S = 1e-3
-LOSSES = ((0.5, 0.02, 1e-4), (0.0, 0.03, 0.0), (0.2, 0.05, -1e-5))  # parabolas by the torque of a clutch
+LOSSES = ((0.5, 0.02, 1e-4), (0.0, 0.03, 0.0), (0.2, 0.05, -1e-5))  # parabolas over the torque of a clutch
 
 
 @njit
@@ -26,7 +26,7 @@ def _quiet(h, lines):
 
 
 def record_of(system, losses=np.zeros((0, 0))):
-    """The driveline's record of a system, all clutches closed at 500 Nm."""
+    """Returns the driveline's record of a system, with all clutches closed at 500 Nm."""
     owned = tuple(int(row[OWN]) for row in losses)
     lines = np.zeros(
         1,
@@ -56,7 +56,7 @@ def step(lines, t=0.0):
 
 
 def chain(count):
-    """Four bodies in a row, clutches between them, `count` losses whose elements stand in no order."""
+    """Returns four bodies in a row, clutches between them, and `count` losses whose elements stand in no order."""
     d = Driveline()
     for name, j in zip("abcd", J):
         d.inertia(name, j, speed=50.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Much at once: clutches that share, chains of fifty bodies, several elements that lock and break away in one step."""
+"""Large systems: clutches that share torque, chains of fifty bodies, several elements that lock and break away in one step."""
 
 import math
 
@@ -69,7 +69,7 @@ def test_a_chain_of_fifty_bodies_breaks_away_at_its_weakest_clutch():
     system = chain(50, stick=1.2)
     inputs = {f"c{i}": 100.0 for i in range(49)} | {"c20": ([0.0, 1.0, 2.0], [100.0, 100.0, 0.0]), "J0": 6.0}
     r = run(system, 2.0, 1e-3, inputs)
-    carried = 6.0 * 29.0 / 50.0  # behind J20 are 29 of 50
+    carried = 6.0 * 29.0 / 50.0  # 29 of 50 bodies are behind J20
     away = [e for e in r.events if e.kind == "break" and e.t > 1.0]
     assert [e.element for e in away] == ["c20"] and away[0].t == pytest.approx(2.0 - carried / 120.0, abs=1e-9)
     assert r.torque("c20")[np.searchsorted(r.t, 1.0)] == pytest.approx(carried, rel=1e-9) and closes(r)
@@ -89,7 +89,7 @@ def test_a_chain_of_fifty_bodies_on_shafts_runs_and_has_its_modes():
 
 @pytest.mark.parametrize("step", [0.5, 1e-3])
 def test_elements_lock_break_away_and_lock_again_within_one_step(step):
-    """Four like pairs side by side, each with its closed form: slipping to 0, carried along, torn loose, caught again."""
+    """Four equal pairs side by side, each with its closed form: slipping to 0, carried along, torn loose, caught again."""
     d, inputs = Driveline(), {}
     drive = ([0.0, 0.2, 0.2, 0.3, 0.3, 1.0], [0.0, 0.0, 90.0, 90.0, 0.0, 0.0])
     for k in range(4):

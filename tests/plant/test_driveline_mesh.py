@@ -1,8 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A mesh with efficiency against closed forms: the power that comes in times the efficiency goes out, as in the Modelica
-Standard Library's LossyGear (Pelchen, Schweiger, Otter: Modeling and simulating the efficiency of gearboxes, 2002).
+"""A mesh with efficiency, compared with closed forms: the output power is the input power times the efficiency.
+
+The Modelica Standard Library's LossyGear does the same (Pelchen, Schweiger, Otter: Modeling and simulating the efficiency
+of gearboxes, 2002).
 """
 
 import math
@@ -29,7 +31,7 @@ def pair(efficiency, back=None, speed=0.0, ratio=R):
 
 
 def gain(at_a, at_b, passes):
-    """Acceleration of b where `passes` is what of a's torque, times the ratio, comes out at b."""
+    """Returns the acceleration of b where `passes` is the share of a's torque, times the ratio, that arrives at b."""
     return (at_b + passes * R * at_a) / (JB + passes * R**2 * JA)
 
 
@@ -86,7 +88,7 @@ def test_a_self_locking_mesh_holds_its_load_until_it_is_driven_down(efficiency, 
 @pytest.mark.parametrize("efficiency", EFFICIENCIES)
 @pytest.mark.parametrize("step", [0.05, 1e-3])
 def test_reversing_under_a_steady_torque_has_its_events_where_the_closed_form_has_them(efficiency, step):
-    """Turning forwards it is slowed by a: b drives. It stands for no time, then a drives it backwards."""
+    """While it turns forwards, a slows it down and b drives. It reverses at once, and then a drives it backwards."""
     at_a, at_b, speed = -20.0, 3.0, 5.0
     r = run(pair(efficiency, speed=speed), 3.0, step, {"a": at_a, "b": at_b})
     slows = gain(at_a, at_b, 1.0 / efficiency)
@@ -181,7 +183,7 @@ def test_the_loss_of_a_mesh_is_no_input():
 
 @pytest.mark.parametrize("jump", [8.0, 5.0 + 1e-13])
 def test_a_torque_that_jumps_finds_the_loss_with_all_torques_that_follow_the_motion(jump):
-    """A weight is the same whether it is an input or a table: the loss just behind a jump counts it."""
+    """A weight acts the same as an input and as a table: the loss just behind a jump includes it."""
     speeds = []
     for law in (False, True):
         d = Driveline()

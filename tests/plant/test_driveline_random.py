@@ -3,7 +3,7 @@
 
 """Drivelines of 2 to 12 bodies from every kind of element under random loads: finite, energy closed, locked means locked.
 
-Forty of them always; two thousand on demand: `./rig test -m campaign tests/plant/test_driveline_random.py`.
+Forty of them always run, two thousand on demand: `./rig test -m campaign tests/plant/test_driveline_random.py`.
 """
 
 import math
@@ -19,7 +19,7 @@ STEP, END = 2e-3, 2.0
 
 
 def draw(seed):
-    """(a description, its inputs) from a seed; some descriptions contradict themselves."""
+    """Returns (a description, its inputs) from a seed; some descriptions contradict themselves."""
     rng = np.random.default_rng(seed)
     names = [f"J{i}" for i in range(rng.integers(2, 13))]
     d, inputs, joined = Driveline(), {}, []
@@ -96,7 +96,7 @@ def draw(seed):
 
 
 def check(seed):
-    """False for a description that is refused."""
+    """Runs a draw and checks it; returns False for a description that is refused."""
     d, inputs = draw(seed)
     try:
         system = d.build()
@@ -110,7 +110,7 @@ def check(seed):
     assert share < 1e-9, (seed, share)
     locked = np.abs(r.modes) >= 2
     assert np.abs(r.slips[locked]).max(initial=0.0) < 1e-9 * (1.0 + np.abs(r.speeds).max()), seed
-    # where locked clutches close a loop round a mesh it is open who carries what: steps may be capped
+    # where locked clutches close a loop round a mesh, their shares of the torque are not unique, so steps may be capped
     assert r.capped == 0 or system.meshes or r.capped <= 0.02 * len(r.t), (seed, r.capped)
     return True
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Running a driveline from Python: results by name, stopping and going on, a controller in the loop, long tables."""
+"""Running a driveline from Python: results by name, stopping and continuing, a controller in the loop, long tables."""
 
 import copy
 import math
@@ -54,7 +54,7 @@ def test_the_torque_in_a_gear_is_what_its_wheels_lack_to_accelerate():
 
 
 def test_the_torques_on_the_members_of_a_planetary_set_stand_as_its_teeth():
-    """Ring held by a brake, shaft behind the carrier: 1 to k to -(1 + k) on sun, ring and carrier (Willis), at every instant."""
+    """With a brake on the ring and a shaft behind the carrier they are always 1 to k to -(1 + k) on sun, ring, carrier (Willis)."""
     d = Driveline()
     d.inertia("sun", 0.2)
     d.inertia("ring", 0.7)
@@ -129,7 +129,7 @@ def test_a_controller_is_called_every_so_many_steps_and_its_torque_holds_between
 
 
 def test_a_controller_sees_slip_and_sets_a_capacity():
-    """Slip is led down a straight line by the controller; what it asks for is seen by the next row."""
+    """The controller leads the slip down a straight line; the next row shows what it asks for."""
 
     def controller(now):
         wanted = max(0.0, 100.0 - 200.0 * (now.t + 1e-3))

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shafts with a ratio, a characteristic, backlash and hysteresis, against closed forms and scipy."""
+"""Shafts with a ratio, a characteristic, backlash and hysteresis, compared with closed forms and scipy."""
 
 import math
 
@@ -41,7 +41,7 @@ def test_a_shaft_with_a_ratio_is_a_shaft_behind_a_gear():
 
 
 def test_a_shaft_that_hardens_swings_with_the_period_of_its_potential():
-    """Straight to 0.1 rad and three times as stiff beyond: the half period is the integral of dx over the speed."""
+    """It is straight to 0.1 rad and three times as stiff beyond: the half period is the integral of dx over the speed."""
     j = 0.5 * 2.0 / 2.5
     d = bodies()
     d.shaft("s", "a", "b", table=([-0.2, -0.1, 0.1, 0.2], [-80.0, -20.0, 20.0, 80.0]))
@@ -54,7 +54,7 @@ def test_a_shaft_that_hardens_swings_with_the_period_of_its_potential():
     quarter = math.asin(0.1 / math.sqrt(energy / 100.0)) / math.sqrt(200.0 / j)
     quarter += quad(lambda u: 2.0 * u / math.sqrt(2.0 / j * (energy - potential(most - u * u))), 1e-9, math.sqrt(most - 0.1))[0]
     r = run(d.build(), 12.0 * quarter, 1e-4)
-    # three whole periods: as at the start
+    # after three whole periods everything is as at the start
     assert r.slips.shape[1] == 0 and r.speed("a")[-1] - r.speed("b")[-1] == pytest.approx(3.0, abs=3e-4)
     assert r.twists[-1, 0] == pytest.approx(0.0, abs=1e-4)
     assert r.twists.max() == pytest.approx(most, abs=1e-6) and closes(r)
@@ -73,7 +73,10 @@ def test_the_error_of_a_shaft_with_bends_is_of_second_order():
 
 
 def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
-    """Across the gap at the relative speed, half a period of the spring at each end (MSL's ElastoBacklash without damping)."""
+    """The bodies cross the gap at the relative speed and spend half a period of the spring at each end.
+
+    This is MSL's ElastoBacklash without damping.
+    """
     gap, j = 0.1, 0.5 * 2.0 / 2.5
     d = bodies()
     d.shaft("s", "a", "b", stiffness=1e4, backlash=gap)
@@ -109,7 +112,7 @@ def test_damping_acts_only_where_the_backlash_is_closed():
 
 @pytest.mark.parametrize("step", [1e-3, 7e-3])
 def test_hysteresis_loses_the_area_of_its_loop(step):
-    """A spring that slides at F beside a straight one, turned to and fro by A: 4 F (A - F / k) each period (Iwan, 1966)."""
+    """A spring that slides at F beside a straight one, turned to and fro by A, loses 4 F (A - F / k) each period (Iwan, 1966)."""
     d = Driveline()
     d.inertia("arm", 1.0, speed=0.4 * math.pi)
     d.motion("turn", "arm")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is of another kind than a description or a run takes is refused in a sentence that names it, never by Python."""
+"""A value of another kind than a description or a run takes is refused in a sentence that names it, never by Python."""
 
 import math
 
@@ -18,7 +18,7 @@ TABLE = ([0.0, 1.0], [1.0, 2.0])
 
 @pytest.fixture
 def three():
-    """Three bodies of which the first two are geared, and a clutch to the third."""
+    """Returns three bodies of which the first two are geared, and a clutch to the third."""
     out = Driveline()
     for name in "abc":
         out.inertia(name, 1.0)

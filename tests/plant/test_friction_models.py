@@ -1,9 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The clutch models of chapter 6 against hand computations from the source, their limits, and chapter 8's
-bench.
-"""
+"""The clutch models of chapter 6, compared with hand computations from the source and with their limits; chapter 8's bench."""
 
 import math
 import runpy
@@ -29,10 +27,10 @@ COS30 = math.sqrt(3) / 2
 
 
 def torque_by_balance(surfaces, radius, arms, friction, spline):
-    """Nm per N: every plate's axial balance as one linear system; ``arms``, ``spline`` of the first plate,
-    the second.
+    """Returns the torque per force [Nm/N] from every plate's axial balance as one linear system.
 
-    Plate p stands between surfaces p - 1 and p and loses spline * (torque of both) / arm to its spline.
+    Plate p stands between surfaces p - 1 and p and loses spline * (torque of both) / arm to its spline; ``arms`` and
+    ``spline`` are those of the first plate and of the second.
     """
     balance, clamp = np.zeros((surfaces, surfaces)), np.zeros(surfaces)
     for p in range(surfaces):
@@ -102,18 +100,16 @@ def test_models_with_spline_friction_meet_the_balance_of_every_plate(surfaces):
 
 
 def test_chen_by_the_pressures_of_neighbouring_surfaces():
-    """(6.20) from plate to plate, (6.21) summed over the plates with inner splines, which see every surface
-    once.
-    """
+    """(6.20) from plate to plate, (6.21) summed over the plates with inner splines, which have every surface once."""
     area, factor = math.pi * (0.038**2 - 0.025**2), 2 / 3 * math.pi * 0.3 * (0.038**3 - 0.025**3)
     pressures, lost = [2000.0 / area], 0.0
     for plate in range(12):
         before = pressures[-1]
-        if plate % 2:  # inner spline: nothing lost
+        if plate % 2:  # the inner spline loses nothing
             pressures.append(before)
             continue
         below = before
-        for _ in range(200):  # F_ch depends on the pressure it leaves
+        for _ in range(200):  # iterated, because F_ch depends on the pressure that it leaves
             torque = factor * ((before if plate else 0.0) + below)
             lost = 0.12 * torque / (0.040 * COS30)
             below = before - lost / area
@@ -235,9 +231,7 @@ def test_drag_models_by_hand():
 
 
 def test_davis_and_kitabayashi_differ_by_the_mean_of_the_square():
-    """The thesis calls them equal in fig. 6.5; mean of r^2 over r_m^2 is 1034.5 / 1020.6 on the gearbox's
-    ring.
-    """
+    """The thesis calls them equal in fig. 6.5; mean of r^2 over r_m^2 is 1034.5 / 1020.6 on the gearbox's ring."""
     ratio = drag.davis_viscous(ONE, 50.0, 0.08, 1e-4) / drag.kitabayashi(ONE, 50.0, 0.08, 1e-4)
     assert ratio == pytest.approx((38**2 + 25**2) / 2 / (R_M * 1e3) ** 2, rel=1e-9)
     assert ratio == pytest.approx(1.0, abs=0.015)
@@ -252,7 +246,7 @@ def test_davis_integrals_against_closed_forms():
     assert worn == pytest.approx(math.pi * 0.17 * 1e6 * 0.025 * (0.038**2 - 0.025**2), rel=1e-12)
     even = drag.davis_boundary(ONE, 0.17, 1e6)
     assert even == pytest.approx(closed.traditional(ONE, 1e6 * ONE.area, 0.17), rel=1e-12)
-    # film and contact share the ring; flow factors scale the film alone
+    # film and contact share the ring; flow factors scale only the film
     slip = np.array([-100.0, 100.0])
     both = drag.davis(ONE, slip, 0.08, 1e-4, 0.17, 1e6, 0.25, flow_factor=0.9, flow_shear=0.2)
     expected = 0.75 * 0.7 * drag.davis_viscous(ONE, 100.0, 0.08, 1e-4) + 0.25 * even
@@ -350,7 +344,7 @@ def test_slip_torques_of_every_pack():
         for n in pack.surfaces:
             torques = bench.slip_torques(pack.geometry(n), force, 0.12, 0.058)
             assert all(t.shape == (3,) and np.all(np.diff(t) > 0) for t in torques.values())
-            # lost on both splines, on one, on none; Osinski's lies below all of them here
+            # losses on both splines, on one, on none; Osinski's model lies below all of them here
             assert np.all(torques["osinski"] < torques["thesis"])
             assert np.all((torques["thesis"] < torques["chen"]) & (torques["chen"] < torques["traditional"]))
 
@@ -364,7 +358,7 @@ def test_what_chapter_8_says_bounds_the_product_of_frictions():
         ratio = closed.thesis(pack, 1.0, 0.1, product / 0.1) / closed.osinski(pack, 1.0, 0.1, beyond_table=True)
         assert 1.505 / 0.955 <= ratio <= 1.515 / 0.945
         assert comparison.contradicted(0.12, product / 0.12, said) == []
-        assert comparison.contradicted(0.30, product / 0.30, said) == []  # the product alone counts
+        assert comparison.contradicted(0.30, product / 0.30, said) == []  # only the product counts
 
 
 def test_chapter_9s_friction_contradicts_chapter_8():

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each device's equations against values computed by hand from their source."""
+"""Each device's equations, compared with values computed by hand from their source."""
 
 import dataclasses
 import math
@@ -48,7 +48,7 @@ def test_capacity_is_held_while_the_plates_stick_on_their_splines():
 
 
 def test_an_unclamped_pack_has_to_be_torn_loose_until_the_piston_has_gone_back(config):
-    """M_rest comes with 200 N of clamp, stays without it, and lets go over 12 films of 0.1 mm."""
+    """M_rest comes with 200 N of clamp, stays without it, and disappears over 12 films of 0.1 mm."""
     c = record(
         dataclasses.replace(config.clutch_s1, clearance=2e-3),
         dataclasses.replace(config.plate_pack, film_force=200.0, film_gap=0.1e-3, surfaces=12),
@@ -81,7 +81,7 @@ def test_coil_rises_with_its_time_constant(config):
 
 @pytest.fixture
 def zr(config):
-    """A valve in round numbers: 4 MPa/A from 100 mA, 10 % hysteresis, 0.1 MPa friction, 0.1 MPa for the full stroke."""
+    """Returns a valve in round numbers: 4 MPa/A from 100 mA, 10 % hysteresis, 0.1 MPa friction, 0.1 MPa for the full stroke."""
     return record(
         dataclasses.replace(
             config.valve_zr_p1,
@@ -124,7 +124,7 @@ def test_spool_opens_closes_and_has_a_dead_band_on_the_relieving_side(zr):
 
 
 def test_friction_holds_the_supply_open_up_to_the_limit_and_no_further(zr):
-    """Magnet for 3.5 to 3.7 MPa, limit 2.3 MPa: a spool a tenth open closes there and lets off above the overlap."""
+    """Magnet for 3.5 to 3.7 MPa, limit 2.3 MPa: a spool a tenth open closes there and releases pressure above the overlap."""
 
     def after(port):
         return valve.opening(valve.spool_position(0.05e-3, 4.0e6, port, 1.0, zr), zr)
@@ -140,7 +140,7 @@ def test_a_closing_pressure_closes(zr):
 
 
 def test_pulses_are_on_for_their_duty():
-    """1 kHz, duty 0.3: on from 0 to 0.3 ms of each period."""
+    """At 1 kHz and duty 0.3 they are on from 0 to 0.3 ms of each period."""
     assert valve.on_share(0.0, 1e-4, 0.3, 1e3) == 1.0 and valve.on_share(4e-4, 1e-4, 0.3, 1e3) == 0.0
     assert valve.on_share(2.5e-4, 1e-4, 0.3, 1e3) == pytest.approx(0.5)
     assert sum(valve.on_share(k * 1e-4, 1e-4, 0.3, 1e3) for k in range(100)) == pytest.approx(30.0)
@@ -161,7 +161,7 @@ def test_models_without_splines_follow_their_clamp_force(config, model, by_hand)
 
 @pytest.mark.parametrize("model", ["newcomb", "chen"])
 def test_models_with_splines_but_no_reading_of_the_release_follow_their_clamp_force(config, model):
-    """Splines at rest rub with more than 0.12, which is a matter of the thesis's model only."""
+    """Splines at rest rub with more than 0.12, which matters in the thesis's model only."""
     engaging = plates.torque_per_force(config.plate_pack, 0.30, model=model)
     assert config.plate_pack.friction_spline_static > config.plate_pack.friction_spline
     assert plates.torque_per_force(config.plate_pack, 0.30, True, model) == engaging
@@ -207,7 +207,7 @@ def test_kiss_point_lies_where_the_thesis_puts_it(config, part, kiss):
     c = getattr(config, part)
     spring = c.spring_preload + c.spring_rate * c.clearance
     pressure = (spring + c.seal_friction) / (c.piston_area * (1 - c.seal_friction_share))
-    # as far as the transducer that it was read with may be wrong (tab. 7.1)
+    # within the largest error of the transducer with which it was read (tab. 7.1)
     assert pressure == pytest.approx(kiss, abs=0.1e6 if part == "clutch_s1" else 0.063e6)
 
 

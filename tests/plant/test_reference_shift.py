@@ -18,15 +18,15 @@ from rig_nodes.transmission import transmission_of
 
 RPM = math.pi / 30.0
 BEFORE, AFTER = 200, 1300  # ms recorded before and after the order
-FINER = 100  # rows between two logger rows, by straight lines: the metrics count in whole rows
+FINER = 100  # rows interpolated between two logger rows, because the metrics count in whole rows
 METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "output_speed_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
 CLOSE = 2e-3
 
 
 def whole_rig():
-    """The rig with every effect on the plant, averaged PWM, the thesis's clutch models, channels that show the truth.
+    """The rig with every effect on the plant, averaged PWM, the thesis's clutch models, and channels that show true values.
 
-    Its oil supply gives way enough to be seen.
+    Its oil supply yields enough to be seen.
     """
     config = load_rig("hydmag", {"oil_supply.relief_droop": "0.1 bar/(l/min)"})
     on = {f.name: f.name != "transducers" for f in dataclasses.fields(config.effects) if f.type == "bool"}
@@ -43,7 +43,7 @@ def locked(rig):
 
 
 def state_of(rig):
-    """The rig's present state, as the reference has it."""
+    """Returns the rig's present state in the form of the reference."""
     y = [
         rig.true("w0.speed"),
         rig.true("wk.speed"),
@@ -70,7 +70,7 @@ def state_of(rig):
 
 
 class RigShift:
-    """One shift of a rig: state at the order, duty (ms, 2), channels (rows, 7), and after each ms who is locked."""
+    """One shift of a rig: state at the order, duty (ms, 2), channels (rows, 7), and the locked clutches after each ms."""
 
     def __init__(self, config, old, new, rpm, load):
         self.config, self.order = config, (BEFORE * 1e-3, old, new)
@@ -96,7 +96,7 @@ class RigShift:
         self.channels = rows[:, [rig.channels.index(name) for name in reference_shift.CHANNELS]]
 
     def metrics(self, channels):
-        """Shift metrics of the channels from the order on, after those before it."""
+        """Returns the shift metrics of the channels from the order on, together with those before it."""
         whole = np.concatenate([self.channels[: 10 * BEFORE], channels])
         rows = np.arange(len(whole))
         finer = np.arange(FINER * (len(whole) - 1) + 1) / FINER
@@ -105,7 +105,7 @@ class RigShift:
 
 
 def far_apart(one, other, close):
-    """Metrics that differ by more than a share; the overlap, which may be nothing at all, by more than a step."""
+    """Returns the metrics that differ by more than a share; for the overlap, which may be 0, by more than a step."""
     far = {name: (one[name], other[name]) for name in METRICS if one[name] != pytest.approx(other[name], rel=close)}
     if one["overlap_s"] != pytest.approx(other["overlap_s"], abs=1e-4):
         far["overlap_s"] = one["overlap_s"], other["overlap_s"]
@@ -130,10 +130,10 @@ def test_every_metric_is_that_of_the_reference(shift, reference):
 
 
 def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
-    """Metrics look at a few moments; between them no channel is off by a tenth of a percent of its span on average.
+    """Metrics consider a few moments; between them no channel is off by a tenth of a percent of its span on average.
 
-    But a pressure that shot over its limit is let off until the drain edge closes, with 100 MPa/s: 10 kPa in a step, and it
-    stays so for seconds.
+    There is one exception: a pressure that exceeded its limit is reduced until the drain edge closes, with 100 MPa/s or 10 kPa
+    in a step, and it stays so for seconds.
     """
     rows, events = reference
     off = np.abs(shift.channels[10 * BEFORE :] - rows).mean(axis=0) / np.ptp(rows, axis=0)
@@ -150,7 +150,7 @@ def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
 
 @pytest.mark.campaign
 def test_the_reference_is_converged(shift, reference, monkeypatch):
-    """A tenth of the tolerance, of the pull into the splines' band and of the feed's linear part, another method."""
+    """A tenth of the tolerance, of the pull into the splines' band and of the feed's linear part, and another method."""
     first = shift.metrics(reference[0])
     monkeypatch.setattr(reference_shift, "PULL", 1e-7)
     monkeypatch.setattr(reference_shift, "FEED_LINEAR", 1.0)

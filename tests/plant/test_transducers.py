@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each part between a true value and a logger row, against values computed by hand."""
+"""Each part between a true value and a logger row, compared with values computed by hand."""
 
 import math
 
@@ -16,7 +16,7 @@ RPM = math.pi / 30
 
 
 def table(**rows) -> np.ndarray:
-    """One channel without errors or range, but for the rows that are named."""
+    """Returns one channel without errors or range, except for the named rows."""
     out = np.zeros((parts.ROWS, 1))
     out[parts.GAIN], out[parts.LOW], out[parts.HIGH] = 1.0, -np.inf, np.inf
     for name, value in rows.items():
@@ -25,7 +25,7 @@ def table(**rows) -> np.ndarray:
 
 
 def readings(speeds, gate=20, state=0.0, noise=0.0, step=RPM) -> np.ndarray:
-    """What an encoder reads [rpm] of true speeds [rpm], a row each."""
+    """Returns what an encoder reads [rpm] of true speeds [rpm], one for each row."""
     t = table(STEP=step, TURN=1.0 / (step * gate), NOISE=noise)
     place, counts = np.array([state]), np.zeros((gate, 1))
     return np.array([parts.encoder(n * RPM, k + 1, 0, KEY, t, place, counts) for k, n in enumerate(speeds)]) / RPM
@@ -46,7 +46,7 @@ def test_uniform_numbers_fill_their_range_evenly():
 
 
 def test_an_encoder_reads_whole_steps_and_loses_no_pulse():
-    """1500.3 rpm in steps of 1 rpm: 1500 in seven of ten gates, 1501 in three, and nothing else."""
+    """1500.3 rpm in steps of 1 rpm give 1500 in seven of ten gates, 1501 in three, and nothing else."""
     shown = readings(np.full(4020, 1500.3))[20:]
     assert set(np.round(shown, 6)) == {1500.0, 1501.0}
     assert shown.mean() == pytest.approx(1500.3, abs=0.02)
@@ -55,7 +55,7 @@ def test_an_encoder_reads_whole_steps_and_loses_no_pulse():
 
 
 def test_an_encoder_is_never_wrong_by_more_than_a_step_and_late_by_half_its_gate():
-    """From rest at 750 rpm/s: the mean of the gate of 20 rows, 9.5 rows or 0.71 rpm behind the speed of the last one."""
+    """From rest at 750 rpm/s the mean of the gate of 20 rows is 9.5 rows or 0.71 rpm behind the speed of the last one."""
     true = 750.0 * 1e-4 * np.arange(1, 20_001)
     shown = readings(true, state=0.3)
     mean = np.convolve(true, np.full(20, 0.05))[: len(true)]
@@ -69,7 +69,7 @@ def test_a_standing_encoder_gives_no_pulses_and_one_that_turns_back_counts_down(
 
 
 def test_uneven_pulses_scatter_the_reading_by_the_noise_that_is_set():
-    """The standard deviation of the step of 1 rpm is added: 5 rpm noise is far above it."""
+    """The standard deviation of the step of 1 rpm is added, but the noise of 5 rpm is far above it."""
     shown = readings(np.full(20_000, 1500.0), noise=5.0 * RPM)[20:]
     assert shown.std() == pytest.approx(math.hypot(5.0, math.sqrt(1 / 6)), rel=0.03)
     assert shown.mean() == pytest.approx(1500.0, abs=0.1)
