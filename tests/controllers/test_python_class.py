@@ -168,7 +168,7 @@ def test_code_that_does_not_fit_is_refused_before_the_run(tmp_path, config, text
         ("python:mine.py", None, "expected python:FILE.py:CLASS"),
         ("c:", None, "expected alfa46, python:"),
         ("labview:model", None, "kind 'labview'; .*expected alfa46, python:"),
-        ("new/my_controller.c", None, r"none that can be loaded; did you mean c:new/my_controller\.c\?"),
+        ("new/my_controller.c", None, r"cannot be loaded; did you mean c:new/my_controller\.c\?"),
         ("c:x.c@currant", None, "there is no level 'currant'; expected duty or current behind the @"),
         ("c:/", None, "controller c:/: it is a folder, expected a file"),
         ("fmu:/", None, "controller fmu:/: it is a folder, expected a file"),

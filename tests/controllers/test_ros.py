@@ -331,10 +331,10 @@ def test_a_refusal_displaces_no_other_nodes_ready(plug, thread):
     user, wrong = thread(controller, plug.topics_name), thread(Steady(), plug.topics_name, ("current",))
     plug.other_side.open()
     assert controller.begun.wait(20.0)
-    user.tell(ControllerReady.READY)
+    user.announce(ControllerReady.READY)
     assert user._ready.wait_for_all_acked(Duration(seconds=10.0))
     wrong.session = plug.other_side.session  # set here, because the node may not have received the run's session yet
-    wrong.tell(ControllerReady.REFUSES, "again")
+    wrong.announce(ControllerReady.REFUSES, "again")
     assert wrong._ready.wait_for_all_acked(Duration(seconds=10.0))
     plug.wait(20.0)
     assert ask(plug).command == (0.5, 0.0, 0.0)

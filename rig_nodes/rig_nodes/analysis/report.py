@@ -20,7 +20,7 @@ import numpy as np
 from ..atomic_write import atomic_write
 from ..bags import limits
 from ..bags.reader import NOTHING, UNREADABLE, Bag
-from ..bags.rig_record import rig_record, says_rig
+from ..bags.rig_record import holds_rig, rig_record
 from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
@@ -113,7 +113,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         problems.append(f"no shift metrics: {error}")
     metrics = _metrics(recording, rows, instruments, annex_a, problems, bag)
     metrics["basis"] = basis_of(record, box, instruments)
-    if not says_rig(run.get("configuration") or info_of(bag).get("configuration")):
+    if not holds_rig(run.get("configuration") or info_of(bag).get("configuration")):
         metrics["basis"]["taken"] = True
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:

@@ -46,7 +46,7 @@ def rig_record(configuration: Mapping | None, topics: Collection[str] = ()) -> M
     return record
 
 
-def says_rig(configuration: Mapping | None) -> bool:
+def holds_rig(configuration: Mapping | None) -> bool:
     """Return True when a bag's or a report's record has a rig's structure or is in the form of an earlier version."""
     return "structure" in record_of_today(configuration or {})
 

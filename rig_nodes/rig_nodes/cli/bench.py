@@ -50,7 +50,7 @@ def main(args: argparse.Namespace) -> int:
         for number, part in enumerate(parts):
             head = f"[{number + 1}/{len(parts)}] {part}"
             results[part] = _measure(
-                part, args.repeats, lambda said, head=head, number=number: line.tell(number, f"{head}: {said}")
+                part, args.repeats, lambda said, head=head, number=number: line.show(number, f"{head}: {said}")
             )
             line.leave()
             if text:
@@ -74,30 +74,30 @@ def _chosen(parts: list[str]) -> list[str]:
     return list(PARTS) if not parts or "all" in parts else [part for part in PARTS if part in parts]
 
 
-def _measure(part: str, repeats: int, tell: Callable[[str], None]) -> dict | list[dict] | str:
+def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | list[dict] | str:
     if part == "kernel":
         from ..benchmark.kernel import bench_kernel
 
-        return bench_kernel(repeats, tell)
+        return bench_kernel(repeats, show)
     if part == "demo":
         from ..benchmark.starts import bench_demo
 
-        return bench_demo(repeats, tell)
+        return bench_demo(repeats, show)
     if part == "graph":
         from ..benchmark.starts import bench_graph
 
-        return bench_graph(min(repeats, 3), tell)
+        return bench_graph(min(repeats, 3), show)
     if part == "controllers":
         from ..controllers.step_cost import controllers_table
         from ..testbench.configuration import load_rig
 
-        tell("every plug")
+        show("every plug")
         rows = [cost._asdict() for cost in controllers_table(load_rig())]
         return [{**row, "median_us": None, "p99_us": None} if row["missing"] else row for row in rows]
     if part == "scaling":
         from ..benchmark.growth import bench_scaling
 
-        return bench_scaling(tell)
+        return bench_scaling(show)
     from ..benchmark.peers import bench_peers
 
-    return bench_peers(0.05 * repeats, tell)
+    return bench_peers(0.05 * repeats, show)

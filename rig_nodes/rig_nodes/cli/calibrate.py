@@ -89,10 +89,10 @@ def main(args: argparse.Namespace) -> int:
     line = ProgressLine()
 
     def progress(stage: str, turn: int, cost: float) -> None:
-        line.tell(turn, f"{stage}: generation {turn}, misses cost {cost:.3f}")
+        line.show(turn, f"{stage}: generation {turn}, misses cost {cost:.3f}")
 
     def pair(stage: str, one: str, other: str) -> None:
-        line.tell(0.0, f"{stage}: {one} against {other}")
+        line.show(0.0, f"{stage}: {one} against {other}")
 
     def plain(miss: Miss) -> dict:
         return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}

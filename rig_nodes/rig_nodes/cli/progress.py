@@ -34,7 +34,7 @@ class ProgressLine:
         shape = {"bar_format": "{desc}", "ncols": WIDTH, "nrows": 20}
         self._bar = tqdm(total=of, initial=begun, file=sys.stderr, **shape) if sys.stderr.isatty() else None
 
-    def tell(self, done: float, text: str, part: bool = False) -> None:
+    def show(self, done: float, text: str, part: bool = False) -> None:
         """Renew the line; a file gets at most one line every QUIET seconds, the last line, and one where a part is done."""
         last = self._of is not None and done >= self._of
         form = UNKNOWN if last or self._of is None or done <= self._begun else KNOWN

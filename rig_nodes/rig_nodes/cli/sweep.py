@@ -119,7 +119,7 @@ def main(args: argparse.Namespace) -> int:
 
         def progress(done: int, entry: dict) -> None:
             failed[0] += entry["end"]["state"] != "ended"
-            line.tell(done, f"{done} of {of} members" + (f", {failed[0]} not ended" if failed[0] else ""))
+            line.show(done, f"{done} of {of} members" + (f", {failed[0]} not ended" if failed[0] else ""))
 
         interrupted: tuple[str, int] | None = None  # reason of the end, exit code
         if begun < of:

@@ -132,7 +132,7 @@ def main(args: argparse.Namespace) -> int:
             problem = replace(problem, spreads=spreads_of(problem.config, workers))
         journal = open_journal(folder, problem.manifest())
         try:
-            summary = run.tune(problem, folder, workers, journal, line.tell)
+            summary = run.tune(problem, folder, workers, journal, line.show)
         except KeyboardInterrupt as stop:
             line.leave()
             what, code = ended_by(stop)

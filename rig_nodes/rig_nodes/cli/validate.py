@@ -59,7 +59,7 @@ def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], N
     def progress(procedure: str, count: int, of: int) -> None:
         nonlocal done
         done += runs[procedure][1]
-        line.tell(done, f"{procedure:<15} {count:>3} of {of} runs", count == of)
+        line.show(done, f"{procedure:<15} {count:>3} of {of} runs", count == of)
 
     return progress
 
@@ -167,7 +167,7 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
     line = ProgressLine(len(own_rows.by_run(rows)))
     with Workers(args.jobs) as workers:
         found = own_rows.validate(
-            rows, args.rig, settings, workers, lambda done, of: line.tell(done, f"{done} of {of} runs", done == of)
+            rows, args.rig, settings, workers, lambda done, of: line.show(done, f"{done} of {of} runs", done == of)
         )
     if args.json != "-":
         print(document.terminal(found))

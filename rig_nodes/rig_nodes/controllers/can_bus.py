@@ -19,7 +19,7 @@ from ..transmission import NEUTRAL
 from . import can_database as frames
 from . import j1939
 from .free_running import FreeRunning, number, split_options, timeout_of
-from .plug import said
+from .plug import error_text
 from .record import STANDSTILL, ControllerRecord
 from .seam import ControllerInputs, ControllerOutputs, Status
 from .wire import commands, currents, held_in, measured
@@ -81,7 +81,7 @@ def open_bus(channel: str, interface: str, name: str, **options: int) -> can.Bus
             return LoopbackBus(channel, **options)
         return can.Bus(channel=channel, interface=interface, **options)
     except Exception as error:  # python-can and its drivers raise errors of many classes
-        raise RigError(f"{name}: the bus {channel} cannot be opened with the interface {interface}: {said(error)}") from None
+        raise RigError(f"{name}: the bus {channel} cannot be opened with the interface {interface}: {error_text(error)}") from None
 
 
 def receive(bus: can.BusABC, seconds: float, fault: Callable[[str], None]) -> can.Message | None:
@@ -104,7 +104,7 @@ def receive(bus: can.BusABC, seconds: float, fault: Callable[[str], None]) -> ca
     try:
         return bus.recv(seconds)
     except Exception as error:  # foreign bytes or a loose cable: the driver has error classes of its own
-        fault(f"what came could not be read ({said(error)})")
+        fault(f"what came could not be read ({error_text(error)})")
         return None
 
 
@@ -220,7 +220,7 @@ class CanBus(FreeRunning):
         try:
             self._bus.send(self._message(arbitration_id=number, data=data, is_extended_id=extended, is_fd=False))
         except Exception as error:  # a full queue or a loose cable: the driver has error classes of its own
-            self.fault(f"a frame could not be sent ({said(error)})")
+            self.fault(f"a frame could not be sent ({error_text(error)})")
 
     def _send(self, inputs: ControllerInputs) -> None:
         sample, request = inputs.sample, inputs.gear_request
@@ -302,7 +302,7 @@ class CanBus(FreeRunning):
                 if source.pgn in self._expected_groups:
                     self._take(self._expected_groups[source.pgn], frame, f"J1939 address {source.source}")
                 else:
-                    self._node.heard(frame.arbitration_id, bytes(frame.data))
+                    self._node.received(frame.arbitration_id, bytes(frame.data))
 
     def _program(self, frame: can.Message) -> str:
         """Return the sender of a plain frame as far as it is known: on udp_multicast the port of its program."""
@@ -328,7 +328,7 @@ class CanBus(FreeRunning):
             return
         command = [wire.decode(raw[wire.name]) for wire in self._commands]
         state, self._state = self._state, None
-        self.heard(
+        self.received(
             ControllerOutputs(
                 held_in(command, self.info, self._commands),
                 None,

@@ -132,7 +132,7 @@ class FreeRunning(Plug):
         self._master, self._mastered = "", -math.inf  # the controller that commands, and time.monotonic() of its newest command
         self._origin: float | None = None  # time.monotonic() of sample 0
 
-    def heard(self, outputs: ControllerOutputs) -> None:
+    def received(self, outputs: ControllerOutputs) -> None:
         """Take in a valid command that has come."""
         self._newest = outputs
 
@@ -175,7 +175,7 @@ class FreeRunning(Plug):
             if in_vain:
                 self.close()
                 raise in_vain
-            waiting.tell()
+            waiting.report()
             self._send(idle)
             self._listen(time.monotonic() + IDLE)
         self._newest = None  # it came before the first sample, so it answers none
@@ -218,7 +218,7 @@ class FreeRunning(Plug):
                 f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
                 f"{1e3 * self.timeout:.0f} ms{self._faults_told()}"
             )
-        self._waiting.tell()
+        self._waiting.report()
 
     def _faults_told(self) -> str:
         told = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
@@ -233,4 +233,4 @@ class FreeRunning(Plug):
 
     @abstractmethod
     def _listen(self, until: float) -> None:
-        """Take in what comes until a time of time.monotonic(), and call ``heard`` with each command."""
+        """Take in what comes until a time of time.monotonic(), and call ``received`` with each command."""

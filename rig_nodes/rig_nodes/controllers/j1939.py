@@ -106,7 +106,7 @@ class Node:
         """Send the address that this node has, or that it has none."""
         self._send(identifier(ADDRESS_CLAIMED, self.address), self.name.to_bytes(8, "little"))
 
-    def heard(self, number: int, data: bytes) -> None:
+    def received(self, number: int, data: bytes) -> None:
         """Handle a frame with a 29-bit identifier that has come."""
         _, pgn, destination, source = parts(number)
         if pgn == ADDRESS_CLAIMED and len(data) == 8 and source == self.address:

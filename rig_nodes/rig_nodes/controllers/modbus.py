@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from ..errors import RigError
 from . import registers
 from .free_running import FreeRunning, split_options, timeout_of
-from .plug import said
+from .plug import error_text
 from .seam import ControllerInputs, ControllerOutputs
 from .wire import commands, held_in, values_of
 from .wire import given as given_wires
@@ -126,7 +126,7 @@ class Modbus(FreeRunning):
                 if not await self._server.listen():
                     raise OSError("the port is taken or not allowed")
             except OSError as error:
-                problem.append(said(error))
+                problem.append(error_text(error))
             finally:
                 ready.set()
 
@@ -206,7 +206,7 @@ class Modbus(FreeRunning):
         first = 1 + len(self._commands)
         gear, shifting, flags, status = written[first:]
         command = [wire.decode(value) for wire, value in zip(self._commands, written[1:first], strict=True)]
-        self.heard(
+        self.received(
             ControllerOutputs(
                 held_in(command, self.info, self._commands),
                 None,

@@ -41,7 +41,7 @@ class Answer(NamedTuple):
     setpoint: tuple[float, ...]
 
 
-def said(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return an exception as one piece of a sentence, without its traceback."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
 
@@ -100,7 +100,7 @@ class Waiting:
         """Time since the wait began [s of wall clock]."""
         return time.monotonic() - self._began
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Report the wait when the next report is due."""
         if self.seconds >= self._next:
             self._say(f"{self._what}, {self.seconds:.0f} s")
@@ -317,7 +317,7 @@ class Plug(ABC):
             self._fail(Status.ERROR, sample, str(error))
         except Exception as error:  # user code may return anything, even objects that raise when an attribute is read
             LOG.error("controller %s, sample %d: its outputs cannot be read", self.name, sample, exc_info=True)
-            self._fail(Status.ERROR, sample, f"its outputs cannot be read: {said(error)}")
+            self._fail(Status.ERROR, sample, f"its outputs cannot be read: {error_text(error)}")
         if status != Status.DISCARD:
             self._fail(status, sample, f"status {status.name.lower()}: {text}")
         return None

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NoReturn
 from ..config.names import unknown
 from ..errors import RigError, no_file
 from .own_signals import checked_settings, checked_signals
-from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, said
+from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, error_text
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def load_class(source: str, name: str) -> type:
         raise
     except BREAKDOWNS as error:
         line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else place_of(error, source)
-        raise RigError(f"{what}: the code cannot be loaded: {line}{said(error)}") from None
+        raise RigError(f"{what}: the code cannot be loaded: {line}{error_text(error)}") from None
     found = getattr(module, name, None)
     if not inspect.isclass(found):
         there = [n for n, c in vars(module).items() if inspect.isclass(c) and callable(getattr(c, "step", None))]
@@ -169,7 +169,7 @@ class PythonClass(Plug):
             self._user = found()
             self._user.initialize(self.info)
         except BREAKDOWNS as error:
-            raise RigError(f"controller {name}: initialize failed: {place_of(error, self._file)}{said(error)}") from None
+            raise RigError(f"controller {name}: initialize failed: {place_of(error, self._file)}{error_text(error)}") from None
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         timed = self._timed()
@@ -181,7 +181,7 @@ class PythonClass(Plug):
             self._overdue(inputs.sample)
         except BREAKDOWNS as error:
             LOG.error("controller %s, sample %d", self.name, inputs.sample, exc_info=True)
-            self._fail(Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{said(error)}")
+            self._fail(Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{error_text(error)}")
 
         finally:
             if timed:

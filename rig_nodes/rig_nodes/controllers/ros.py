@@ -306,7 +306,7 @@ class RosNode(Plug):
             if in_vain:
                 self.close()
                 raise in_vain
-            waiting.tell()
+            waiting.report()
             try:
                 side.take(0.2, self._fault)
             except Gone:
@@ -360,7 +360,7 @@ class RosNode(Plug):
             if patience is not None and time.monotonic() >= began + patience:
                 return self._no_answer()
             waiting = waiting or Waiting(f"waiting for controller on {side.place}", self.say)
-            waiting.tell()
+            waiting.report()
 
     def _no_answer(self) -> None:
         side = self.other_side
@@ -369,7 +369,7 @@ class RosNode(Plug):
                 self.say(f"waiting for controller on {side.place}: no answer for {self.step_timeout * 1e3:.0f} ms")
             self._away = True
             self._waiting = self._waiting or Waiting(f"waiting for controller on {side.place}", self.say)
-            self._waiting.tell()
+            self._waiting.report()
             return
         if side.was_here:
             raise Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")
@@ -429,7 +429,7 @@ class FreeRosNode(FreeRunning):
                 side.begin()
                 return
             if answered is not None:
-                self.heard(outputs_of(answered, self))
+                self.received(outputs_of(answered, self))
             elif rest <= 0.0:
                 return
 

@@ -80,7 +80,7 @@ class ControllerNode(Node):
         self.create_subscription(ControllerStep, f"/{topics}/step", self.on_step, UNCONFIRMED)
         self.create_subscription(ControllerStart, f"/{topics}/start", self.on_start, FROM_MANY)
 
-    def tell(self, state: int, message: str = "") -> None:
+    def announce(self, state: int, message: str = "") -> None:
         """Publish a ControllerReady: this node is ready, refuses or leaves."""
         levels = sum(LEVELS[name][1] for name in self.levels)
         self._ready.publish(
@@ -107,7 +107,7 @@ class ControllerNode(Node):
         level = next(name for name, (number, _) in LEVELS.items() if number == start.level)
         why = self.refusal(start, level)
         if why:
-            self.tell(ControllerReady.REFUSES, why)
+            self.announce(ControllerReady.REFUSES, why)
             return
         try:
             self.controller.initialize(
@@ -124,10 +124,10 @@ class ControllerNode(Node):
             )
         except Exception as error:
             self.get_logger().error(f"initialize failed:\n{traceback.format_exc()}")
-            self.tell(ControllerReady.REFUSES, f"initialize failed: {type(error).__name__}: {error}")
+            self.announce(ControllerReady.REFUSES, f"initialize failed: {type(error).__name__}: {error}")
             return
         self.running = True
-        self.tell(ControllerReady.READY)
+        self.announce(ControllerReady.READY)
 
     def refusal(self, start: ControllerStart, level: str) -> str:
         """Return why the controller cannot work in a run, or an empty str.
@@ -200,7 +200,7 @@ class ControllerNode(Node):
     def leave(self, why: str) -> None:
         """Send the reason of the end when a run is on, and wait until it has arrived."""
         if self.running:
-            self.tell(ControllerReady.LEAVES, why)
+            self.announce(ControllerReady.LEAVES, why)
             self._ready.wait_for_all_acked(Duration(seconds=0.5))
             self.end()
 

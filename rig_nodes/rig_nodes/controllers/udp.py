@@ -102,7 +102,7 @@ class Udp(Plug):
             in_vain = self._in_vain(waiting, patience, "none has come", f"; {self._advice}")
             if in_vain:
                 raise in_vain
-            waiting.tell()
+            waiting.report()
             self._serve(0.2)
 
     @property
@@ -294,7 +294,7 @@ class Udp(Plug):
                 return values
             if not self.real_time:
                 waiting = waiting or Waiting(f"waiting for controller on udp {self._port}", self.say)
-                waiting.tell()
+                waiting.report()
 
     def _sample(self, inputs: ControllerInputs) -> bytes:
         return pack(
@@ -314,7 +314,7 @@ class Udp(Plug):
                 self.say(f"waiting for controller on udp {self._port}: no answer for {self.step_timeout * 1e3:.0f} ms")
             self._away = True
             self._waiting = self._waiting or Waiting(f"waiting for controller on udp {self._port}", self.say)
-            self._waiting.tell()
+            self._waiting.report()
             return
         self._away = True
         if self._was_here:

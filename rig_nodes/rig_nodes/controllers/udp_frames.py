@@ -186,7 +186,7 @@ class Client:
             except ConnectionRefusedError:
                 time.sleep(min(0.1, max(0.0, until - time.monotonic())))
             except NoFrame as error:
-                self.tell(f"a frame that is ignored: {error}")
+                self.show(f"a frame that is ignored: {error}")
         return None
 
     def serve(self, once: bool = False) -> None:
@@ -219,7 +219,7 @@ class Client:
         if kind == INFO and session != self.session:
             self.begin(session, *values)
         elif kind == BYE and not self.running:
-            self.tell(text(values[0]))
+            self.show(text(values[0]))
             time.sleep(1.0)
         elif session != self.session or not self.running:
             return False
@@ -229,12 +229,12 @@ class Client:
             self.step(frame, values)
         elif kind == BYE:
             if not self.last:
-                self.tell(text(values[0]))
+                self.show(text(values[0]))
             self.end()
             return True
         return False
 
-    def tell(self, words: str) -> None:
+    def show(self, words: str) -> None:
         """Print a message of the rig once."""
         if words != self.told:
             self.told = words

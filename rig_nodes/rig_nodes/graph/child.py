@@ -134,7 +134,7 @@ class Child:
         *lines, self._rest = self._rest.split(b"\n")
         return [json.loads(line) for line in lines]
 
-    def tell(self, **order: object) -> None:
+    def send(self, **order: object) -> None:
         """Send the process an order (nodes.process.Process.follow_orders); it has no effect when the process has ended."""
         with contextlib.suppress(BrokenPipeError):
             os.write(self._orders.fileno(), json.dumps(order).encode() + b"\n")

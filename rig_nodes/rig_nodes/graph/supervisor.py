@@ -273,7 +273,7 @@ class Supervisor:
         child.wait()
         how = f"{child.name} {child.how()}"
         if child.name != "container" and self.running.is_set() and self.order.speed is None:
-            self.children["container"].tell(trip=how)
+            self.children["container"].send(trip=how)
         if not self._may_live_again(child):
             self._finish_with(End("failed", f"{how}; see logs/{child.log}"), AFTER_TRIP)
             return None
@@ -281,7 +281,7 @@ class Supervisor:
         self.say(self.time, f"{how} and is started again; see logs/{child.log}")
         child.close()
         again = self._begin(child.name, life=child.life + 1)
-        self.children["container"].tell(event="process_restarted", text=f"{how} and was started again")
+        self.children["container"].send(event="process_restarted", text=f"{how} and was started again")
         return again
 
     def _may_live_again(self, child: Child) -> bool:

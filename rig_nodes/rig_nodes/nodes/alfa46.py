@@ -78,7 +78,7 @@ class Alfa46Node(Node):
         self.gears = self.transmission.names
         self.box = load_controller(process.arguments.controller, config)
         self._pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
-        self.box.say = teller(process, self.box)
+        self.box.say = reporter(process, self.box)
         self._nothing = (0.0,) * len(self.box.rig_record.outputs)
         self.frames: Frames | None = None  # in lockstep, as soon as it is known what the controller wants
         self.box.stopped = lambda: process.stopping
@@ -120,7 +120,7 @@ class Alfa46Node(Node):
         self.create_subscription(
             RigState,
             STATE,
-            lambda message: self.hear_status(message.state, message.reason),
+            lambda message: self.receive_status(message.state, message.reason),
             stream_profile(self.config.catalogue.topics[STATE].qos),
         )
         profile = stream_profile(self.config.catalogue.topics[SAMPLES].qos)
@@ -160,7 +160,7 @@ class Alfa46Node(Node):
             others = [self._heard_values.get(name) for name in self.box.wants]
             if None in others:
                 return
-            self.tell(sample, self.ask(sample, record["current"], measured, others), measured)
+            self.publish_command(sample, self.ask(sample, record["current"], measured, others), measured)
         except ControllerFailed as failure:
             self.fail(failure)
 
@@ -176,7 +176,7 @@ class Alfa46Node(Node):
         """
         if frame.startswith(STATUS):
             status, reason = frame[len(STATUS)], frame[len(STATUS) + 1 :]
-            self.hear_status(status, reason.decode())
+            self.receive_status(status, reason.decode())
             return
         frames = self.frames
         sample, *values = frames.sample.unpack_from(frame)
@@ -195,7 +195,7 @@ class Alfa46Node(Node):
                     sample, ANSWERED, *answer.command, *answer.setpoint, self.box.gear, self.box.shifting, self.box.flags
                 )
             )
-        self.tell(sample, answer, measured)
+        self.publish_command(sample, answer, measured)
 
     def ask(self, sample: int, *wires: Iterable[float]) -> Answer | None:
         """Give the controller one sample.
@@ -230,7 +230,7 @@ class Alfa46Node(Node):
             self.event(CHANGED, text, value)
         return answer
 
-    def tell(self, sample: int, answer: Answer | None, measured: Sequence[float]) -> None:
+    def publish_command(self, sample: int, answer: Answer | None, measured: Sequence[float]) -> None:
         """Publish an answer, and events, feedback and result of a running shift.
 
         Parameters
@@ -261,11 +261,11 @@ class Alfa46Node(Node):
                 ),
             )
             if box.signals:
-                self.tell_own(sample)
+                self.publish_own_signals(sample)
         if self._phase is not None and sample > self._ordered_at:
             self.follow_shift(sample, measured)
 
-    def tell_own(self, sample: int) -> None:
+    def publish_own_signals(self, sample: int) -> None:
         """Publish the controller's own signals in blocks, after one message with their names."""
         if not self.counts[own_signals.CHANNELS]:
             signals = self.box.signals
@@ -385,7 +385,7 @@ class Alfa46Node(Node):
         if self._rig_status == RigStatus.STARTING:
             raise RigError("shift refused: the rig is starting; wait until /rig/state says that it is ready")
 
-    def hear_status(self, status: int, reason: str) -> None:
+    def receive_status(self, status: int, reason: str) -> None:
         """Take the rig's state: after a trip the controller continues in neutral, and the running order has failed.
 
         Parameters
@@ -489,7 +489,7 @@ class Alfa46Node(Node):
             self.tap.put(topic, data)
 
 
-def teller(process: Process, plug: Plug) -> Callable[[str], None]:
+def reporter(process: Process, plug: Plug) -> Callable[[str], None]:
     """Return the function that reports a plug's sentences in the process's log and to the person at the terminal.
 
     The sentences reach the terminal through the supervisor. The supervisor also receives which controller has not come

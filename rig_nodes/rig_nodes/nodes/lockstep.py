@@ -70,7 +70,7 @@ class RemoteController:
             if data is not None or self._stopping() or time.monotonic() >= until:
                 return data
 
-    def tell(self, status: RigStatus, reason: str) -> None:
+    def send_status(self, status: RigStatus, reason: str) -> None:
         """Send the state of the rig; a trip cancels every order."""
         try:
             self._link.send(STATUS + bytes([status]) + reason.encode())
@@ -169,7 +169,7 @@ class Lockstep:
         now = (self.rig.status, self.rig.reason)
         if now != self._controller_knows:
             self._controller_knows = now
-            self.controller.tell(*now)
+            self.controller.send_status(*now)
 
     def _sample(self, publish: Callable[[], None]) -> None:
         """Do one sample: the controller works on it while the messages are sent and the plant moves on."""

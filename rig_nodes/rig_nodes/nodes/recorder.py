@@ -126,7 +126,7 @@ class Recorder(Node):
         self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
         self._types = {name: topic.ros_type for name, topic in topics.items()}
         self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
-        self._timing = {name for name, topic in topics.items() if tells_time(topic)}
+        self._timing = {name for name, topic in topics.items() if carries_time(topic)}
         tapped = {name for tap in taps for name in tap.topics or ()}
         self.inputs = [
             self.create_subscription(
@@ -309,7 +309,7 @@ class Recorder(Node):
         self.writer.close()
 
 
-def tells_time(topic: Topic) -> bool:
+def carries_time(topic: Topic) -> bool:
     """Return True for a topic that only the rig container publishes, stamped with its time.
 
     These are no orders and no answers, and nothing that is sent again.
@@ -328,7 +328,7 @@ def work(process: Process) -> None:
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
         taps = [TapReader(number) for number in process.descriptors().values()]
-        node = Recorder(writer, taps, hear_first_words(process, taps), topics, wanted, choice)
+        node = Recorder(writer, taps, receive_first_messages(process, taps), topics, wanted, choice)
         executor.add_node(node)
         process.take_parameters([node])
         if not taps:  # in lockstep no process can be late
@@ -377,7 +377,7 @@ def topics_of(arguments: argparse.Namespace) -> tuple[dict[str, Topic], set[str]
     return config.catalogue.all_topics, set(config.catalogue.of_run(config.cut_out, not built_in))
 
 
-def hear_first_words(process: Process, taps: list[TapReader]) -> list[tuple[str, bytes]]:
+def receive_first_messages(process: Process, taps: list[TapReader]) -> list[tuple[str, bytes]]:
     """Wait until every tap has sent the names of its topics, or the process is stopped.
 
     Parameters

@@ -253,13 +253,13 @@ class Replay(Node):
         player, outputs = self.player, self.outputs
         for message, recorded in player.take(time.monotonic()):
             if message is CLOCK:
-                self.tell_time(recorded)
+                self.publish_time(recorded)
                 continue
             outcome.lateness[int(player.lateness(recorded, time.monotonic()) / _BIN)] += 1
             topic, data = message
             outputs[topic].send(data)
 
-    def tell_time(self, recorded: int) -> None:
+    def publish_time(self, recorded: int) -> None:
         """Publish a recorded time [ns] on /clock."""
         self.clock.send(_CLOCK.pack(b"\x00\x01\x00\x00", recorded // 1_000_000_000, recorded % 1_000_000_000))
         self._repeat_at = time.monotonic() + REPEAT
@@ -267,7 +267,7 @@ class Replay(Node):
     def stand(self) -> None:
         """Repeat the clock every REPEAT seconds while the replay is paused."""
         if self.player.paused and time.monotonic() >= self._repeat_at:
-            self.tell_time(self.player.clock)
+            self.publish_time(self.player.clock)
 
     def refuse_second_clock(self) -> None:
         """Raise RigError when another node publishes /clock in this domain."""

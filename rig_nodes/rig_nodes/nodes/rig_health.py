@@ -68,7 +68,7 @@ class RigHealth:
         """Return the fields of the device's state message [SI]; nothing before the first message."""
         if device.name not in self._fields or not self.rig.energies:
             return {}
-        return dict(zip(self._fields[device.name], parts.part(device.part).says(self.rig, device.name), strict=True))
+        return dict(zip(self._fields[device.name], parts.part(device.part).shown_values(self.rig, device.name), strict=True))
 
     def whole(self) -> Health:
         """Return the health of the rig: its state with the reason, and whether it keeps time."""

@@ -19,7 +19,7 @@ from ..config.schema import param
 from . import plates
 from .part import CLUTCH, Part
 from .plates import PlatePack
-from .wet_clutch import SHOWS, Cylinder, says
+from .wet_clutch import SHOWS, Cylinder, shown_values
 
 if TYPE_CHECKING:
     from ..arrays import Floats, Record
@@ -116,6 +116,6 @@ PART = Part(
     role=CLUTCH,
     joined=plates.JOINED,
     message="ClutchState",
-    says=says,
+    shown_values=shown_values,
     shows=SHOWS,
 )

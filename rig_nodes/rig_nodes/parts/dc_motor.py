@@ -136,7 +136,7 @@ def after(world: Record, k: int, h: float) -> None:
 
 # target, enabled: speed setpoint and switch; held*: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
 # before: torque at the step's start; stiff > 0: the speed equals the setpoint, whatever the load; inertia: inertia of its body
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
     return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))
@@ -154,7 +154,7 @@ PART = Part(
     joined={"body": Wire("body")},
     effects={"motor_speed": {}},
     message="MotorState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown("torque", "torque", "torque", -700.0, 700.0, "Air-gap torque of the DC motor.", "positive drives {body}"),
         Shown(

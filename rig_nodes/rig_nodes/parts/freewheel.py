@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState; nothing presses it, and it has no drag."""
     return (2 if rig.holds(name) else 0, rig.friction_torque(name), 0.0, 0.0, 0.0, rig.slip(name), 0.0, 0.0, 0.0, 0.0)
 
@@ -29,7 +29,7 @@ PART = Part(
     role=FREEWHEEL,
     joined={"joins": Wire("one_way")},
     message="ClutchState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown("mode", "mode", "state", 0.0, 2.0, "Free-wheel {called}: overruns or holds.", "none", {0: "overruns", 2: "holds"}),
         Shown("torque", "torque", "torque", 0.0, 2000.0, "Torque that free-wheel {called} holds.", "positive drives {driven}"),

@@ -112,7 +112,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 # target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: setting to which ZP_2 is
 # turned, and its switch; relief: its present setting
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
     return (
@@ -134,7 +134,7 @@ PART = Part(
     role=SOURCE,
     joined={"body": Wire("body"), "oil": Wire("oil", needed=False)},
     message="MotorState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown(
             "torque",

@@ -138,7 +138,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 
 # setting, enabled: setting and switch of the relief valve; held*: answer of a load outside the plant, for a tick (engine.outside)
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState."""
     me = rig.device(name)
     return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])
@@ -155,7 +155,7 @@ PART = Part(
     role=LOAD,
     joined={"body": Wire("body")},
     message="LoadState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown("torque", "torque", "torque", 0.0, 500.0, "Torque of the load pump.", "positive brakes {body}"),
         Shown("work", "work", "energy", 0.0, 1e9, "Work taken by the load pump since time 0.", "positive taken from the shaft"),

@@ -101,7 +101,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 
 # setting, enabled: setting and switch of the relief valve; temperature: temperature of the oil in the whole rig [degC]
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
     return (
@@ -125,6 +125,6 @@ PART = Part(
     joined={"line": Wire("line", needed=False)},
     effects={"oil_temperature": {"viscosity_per_kelvin": 0.0}},
     message="OilState",
-    says=says,
+    shown_values=shown_values,
     takes=(Command("oil", {"pressure": "pressure"}, "setting", "enabled", "supply pressure of the clutch oil", "pressure"),),
 )

@@ -141,7 +141,7 @@ class Command:
         return list(self.takes)[-1]
 
 
-def says_nothing(_rig: ShownRig, _name: str) -> tuple[()]:
+def no_values(_rig: ShownRig, _name: str) -> tuple[()]:
     """Return the fields of no message."""
     return ()
 
@@ -196,7 +196,7 @@ class Part:
     joined: dict[str, Wire] = field(default_factory=dict)
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
     message: str = ""
-    says: Callable[[ShownRig, str], tuple] = says_nothing
+    shown_values: Callable[[ShownRig, str], tuple] = no_values
     shows: tuple[Shown, ...] = ()
     takes: tuple[Command, ...] = ()
 

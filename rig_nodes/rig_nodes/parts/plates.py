@@ -301,7 +301,7 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
     }
 
 
-def said(rig: ShownRig, name: str, pressure: float, travel: float) -> tuple[float, ...]:
+def shown_pack(rig: ShownRig, name: str, pressure: float, travel: float) -> tuple[float, ...]:
     """Return the fields of a pack's ClutchState.
 
     Parameters

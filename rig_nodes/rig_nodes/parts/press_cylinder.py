@@ -134,7 +134,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 # setting, enabled: setting of the pressure and its switch; machine_target, machine_enabled: travel of the testing machine and its
 # switch; pressure: pressure in the chamber; force: force on what the piston or the machine presses; clamp: force on a pack
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
     return (
@@ -157,7 +157,7 @@ PART = Part(
     joined={"oil": Wire("oil", needed=False)},
     effects={"seal_friction": {"seal_friction": 0.0, "seal_friction_back": 0.0}},
     message="OilState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown(
             "setting",

@@ -45,10 +45,10 @@ def after(world: Record, k: int, h: float) -> None:
     plates.heat_plates(world.parts.pressed_clutch[k], world.values.pressed_clutch[k], world)
 
 
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState."""
     press = rig.device(rig.wire(name, "press"))
-    return plates.said(rig, name, float(press["pressure"]), float(press["travel"]))
+    return plates.shown_pack(rig, name, float(press["pressure"]), float(press["travel"]))
 
 
 PART = Part(
@@ -62,7 +62,7 @@ PART = Part(
     role=CLUTCH,
     joined={**plates.JOINED, "press": Wire("press")},
     message="ClutchState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown(
             "mode",

@@ -357,7 +357,7 @@ def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
     world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # the oil that it lets off goes to the tank
 
 
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ValveState."""
     me = rig.device(name)
     return (
@@ -406,7 +406,7 @@ PART = Part(
     },
     effects={"valve_hysteresis": {"hysteresis": 0.0, "friction_pressure": 0.0}, "current_loop": {}, "pwm_frequency": {}},
     message="ValveState",
-    says=says,
+    shown_values=shown_values,
     shows=(
         Shown("duty", "duty", "ratio", 0.0, 1.0, "PWM duty on the coil of {called}.", "share of the supply's voltage"),
         Shown("flow", "flow", "flow", -1e-3, 1e-3, "Oil flow of {called} to {fed}.", "positive fills the clutch"),

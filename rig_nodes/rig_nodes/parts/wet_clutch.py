@@ -319,10 +319,10 @@ SHOWS = (
 EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 
 
-def says(rig: ShownRig, name: str) -> tuple[float, ...]:
+def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState."""
     me = rig.device(name)
-    return plates.said(rig, name, float(me["chamber"]), float(me["piston"]))
+    return plates.shown_pack(rig, name, float(me["chamber"]), float(me["piston"]))
 
 
 PART = Part(
@@ -337,6 +337,6 @@ PART = Part(
     joined=plates.JOINED,
     effects=EFFECTS,
     message="ClutchState",
-    says=says,
+    shown_values=shown_values,
     shows=SHOWS,
 )

@@ -93,8 +93,8 @@ class States:
             return self._gearbox()
         if name == "rig":
             return self._rig_state
-        says = parts.part(self.rig.config.structure.device(name).part).says
-        return lambda: says(self.rig, name)
+        shown_values = parts.part(self.rig.config.structure.device(name).part).shown_values
+        return lambda: shown_values(self.rig, name)
 
     def refresh(self) -> None:
         """Compute the energies of this tick."""
