@@ -90,7 +90,7 @@ class Alfa46Config:
         for gear in box.gears:
             if gear.number <= law.GEARS:
                 record["drives"][0, gear.number] = sum(1 << output for output in gear.outputs)
-        for name in law.LAW_CONFIG.names:
+        for name in law.LAW_CONFIG.names or ():
             if name not in ("period", "drives"):
                 record[name] = getattr(self.values, name)
         return record

@@ -143,11 +143,13 @@ class Definition:
             for part in ("<u4", (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)))
         ]
         offsets = [part for at, first, _ in places for part in (at, first)]
+        own_names: tuple[str, ...] = own.names or ()
+        places_of_own: dict[str, int] = {name: entry[1] for name, entry in (own.fields or {}).items()}
         return np.dtype(
             {
-                "names": [*own.names, *names],
-                "formats": [own[name] for name in own.names] + formats,
-                "offsets": [own.fields[name][1] for name in own.names] + offsets,
+                "names": [*own_names, *names],
+                "formats": [own[name] for name in own_names] + formats,
+                "offsets": [places_of_own[name] for name in own_names] + offsets,
                 "itemsize": end,
             }
         )
@@ -397,7 +399,7 @@ def _flatten(path: str, node: Node) -> list[tuple[str, Node, int]] | None:
     """Return the numbers of a field in order as (path, number, array length or 0); None when its size varies."""
     if node.kind == "number":
         return [(path, node, 0)]
-    if node.kind == "array":
+    if node.kind == "array" and node.item is not None:
         if node.item.kind == "number":
             return [(path, node.item, node.count)]
         parts = [(f"{path}[{i}]", node.item) for i in range(node.count)]

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeAlias
 
 CLOCK = None  # stands in place of a message when the clock is due
 STRIDE = 0.05  # longest wall time [s] made up for at once; 50 ms at rate 10 are 500 messages of a 1 kHz topic
 BATCH = 1000  # largest number of due items handed out at once, so that a pause never waits for more
 
-Message = object  # any object that identifies the message for the caller
-Due = tuple[Message, int]
+Message: TypeAlias = Any  # any object that identifies the message for the caller
+Due: TypeAlias = tuple[Message, int]
 
 
 class Player:
@@ -153,8 +154,8 @@ class Player:
         self._take_clock(due, self._first)
         due += [(message, time) for time, message in self._early]
 
-    def _take_next(self, due: list[Due]) -> None:
-        self._last, message = self._ahead
+    def _take_next(self, due: list[Due], ahead: tuple[int, Message]) -> None:
+        self._last, message = ahead
         due.append((message, self._last))
         self._ahead = next(self._rest, None)
 
@@ -174,7 +175,7 @@ class Player:
                 if self._tick <= time:
                     self._take_clock(due, self._tick)
                 else:
-                    self._take_next(due)
+                    self._take_next(due, self._ahead)
             elif self.loop and self._offset >= (length := self._last - self._first + self._period):
                 self._offset -= length
                 self._start_pass(due)
@@ -193,5 +194,5 @@ class Player:
         if time > self.clock:
             self._take_clock(due, time)
         while self._ahead is not None and self._ahead[0] == time:
-            self._take_next(due)
+            self._take_next(due, self._ahead)
         self._offset = max(self._offset, float(time - self._first))

@@ -642,7 +642,7 @@ class Bag:
         definition = self._definition(stream)
         if any(leaf.path == name for leaf in definition.leaves):
             return np.frombuffer(self._joined(stream, definition.size), definition.dtype())[name]
-        if stream.payloads and (sized := definition.sized(self._payloads(stream)[0])) is not None and name in sized.names:
+        if stream.payloads and (sized := definition.sized(self._payloads(stream)[0])) is not None and name in (sized.names or ()):
             lists = [name for name, _ in definition.tail]
             if all(len(data) >= sized.itemsize for data in self._payloads(stream)):
                 rows = np.frombuffer(self._joined(stream, sized.itemsize), sized)

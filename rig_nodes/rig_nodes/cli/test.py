@@ -140,7 +140,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
             if clock:
                 print("rig: against the clock", flush=True)
                 process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
-                for line in process.stdout:
+                for line in process.stdout or ():
                     print(line, end="", flush=True)
                 counts += counted(line)
                 codes.append(process.wait())

@@ -13,6 +13,7 @@ import difflib
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from ..errors import RigError, brief, no_file
 from . import CONFIG_DIR, RIGS_DIR, load_yaml
@@ -149,7 +150,7 @@ def beside(path: str | Path, name: object) -> str:
     return text
 
 
-def with_bases(name: str | Path) -> list[tuple[Path, object]]:
+def with_bases(name: str | Path) -> list[tuple[Path, Any]]:
     """Read the file of a rig and those of its bases, each base after the file that names it.
 
     Parameters

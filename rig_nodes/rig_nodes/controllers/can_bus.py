@@ -318,7 +318,7 @@ class CanBus(FreeRunning):
             )
             return
         self.commands_now(who)
-        raw = message.decode(bytes(frame.data), decode_choices=False, scaling=False)
+        raw = message.decode_simple(bytes(frame.data), decode_choices=False, scaling=False)
         self._compare(message.name, raw)
         if message.name == frames.STATE:
             self._state = raw

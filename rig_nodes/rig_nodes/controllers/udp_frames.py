@@ -257,19 +257,18 @@ class Client:
         if self.running:
             self.end()
         self.session = session
-        lists = []
+        lists: list[list[tuple[float, str, str]]] = []
         for what, count in ((SETTINGS, settings), (OUTPUTS, outputs), (TRANSDUCERS, transducers), (GEARS, gears)):
-            lists.append([self.name(index, what) for index in range(count)])
-            if None in lists[-1]:
+            lists.append([one for index in range(count) if (one := self.name(index, what)) is not None])
+            if len(lists[-1]) < count:
                 self.session = 0
                 return
         self.outputs, self.transducers = ([name for _, name, _ in lists[what]] for what in (OUTPUTS, TRANSDUCERS))
-        level = {number: name for name, number in LEVELS.items()}[level]
         try:
             self.controller.initialize(
                 types.SimpleNamespace(
                     period=period,
-                    level=level,
+                    level={number: name for name, number in LEVELS.items()}[level],
                     command_high=command_high,
                     parameters={name: value for value, name, _ in lists[SETTINGS]},
                     outputs=tuple(self.outputs),

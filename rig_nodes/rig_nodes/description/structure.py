@@ -147,8 +147,8 @@ class Device:
         Name of its part.
     called : str
         Its name for people.
-    wires : mapping of str to object
-        What it is joined to, by the keys of the part's ``joined``.
+    wires : mapping of str to str, list of str or int
+        What it is joined to, by the keys of the part's ``joined``; the key says which of the three it is.
     release_rate : float
         Rate at which the pressure of a clutch falls when it is released [Pa/s].
     """
@@ -156,7 +156,7 @@ class Device:
     name: str
     part: str
     called: str
-    wires: Mapping[str, object] = field(default_factory=dict)
+    wires: Mapping[str, Any] = field(default_factory=dict)
     release_rate: float = 0.0  # Pa/s: rate at which a clutch's pressure falls when it is released
 
     @property

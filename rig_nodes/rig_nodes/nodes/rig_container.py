@@ -180,17 +180,16 @@ class Container:
         if self.rig.sample % TICK_SAMPLES == 0:
             seconds, rest = divmod(self.rig.time_ns, 1_000_000_000)
             self._clock_out.publish(CLOCK_BYTES.pack(b"\x00\x01\x00\x00", seconds, rest))
-        send, tap = self._send, self.tap
+        send, tap, dropped = self._send, self.tap, self.dropped
         for topic, _, data in self.outputs.due():
-            if self.dropped and self.is_dropped(topic):
+            if dropped and self.is_dropped(topic, *dropped):
                 continue
             send[topic](data)
             if tap is not None:
                 tap.put(topic, data)
 
-    def is_dropped(self, topic: str) -> bool:
+    def is_dropped(self, topic: str, name: str, number: int) -> bool:
         """Say whether this is the one message that must not be sent."""
-        name, number = self.dropped
         return topic == name and self.outputs.counts[topic] == number + 1
 
     def is_over(self) -> bool:

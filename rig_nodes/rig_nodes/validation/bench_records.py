@@ -81,7 +81,7 @@ def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
             Record(
                 "clutch_bench",
                 named,
-                {"k_kor": k_kor, "k_kor_error": abs(k_kor - 1.0), "model_torque_nm": float(torques[model][-1])},
+                {"k_kor": k_kor, "k_kor_error": abs(k_kor - 1.0), "model_torque_nm": float(np.asarray(torques[model])[-1])},
             )
         )
         for p, torque in [*zip(pressure, torques[model]), (ALLOWED_PRESSURE, full[model])]:

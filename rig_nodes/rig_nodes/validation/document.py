@@ -20,7 +20,7 @@ from ..errors import RigError, brief
 from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .programme import summary
 from .records import place_text
-from .targets import Target, load_targets
+from .targets import Target, listed, load_targets
 from .which_rows import LABORATORY_FOLDER
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def accepted(row: Row) -> str:
     """Return what the row accepts as text, in the laboratory's unit."""
     t = row.target
     if t.kind == "classification":
-        return t.expected
+        return t.expected or ""
     if t.kind == "trend":
         tolerance = f"{t.tolerance * 100:g} %" if t.tolerance_is_share else number(t, t.tolerance)
         over = f"over {t.over}"
@@ -282,7 +282,7 @@ def _hold(rows: list[Row]) -> str:
         return ""
     lines = []
     for valve in ("ZR-P1", "ZR-P2", "both"):
-        of_valve = [row for row in held.values() if valve in ("both", *row.target.conditions["valve"])]
+        of_valve = [row for row in held.values() if valve in ("both", *listed(row.target.conditions["valve"]))]
         for said in ("hold", "no hold"):
             found = [row.value for row in of_valve if row.target.expected == said]
             lines.append((valve, said, *(found.count(value) for value in ("hold", "no hold", None))))

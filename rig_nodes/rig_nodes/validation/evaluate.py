@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..config.units import SI, UNITS
+from ..errors import RigError
 from .records import Record, canonical, group, missing, place_text, select
 from .targets import Span, Target
 
@@ -237,11 +238,19 @@ _STATISTICS: dict[str, Callable] = {
 }
 
 
+def _stated(target: Target, key: str) -> str:
+    """Return the word under a key that the target's kind needs."""
+    word = getattr(target, key)
+    if word is None:
+        raise RigError(f"row {target.id} of the targets has no {key}")
+    return word
+
+
 def _statistic(target: Target, records: list[Record]) -> float:
     values = [_number(r, target.quantity) for r in records]
     if target.statistic in ("spread", "spread_share") and len(values) < 2:
         raise _Missing("a single value has no spread")
-    return _STATISTICS[target.statistic](values)
+    return _STATISTICS[_stated(target, "statistic")](values)
 
 
 def _numbers(target: Target, records: list[Record], conditions: dict[str, tuple | Span], named: Iterable[str] = ()) -> list[Record]:
@@ -393,7 +402,8 @@ def _judge_trend(target: Target, records: list[Record]) -> tuple[list[Judged], l
 
 
 def _tolerance(target: Target, ys: list[float]) -> float:
-    return target.tolerance * min(map(abs, ys)) if target.tolerance_is_share else target.tolerance
+    tolerance = target.tolerance or 0.0
+    return tolerance * min(map(abs, ys)) if target.tolerance_is_share else tolerance
 
 
 def _flat(target: Target, place: dict, xs: list[float], ys: list[float]) -> Judged:
@@ -418,7 +428,7 @@ def _monotone(target: Target, place: dict, xs: list[float], ys: list[float]) -> 
 
 
 def _judge_fit(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
-    degree = {"linear": 1, "quadratic": 2}[target.shape]
+    degree = {"linear": 1, "quadratic": 2}[_stated(target, "shape")]
     lines, lacking = _lines(target, records, target.over)
     judged = []
     for place, points in lines:
@@ -457,12 +467,12 @@ def r_squared(x: Floats, y: Floats, degree: int) -> float:
 
 
 def _judge_curve(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
-    variable = VARIABLES[target.variable]
+    variable = VARIABLES[_stated(target, "variable")]
     lines, lacking = _lines(target, records, variable)
     judged = []
     for place, points in lines:
         try:
-            x = np.array([x for x, _ in points]) / UNITS[target.variable_unit][1]
+            x = np.array([x for x, _ in points]) / UNITS[_stated(target, "variable_unit")][1]
             y = np.array([_at(target, same) for _, same in points]) / UNITS[target.unit][1]
             rms = _deviation(target, x, y) * UNITS[target.unit][1]
             judged.append(_within(rms, None, target.tolerance, place, "root mean square deviation"))

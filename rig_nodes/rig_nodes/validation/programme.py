@@ -25,7 +25,7 @@ from . import bench_records, readers
 from .derived import derive
 from .evaluate import Row, evaluate
 from .records import Record, average, same
-from .targets import Target, load_targets
+from .targets import Target, listed, load_targets
 
 RPM = pi / 30.0
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")
@@ -146,7 +146,7 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
         if target.procedure == SIMULATION:
             wanted.update(GRIDS)  # the simulation is compared with them
         if target.procedure in GRIDS:
-            shifts = {shift for side in (target.conditions, target.of, target.to) for shift in side.get("shift", ())}
+            shifts = {shift for side in (target.conditions, target.of, target.to) for shift in listed(side.get("shift", ()))}
             wanted.update(grid for grid, shift in zip(GRIDS, transmission_of().ways()) if shift in shifts)
     return tuple(name for name in PROCEDURES if name in wanted)
 

@@ -58,6 +58,11 @@ class Span:
     high: float
 
 
+def listed(condition: tuple | Span) -> tuple:
+    """Return the single values of a condition; a span has none."""
+    return () if isinstance(condition, Span) else condition
+
+
 @dataclass(frozen=True)
 class Target:
     """One printed number or trend, and what counts as meeting it; numbers are SI, except those of curves.
@@ -435,7 +440,7 @@ class _Row:
 def _condition(takes: str | type[int] | tuple[str, ...], name: str, entry: object, where: str) -> float | int | str:
     if isinstance(takes, str):
         return quantity(entry, takes, where)
-    if takes is int:
+    if isinstance(takes, type):
         if name == "series" and entry == "all":
             return "all"
         if not isinstance(entry, int) or isinstance(entry, bool) or entry < 1:

@@ -346,7 +346,7 @@ class _Shown:
     ) -> None:
         field, index = _FIELD.fullmatch(signal.field).groups()
         # the place of a field behind a text differs from message to message
-        values = rows[field] if field in self._dtype.names else np.array([getattr(m, field) for m in whole()])
+        values = rows[field] if field in (self._dtype.names or ()) else np.array([getattr(m, field) for m in whole()])
         values = values if index is None else values[:, int(index)]
         if not signal.states:
             rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
