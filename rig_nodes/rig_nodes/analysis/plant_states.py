@@ -73,15 +73,15 @@ def metrics_of_states(
     until = np.inf if next_order_time is None else next_order_time
     gearbox = states[GEARBOX]
     engaging = box.shift(row["from_gear"], row["to_gear"]).engaging
-    locks = [_lock(states[clutch.state], order, until) for clutch in engaging]
+    locks = [lock for clutch in engaging if (lock := _lock(states[clutch.state], order, until)) is not None]
     before = (gearbox["t"] >= order - BEFORE) & (gearbox["t"] < order)
-    if not locks or None in locks or not before.any():
+    if not locks or len(locks) < len(engaging) or not before.any():
         return None
     end = max(locks)
     start = order if row["t_dt_s"] is None else max(order, end - row["t_dt_s"])
     inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + 1e-9)
     lowest = float(gearbox["speed_out"][inside].min())
-    found = {
+    found: dict[str, float | None] = {
         "t_lock_s": end - order,
         "input_torque_max_nm": float(gearbox["torque_in"][inside].max()),
         "output_speed_min_rpm": lowest * RPM,

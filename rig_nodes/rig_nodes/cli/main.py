@@ -98,6 +98,10 @@ class Shown:
         self._stream.write(before + printable(inner, "\n\t") + after)
         return len(text)
 
+    def flush(self) -> None:
+        """Pass on what the stream has kept."""
+        self._stream.flush()
+
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 

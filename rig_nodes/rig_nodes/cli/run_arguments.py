@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 LOST = 3  # exit code of a run that was completed but lost messages or time
 LEAST_COME = 2.0  # s, least time that a program needs until it is discovered
+MOST_COME = 60.0  # s, longest wait for a program
 MOST_DELAY = 50  # samples, half of the time after which a silent controller causes the safe state
 
 
@@ -37,7 +38,7 @@ class StepTimeout(NamedTuple):
     """Wall-clock limits for a sample, and for a separate controller program to connect [s]; None means no limit."""
 
     step: float | None = 5.0
-    come: float | None = 60.0
+    come: float | None = MOST_COME
 
 
 def step_timeout(text: str) -> StepTimeout:
@@ -45,7 +46,7 @@ def step_timeout(text: str) -> StepTimeout:
     if text == "none":
         return StepTimeout(None, None)
     seconds = above_zero(text, None)
-    return StepTimeout(seconds, min(max(seconds, LEAST_COME), StepTimeout().come))
+    return StepTimeout(seconds, min(max(seconds, LEAST_COME), MOST_COME))
 
 
 def above_zero(text: str, endless: str | None) -> float:

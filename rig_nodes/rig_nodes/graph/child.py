@@ -114,8 +114,8 @@ class Child:
         return self._status.fileno()
 
     @property
-    def pid(self) -> int:
-        """Number of the process."""
+    def pid(self) -> int | None:
+        """Number of the process; None when it was not started."""
         return self._process.pid
 
     @property
@@ -152,7 +152,7 @@ class Child:
 
     def signal(self, number: int) -> None:
         """Send a signal unless the process has ended."""
-        if not self.ended():
+        if self.pid is not None and not self.ended():
             os.kill(self.pid, number)
 
     def wait(self) -> None:

@@ -10,6 +10,7 @@ children through pipes and signals.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import selectors
 import signal
@@ -137,7 +138,7 @@ class Supervisor:
         self.ended = threading.Event()
         self.end: End | None = None
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
-        self._end_at: float | None = None
+        self._end_at = math.inf
         self._lock = threading.Lock()  # protects the wake pipe
         self._wake_read, self._wake_write = os.pipe()
         for descriptor in (self._wake_read, self._wake_write):
@@ -165,7 +166,7 @@ class Supervisor:
             self._start()
             self._watch()
         finally:
-            self._stop_all()
+            end = self._stop_all()
             for number, handler in before.items():
                 signal.signal(number, handler)
             for child in self.children.values():
@@ -174,7 +175,7 @@ class Supervisor:
                 self.ended.set()
                 os.close(self._wake_read)
                 os.close(self._wake_write)
-        return self.end
+        return end
 
     # ---- start and watch
 
@@ -216,8 +217,8 @@ class Supervisor:
             selector.register(self._wake_read, selectors.EVENT_READ)
             for child in self.children.values():
                 selector.register(child.line, selectors.EVENT_READ, child)
-            while self._end_at is None or time.monotonic() < self._end_at:
-                left = 0.5 if self._end_at is None else max(0.0, min(0.5, self._end_at - time.monotonic()))
+            while time.monotonic() < self._end_at:
+                left = max(0.0, min(0.5, self._end_at - time.monotonic()))
                 for key, _ in selector.select(left):
                     child = key.data
                     if child is None:
@@ -295,13 +296,15 @@ class Supervisor:
         """End after so many seconds; the first reason stays, and a user's request is served at once."""
         if self.end is None:
             self.end = end
-        at = time.monotonic() + seconds
-        self._end_at = at if self._end_at is None else min(self._end_at, at)
+        self._end_at = min(self._end_at, time.monotonic() + seconds)
 
     # ---- end
 
-    def _stop_all(self) -> None:
-        """End the container, then the controllers, then the recorder, so that each receives everything of those before it."""
+    def _stop_all(self) -> End:
+        """End the container, then the controllers, then the recorder, so that each receives everything of those before it.
+
+        Returns how the run ended.
+        """
         if self.end is None:
             self.end = End("failed", "the supervisor failed")
         for names in END_ORDER:
@@ -320,6 +323,7 @@ class Supervisor:
                         self._end_badly(f"{child.name}: {message['text']}")
                 if child.exit_code:
                     self._end_badly(f"{child.name} {child.how()}; see logs/{child.log}")
+        return self.end
 
     def _end_badly(self, reason: str) -> None:
         """Make a run fail that was good so far, because something failed at its end."""

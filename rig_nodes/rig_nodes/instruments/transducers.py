@@ -103,7 +103,7 @@ def mains(step: float, frequency: float, phase: float) -> np.ndarray:
     """
     rows = Fraction(step * frequency).limit_denominator(round(1.0 / step)).denominator
     angle = 2.0 * np.pi * (phase + frequency * step * np.arange(rows))
-    return sum(share * np.sin(order * angle) for order, share in HARMONICS.items())
+    return sum((share * np.sin(order * angle) for order, share in HARMONICS.items()), np.zeros(rows))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -108,7 +108,7 @@ def receive(
 
 def setpoints_taken(config: RigConfig) -> list[Setpoint]:
     """Return the setpoints that have an effect on this rig, without those of what its configuration leaves out."""
-    return [one.setpoint for one in config.settings.steps.values() if not one.lacking]
+    return [one.setpoint for one in config.settings.steps.values() if one.setpoint is not None and not one.lacking]
 
 
 def device_names(config: RigConfig) -> list[str]:

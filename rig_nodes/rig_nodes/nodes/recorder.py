@@ -236,12 +236,12 @@ class Recorder(Node):
                         if messages is None:
                             selector.unregister(key.fileobj)
                             continue
-                        stamp = self._newest
+                        stamp = self._newest or 0
                         for topic, data in messages:
                             self.received += 1
                             stamp = cdr.stamp(data)
                             write(topic, types[topic], data, stamp)
-                        self._newest = max(self._newest, stamp)
+                        self._newest = max(self._newest or 0, stamp)
                     while self._queue:
                         self._store(*self._queue.popleft())
                     if closing and not ready:

@@ -62,8 +62,9 @@ class Turned(NamedTuple):
         """Return the SI value of what a person wrote; RigError when it is no such value or out of range."""
         setting = self.setting
         if setting.numbers == 1:
-            return setting.value_of(text, setting.name)
-        return [setting.value_of(part.strip(), setting.name) for part in text.split(",")]
+            value = setting.value_of(text, setting.name)
+            return value if isinstance(value, bool) else float(value)
+        return [float(setting.value_of(part.strip(), setting.name)) for part in text.split(",")]
 
     def __str__(self) -> str:
         """Return the value as people read it."""

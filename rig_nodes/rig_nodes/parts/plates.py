@@ -28,11 +28,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..arrays import Floats, Record
+    from ..plant.friction.geometry import Numbers
     from .shown_rig import ShownRig
 
 # models of chapter 6 that a configuration may name
 # name -> (pack, friction of the plates, friction of the splines, True as it is released) -> torque per force
-FRICTION_MODELS: dict[str, Callable[[PlatePack, float, float, bool], float]] = {
+FRICTION_MODELS: dict[str, Callable[[PlatePack, float, float, bool], Numbers]] = {
     "thesis": lambda pack, friction, spline, releasing: closed.thesis(pack, 1.0, friction, spline, releasing=releasing),
     "traditional": lambda pack, friction, _spline, _releasing: closed.traditional(pack, 1.0, friction),
     "osinski": lambda pack, friction, _spline, _releasing: closed.osinski(pack, 1.0, friction, beyond_table=True),
@@ -130,7 +131,7 @@ def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, 
     """
     spline = pack.friction_spline_static if releasing and model == "thesis" else pack.friction_spline
     try:
-        return FRICTION_MODELS[model](pack, friction, spline, releasing)
+        return float(FRICTION_MODELS[model](pack, friction, spline, releasing))
     except ValueError as error:
         raise RigError(f"plate_pack: {error}") from None
 
@@ -157,12 +158,12 @@ def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
     """
     try:
         if model == "kitabayashi":
-            return drag.kitabayashi(pack, 1.0, 1.0, 1.0)
+            return float(drag.kitabayashi(pack, 1.0, 1.0, 1.0))
         if model == "davis":
-            return drag.davis_viscous(pack, 1.0, 1.0, 1.0)
+            return float(drag.davis_viscous(pack, 1.0, 1.0, 1.0))
         if model == "iqbal":
-            return drag.iqbal(pack, 1.0, 1.0, 1.0, pack.film_radius, pack.liquid_share, pack.mist_viscosity_share)
-        return {"pahlovy": drag.pahlovy, "peng_yuan": drag.peng_yuan}[model](pack, 1.0, 1.0, 1.0, pack.film_radius)
+            return float(drag.iqbal(pack, 1.0, 1.0, 1.0, pack.film_radius, pack.liquid_share, pack.mist_viscosity_share))
+        return float({"pahlovy": drag.pahlovy, "peng_yuan": drag.peng_yuan}[model](pack, 1.0, 1.0, 1.0, pack.film_radius))
     except ValueError as error:
         raise RigError(f"plate_pack: {error}") from None
 

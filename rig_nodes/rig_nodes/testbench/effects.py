@@ -9,7 +9,7 @@ testbench.plan uses them: with an effect switched off, devices have the values t
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..parts import part as parts
 
@@ -30,7 +30,7 @@ def leave_out(config: RigConfig) -> dict[str, object]:
     dict of str to object
         The sections by name. Effects that the engine switches itself are left as they are.
     """
-    out = dict(config.sections)
+    out: dict[str, Any] = dict(config.sections)
     for device in config.structure.devices:
         for effect, values in parts.part(device.part).effects.items():
             if values and not getattr(config.effects, effect):

@@ -103,6 +103,13 @@ class Shift:
         """True for a shift that came to its end."""
         return not self.why
 
+    def number(self, name: str) -> float:
+        """Return a number of a shift that came to its end, by the name of its field."""
+        value = getattr(self, name)
+        if value is None:
+            raise ValueError(f"{name} of a shift that did not come to its end")
+        return value
+
 
 class NotHeld(RigError):
     """The rig does not come to rest in an operating point."""

@@ -141,7 +141,7 @@ def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
         better_rigs += (
             bool(good)
             and all(sum(of_rig[name]) < len(good) for name in names)
-            and (max(shift.peak for shift, _ in good) <= max(compared.peak for _, compared in good))
+            and (max(shift.number("peak") for shift, _ in good) <= max(compared.number("peak") for _, compared in good))
         )
     every = [pair for pairs in rigs for pair in pairs]
     return Verdict(
@@ -153,7 +153,7 @@ def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
         sum(bool(pairs) for pairs in rigs),
         better_rigs,
         {name: (max(x), sum(x) / len(x)) for name, x in shares.items() if x},
-        max((shift.peak for shift, _ in every if shift.valid), default=float("nan")),
+        max((shift.number("peak") for shift, _ in every if shift.valid), default=float("nan")),
         max((compared.peak for _, compared in every), default=float("nan")),
     )
 
@@ -295,7 +295,7 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
     def peak(settings: Alfa46Config) -> Callable[[float], float]:
         def read(load: float) -> float:
             shift = bench.shift(Point(point.way, point.speed, load), settings)
-            return shift.peak if shift.valid else float("inf")
+            return shift.number("peak") if shift.valid else float("inf")
 
         return read
 

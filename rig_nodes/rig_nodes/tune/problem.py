@@ -238,12 +238,13 @@ def share(name: str, shift: Shift, compared: Shift) -> float:
         The share.
     """
     if name == "dip":
-        return shift.dip
+        return shift.number("dip")
     if name == "rise":
-        return 1.0 + (shift.peak - compared.peak) / max(compared.peak - compared.before, RISE)
+        peak, before = compared.number("peak"), compared.before
+        return 1.0 + (shift.number("peak") - peak) / max(peak - before, RISE)
     if name == "time":
         return max(share("t_c", shift, compared), share("t_dt", shift, compared))
-    return getattr(shift, FIELDS[name]) / getattr(compared, FIELDS[name])
+    return shift.number(FIELDS[name]) / compared.number(FIELDS[name])
 
 
 def excess(task: Task, shift: Shift, compared: Shift) -> float:
@@ -252,8 +253,9 @@ def excess(task: Task, shift: Shift, compared: Shift) -> float:
     The dip counts by its difference from the bound, every other objective by the share of the bound that it exceeds.
     """
     limits = dict(task.bounds)
-    dip = limits.pop("dip", max(DIP, compared.dip))
-    return max(0.0, shift.dip - dip) + sum(max(0.0, getattr(shift, FIELDS[name]) / limit - 1.0) for name, limit in limits.items())
+    dip = limits.pop("dip", max(DIP, compared.number("dip")))
+    over = sum(max(0.0, shift.number(FIELDS[name]) / limit - 1.0) for name, limit in limits.items())
+    return max(0.0, shift.number("dip") - dip) + over
 
 
 def sought(name: str, shift: Shift, compared: Shift) -> float:

@@ -100,7 +100,7 @@ def _delays(records: list[Record]) -> list[Record]:
 
 
 def _lowest(series: list[Record], quantity: str, alike: float, yes: str, no: str) -> list[Record]:
-    found = [r.values[quantity] for r in series if r.values[quantity] is not None]
+    found = [value for r in series if (value := r.values[quantity]) is not None]
     out = []
     for r in series:
         value = r.values[quantity]

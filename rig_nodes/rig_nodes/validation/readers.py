@@ -199,7 +199,8 @@ def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) 
     if row["t_c_s"] is not None and row["t_o_s"] is not None:
         after = row["t_order_s"] + row["t_c_s"] + row["t_o_s"] + STEADY_AFTER
         means = [_mean(recording, torque, row["t_order_s"] - STEADY_FOR), _mean(recording, torque, after)]
-        steady = None if None in means else max(means)
+        known = [mean for mean in means if mean is not None]
+        steady = max(known) if len(known) == len(means) else None
     why = {"input_torque_max_nm": "; ".join(row["why"]) or f"{torque} was not recorded long enough after the shift"}
     return [
         Record(procedure, {**conditions, "phase": phase}, {"input_torque_max_nm": value}, {} if value is not None else why)
