@@ -15,7 +15,7 @@ import pytest
 
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.run import manifest_of, run_sweep
-from rig_nodes.sweep.store import JOURNAL, RESULTS, Store, decode
+from rig_nodes.sweep.store import JOURNAL, RESULTS, Journal, Store, decode
 from rig_nodes.testbench.campaign import Workers
 
 from .killed_sweep import many, plan
@@ -156,3 +156,17 @@ def test_a_finished_member_is_never_noted_twice(tmp_path):
         store.add(entry)
         with pytest.raises(ValueError):
             store.add(entry)
+
+
+def test_an_entry_that_is_damaged_while_the_journal_is_open_is_named(tmp_path):
+    path = tmp_path / JOURNAL
+    journal = Journal(path)
+    for member in range(3):
+        journal.add({"member": member})
+    path.write_bytes(path.read_bytes().replace(b'"member":1', b'"member":7').replace(b'"member": 1', b'"member": 7'))
+    with pytest.raises(RigError, match="damaged since the file was opened"):
+        list(journal.entries())
+    journal.close()
+    again = Journal(path)
+    assert [entry["member"] for entry in again.entries()] == [0]
+    again.close()

@@ -129,7 +129,9 @@ class Journal:
             for line in file:
                 entry = decode(line)
                 if entry is None:
-                    raise RigError(f"{self.path}: an entry was damaged since the file was opened; run the sweep again to repair it")
+                    raise RigError(
+                        f"{self.path}: an entry was damaged since the file was opened; start again, it goes on from the one before"
+                    )
                 yield entry
 
     def close(self) -> None:
