@@ -139,7 +139,7 @@ BAGS = {
     ),
     "an unknown compression": lambda: (file(chunk(HEAD, "xz")), "compressed as 'xz', expected zstd, lz4 or nothing"),
     "a wrong checksum": lambda: (file(chunk(HEAD + message(), crc=1)), "does not match its checksum"),
-    "a chunk in a chunk": lambda: (file(chunk(chunk(HEAD))), "a record of kind 6 stands among messages"),
+    "a chunk in a chunk": lambda: (file(chunk(chunk(HEAD))), "a record of kind 6 is among the messages"),
     "a record longer than its chunk": lambda: (
         file(chunk(HEAD + struct.pack("<BQ", 5, 1 << 40))),
         "a record runs past the end of its chunk",
