@@ -29,6 +29,8 @@ from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from rig_nodes.arrays import Floats
 
 _MAX_ELEMENTS = 50
@@ -620,7 +622,7 @@ class Driveline:
             When the body does not exist or the name is taken.
         """
         self._new_name(name)
-        self._exist(f"motion '{name}'", body)
+        self._turns(f"motion '{name}'", body)
         self._acts[name] = MOTION, {body: 1.0}, {body: 1.0}, "speed", Table(np.zeros(1), np.zeros(1)), 0.0
 
     def varying_inertia(self, name: str, body: str, *, table: Points, period: float | None = None, angle: float = 0.0) -> None:
@@ -646,7 +648,7 @@ class Driveline:
         """
         self._new_name(name)
         what = f"varying inertia '{name}'"
-        self._exist(what, body)
+        self._turns(what, body)
         table = table_of(what, table, "flat", period)
         if np.any(np.diff(table.x) == 0.0):
             raise RigError(f"driveline: the table of {what} jumps; an inertia cannot")
@@ -760,7 +762,8 @@ class Driveline:
             raise RigError(
                 f"driveline: {len(elements)} friction elements, two of them for each mesh with losses; at most {_MAX_ELEMENTS} work"
             )
-        speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations)
+        prescribed = [next(iter(on)) for kind, on, *_ in self._acts.values() if kind == MOTION]
+        speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations, prescribed)
         heavy = inertia > 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
@@ -891,7 +894,22 @@ class Driveline:
         held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
         if np.linalg.matrix_rank(held) < len(held):
             raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
+        if len(held):
+            self._left_free(held.any(axis=0), w)
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
+
+    def _left_free(self, held: npt.NDArray[np.bool_], w: Floats) -> None:
+        """RigError for what would have to hold speeds that motions prescribe: the speeds `held` (n,), the slips `w` (m, n)."""
+        elements = self._elements | self._mesh_elements()
+        for f, (name, one) in enumerate(elements.items()):
+            if (one[6] or name in self._meshes) and not w[f, ~held].any():
+                what = f"mesh '{name}'" if name in self._meshes else f"free-wheel '{name}'"
+                raise RigError(
+                    f"driveline: motions prescribe the speeds on both sides of {what}, which could not hold them; leave one out"
+                )
+        rigid = [f for f, name in enumerate(elements) if name in self._meshes]
+        if np.linalg.matrix_rank(w[np.ix_(rigid, ~held)]) < len(rigid):
+            raise RigError("driveline: motions prescribe the speeds of bodies that meshes tie together; one is enough")
 
     def _new_name(self, name: str) -> None:
         if name == GROUND or any(
@@ -918,6 +936,11 @@ class Driveline:
         self._exist(where, *names)
         if names[0] == names[1]:
             raise RigError(f"driveline: {where} joins '{names[0]}' with itself; two bodies are needed")
+
+    def _turns(self, what: str, body: str) -> None:
+        self._exist(what, body)
+        if body == GROUND:
+            raise RigError(f"driveline: {what} names the {GROUND}, which stands still; a body that turns is needed")
 
     @staticmethod
     def _positive(what: str, value: float) -> None:

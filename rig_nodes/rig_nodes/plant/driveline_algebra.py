@@ -41,7 +41,13 @@ N_EVENTS, N_CAPPED = 0, 1
 
 RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
 UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
-HEAD = 4  # work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit
+HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
+WEAK = 1e10 * HELD  # below this an element has no free speed that it could hold
+REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
+HEAD = (
+    5  # work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, [4]: see FIRST
+)
+FIRST = 4  # work[4]: time from the start of the last step to its first change of modes, or to its end [s]
 
 
 @intrinsic
@@ -230,9 +236,43 @@ def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> 
             total = 0.0
             for p in range(nc):
                 e = work[og + p * m + p]
-                if e > RANK * top:
+                if e > max(RANK * top, WEAK):
                     total += work[ov + i * m + p] * work[ov + j * m + p] / e
             work[oi + i * m + j] = total
+
+
+@njit(**INNER)
+def refuse(minv: Floats, w: Floats, ost: int, work: Floats, nc: int) -> None:
+    """Add to R the torques of nc stuck elements that cannot all stick while prescribed speeds change.
+
+    What no free speed can bring about of the slips' accelerations is a slip against which these elements show a torque far above
+    any capacity (REFUSED), so that one of them breaks away. `pseudo_inverse` has just left its eigenvectors.
+    """
+    noinline()
+    m, n = w.shape
+    at = places(n, m, int(0), int(0))
+    top = 0.0
+    for p in range(nc):
+        top = max(top, work[at.g + p * m + p])
+    for u in range(n):
+        if minv[u, u] != HELD:
+            continue
+        for p in range(nc):
+            if work[at.g + p * m + p] > max(RANK * top, WEAK):
+                continue
+            slip, size, row = 0.0, 0.0, 0
+            for f in range(m):
+                if work[ost + f] == STUCK:
+                    slip += work[at.vectors + row * m + p] * w[f, u]
+                    size = max(size, abs(w[f, u]))
+                    row += 1
+            if abs(slip) <= 1e-9 * size:
+                continue
+            row = 0
+            for f in range(m):
+                if work[ost + f] == STUCK:
+                    work[at.r + f * n + u] += REFUSED * HELD * work[at.vectors + row * m + p] * slip
+                    row += 1
 
 
 @njit(**INNER)
@@ -286,6 +326,10 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
                 for j in range(n):
                     work[op + i * n + j] -= work[orr + f * n + i] * work[owm + row * n + j]
             row += 1
+    for j in range(n):
+        if minv[j, j] == HELD:
+            refuse(minv, w, ost, work, nc)
+            break
     work[0] = pattern
     return pattern
 

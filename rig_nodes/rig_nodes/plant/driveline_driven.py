@@ -25,16 +25,15 @@ from rig_nodes.plant.driveline_laws import (
     TORQUE,
     Laws,
     LawState,
-    invert,
     jumped,
     law_state,
     laws_of,
-    product,
     put,
     settled_step_at,
     share_of,
 )
 from rig_nodes.plant.driveline_losses import LAST, OWN, put_losses
+from rig_nodes.plant.driveline_motion import invert, product
 from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, tables_of
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ LAWS = {
     "period": 1,
 }
 # the state of the laws, the work of the parts' torques on bodies, and accelerations at the step's end:
-KEPT = {"at": 1, "law_torque": 1, "spring": 1, "way": 1, "response": 1, "law_work": 1, "part_work": 1, "accel": 1}
+KEPT = {"at": 1, "law_torque": 1, "spring": 1, "way": 1, "law_work": 1, "part_work": 1, "accel": 1}
 # and those of the inputs: kind, place and row of the speeds of each; their points; the stick limits of the elements over their
 # capacity; the defaults of the laws' inputs; the mass matrix; torques and capacities at the end of the last step, and whether there
 # was one
@@ -191,7 +190,6 @@ def driven_step(
     law_torque: Floats,
     spring: Floats,
     way: Floats,
-    response: Floats,
     law_work: Floats,
     part_work: Floats,
     accel: Floats,
@@ -217,10 +215,10 @@ def driven_step(
     laws = Laws(
         kind, angle, slot, element, factor, of, on, gap, damping, first_spring, springs, Tables(first_point, x, y, ends, period)
     )
-    own = LawState(at, law_torque, spring, way, response, law_work)
+    own = LawState(at, law_torque, spring, way, law_work)
     inputs = given_kind.shape[0]
     over_time = Tables(given_first, given_x, given_y, np.zeros((inputs, 2)), np.zeros(inputs))
-    given, qq, cc, before = np.empty((2, default.shape[0])), np.empty((2, n)), np.empty((7, m)), np.empty(n)
+    given, qq, cc, before = np.zeros((3, default.shape[0])), np.empty((2, n)), np.empty((7, m)), np.empty(n)
     for k in range(loss.shape[0]):
         for row in range(VISC):
             cap[row, int(loss[k, OWN])] = 0.0

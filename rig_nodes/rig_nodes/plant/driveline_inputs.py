@@ -194,6 +194,28 @@ class Input:
             raise RigError(f"driveline: the capacity of '{self.name}' falls to {lowest:g} Nm; it must be at least 0")
         return np.maximum(out, least)
 
+    def middle(self, t: np.ndarray) -> np.ndarray:
+        """Return the values in the middle of each step.
+
+        Parameters
+        ----------
+        t : (k + 1,) array of float
+            Ends of the k steps [s].
+
+        Returns
+        -------
+        (k,) array of float
+            Values; of a table, which is a straight line in each step, the mean of the ends.
+
+        Raises
+        ------
+        RigError
+            When a value is not finite.
+        """
+        if not isinstance(self._signal, _Function):
+            return self.ends(t, np.zeros(0)).mean(axis=1)
+        return self.ends(np.concatenate([t[:1], 0.5 * (t[:-1] + t[1:])]), np.zeros(0))[:, 1]
+
 
 def step_ends(begin: float, end: float, step: float, points: np.ndarray) -> np.ndarray:
     """Return the ends of the steps from `begin` to `end`.

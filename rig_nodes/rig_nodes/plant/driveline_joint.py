@@ -21,6 +21,7 @@ from rig_nodes.plant.driveline_algebra import (
     CROSS,
     E_FRIC,
     FORWARD,
+    HELD,
     KIN0,
     KIN1,
     LOCK,
@@ -64,15 +65,29 @@ def note(t: float, f: int, kind: int, v: Floats, events: Floats, count: Ints) ->
 
 @njit(**INNER)
 def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
-    """Return whether the elements that are stuck now also hold element f, so that its slip cannot accelerate."""
+    """Return whether the elements that are stuck now also hold element f, so that its slip cannot accelerate.
+
+    A prescribed speed accelerates it where they do not hold it against that.
+    """
     n = w.shape[1]
     held = 0.0
     alone = 0.0
+    size = 0.0
     for i in range(n):
+        size = max(size, abs(w[f, i]))
         for j in range(n):
             held += w[f, i] * work[op + i * n + j] * w[f, j]
             alone += w[f, i] * minv[i, j] * w[f, j]
-    return held <= RANK * alone
+    if held > RANK * alone:
+        return False
+    for u in range(n):
+        if minv[u, u] == HELD:
+            slip = 0.0
+            for i in range(n):
+                slip += w[f, i] * work[op + i * n + u]
+            if abs(slip) > 1e-9 * HELD * size:
+                return False
+    return True
 
 
 @njit(**INNER)

@@ -23,6 +23,7 @@ from rig_nodes.plant.driveline_algebra import (
     E_FRIC,
     E_SHAFT,
     E_VISC,
+    FIRST,
     FORWARD,
     FREE,
     IMPULSE,
@@ -258,6 +259,7 @@ def driveline_step(
         loss[k, BEFORE] = loss[k, LAST]
     put_losses(loss, cap, int(0), LAST)
     put_losses(loss, cap, int(1), LAST)
+    work[FIRST] = 0.0
     made = 0
     joint = False
     vmax = 0.0
@@ -537,6 +539,8 @@ def driveline_step(
                     break
                 d = again if below < again < above else 0.5 * (below + above)
         if d > 0.0:
+            if work[FIRST] <= 1e-9 * h:
+                work[FIRST] = tl + d
             for k in range(loss.shape[0]):
                 loss[k, LAST] = loss[k, NEXT]
             stuck = False

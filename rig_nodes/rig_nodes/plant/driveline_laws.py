@@ -23,13 +23,13 @@ from rig_nodes.plant.driveline_algebra import (
     E_FRIC,
     E_SHAFT,
     E_VISC,
+    FIRST,
     HI0,
     IMPULSE,
     KIN0,
     LAM,
     LO0,
     N_CAPPED,
-    N_EVENTS,
     TAU,
     VISC,
     lin,
@@ -37,6 +37,7 @@ from rig_nodes.plant.driveline_algebra import (
 )
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
+from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
 CLOSE = 1e-11  # relative error of torques with which the lines of a step may differ from those that its way demands
-TRIES, HALVINGS, CUTS = 30, 12, 8
+TRIES, HALVINGS = 30, 12
 
 
 class Law(NamedTuple):
@@ -134,8 +135,6 @@ class LawState(NamedTuple):
         Torque of each spring with friction [Nm].
     way : (laws,) array of float
         Way of the last step.
-    response : (laws,) array of float
-        Response of a MOTION's speed to its torque.
     work : (1,) array of float
         Work from outside that the work on the speeds does not include [J].
     """
@@ -144,7 +143,6 @@ class LawState(NamedTuple):
     torque: np.ndarray
     spring: np.ndarray
     way: np.ndarray
-    response: np.ndarray
     work: np.ndarray
 
 
@@ -173,7 +171,6 @@ def law_state(laws: Sequence[Law]) -> LawState:
         torque,
         np.zeros(sum(len(one.springs) for one in laws)),
         np.zeros(count),
-        np.zeros(count),
         np.zeros(1),
     )
 
@@ -201,37 +198,6 @@ def in_contact(gap: float, x: float, dx: float) -> float:
     if low == high:
         return 1.0 if x >= gap or x <= -gap else 0.0
     return 1.0 - max(0.0, min(high, gap) - max(low, -gap)) / (high - low)
-
-
-@njit(**INNER)
-def product(row: Floats, v: Floats) -> float:
-    """Return the sum of row (n,) times v (n,)."""
-    noinline()
-    total = 0.0
-    for j in range(row.shape[0]):
-        total += row[j] * v[j]
-    return total
-
-
-@njit(**INNER)
-def invert(a: Floats, out: Floats) -> None:
-    """Invert a symmetric positive definite matrix a into out, by Gauss and Jordan; a is overwritten."""
-    noinline()
-    n = a.shape[0]
-    for i in range(n):
-        for j in range(n):
-            out[i, j] = 1.0 if i == j else 0.0
-    for col in range(n):
-        scale = 1.0 / a[col, col]
-        for j in range(n):
-            a[col, j] *= scale
-            out[col, j] *= scale
-        for i in range(n):
-            share = a[i, col]
-            if i != col and share != 0.0:
-                for j in range(n):
-                    a[i, j] -= share * a[col, j]
-                    out[i, j] -= share * out[col, j]
 
 
 @njit(**INNER)
@@ -309,11 +275,12 @@ def law_step(
 ) -> bool:
     """Take a step like `driveline_step`, whose address is `bare`, with laws.
 
-    `given` (2, inputs) are the inputs of the laws at both ends. Returns False where a law was not met.
+    `given` (3, inputs) are the inputs of the laws at both ends, and by how much they are above the mean of these in the middle.
+    Returns False where a law was not met.
     """
     noinline()
     met = True
-    done, size, cuts = 0.0, h, 0
+    done, size, cuts, most = 0.0, h, 0, 6 * mode.shape[0] + 12
     while done < h:
         left = h - done
         d = left if size >= left * (1.0 - 1e-9) else size
@@ -328,7 +295,7 @@ def law_step(
             done / h,
             end,
             last,
-            cuts < CUTS and d > 1e-9 * h,
+            cuts < most and d > 1e-9 * h,
             laws,
             own,
             given,
@@ -356,7 +323,7 @@ def law_step(
         elif reached == d or last:
             met = met and reached == d
             done = h if d == left else done + d
-            size, cuts = h if cuts > 0 or not met else 2.0 * d, 0
+            size = h if cuts > 0 or not met else 2.0 * d
         else:
             size = 0.5 * d
     return met
@@ -395,8 +362,8 @@ def try_step(
     """Take a part d of a step, from its share begin to its share end, and return d if the laws are met.
 
     Otherwise it returns 0, and nothing has changed unless keep is true. With cut true it returns less than d, and nothing has
-    changed, where an event lies inside a prescribed motion, because the torque of that motion is one number for the whole of a
-    step: the next part then has this length.
+    changed, where modes change inside and the laws are not met, or there is a prescribed motion, whose work is known only where no
+    modes change inside: the next part then has this length.
     """
     noinline()
     n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
@@ -406,8 +373,8 @@ def try_step(
     qq, cc, kk = np.empty((2, n)), np.empty((7, m)), np.empty((2, slots))
     held, inverse = np.empty((n, n)), minv
     slope, torque, other, way = np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows)
-    start, forced, missed = np.zeros(rows), np.zeros(rows), np.zeros(rows)
-    heavy = moved = False
+    start = np.zeros(rows)
+    heavy = driven = False
     for k in range(rows):
         rate = product(laws.of[k], v0)
         if laws.angle[k]:
@@ -416,9 +383,19 @@ def try_step(
         else:
             start[k] = rate
             way[k] = own.way[k] * d
-        forced[k] = own.torque[k] if laws.kind[k] == MOTION else 0.0
         heavy = heavy or laws.kind[k] == INERTIA
-        moved = moved or laws.kind[k] == MOTION
+        driven = driven or laws.kind[k] == MOTION
+    moved, gains, pushes, inert = np.zeros(0), np.zeros((2, 0)), qq, mass
+    if driven:
+        moved, gains, pushes, inverse = np.zeros(n), np.zeros((2, n)), np.empty((2, n)), np.empty((n, n))
+        for k in range(rows):
+            if laws.kind[k] == MOTION:
+                j = moved_by(laws.on[k])
+                moved[j] = 1.0
+                first, final = accelerations_of(given, laws.factor[k], begin, end, d, laws.on[k, j] * v0[j])
+                gains[0, j], gains[1, j] = first / laws.on[k, j], final / laws.on[k, j]
+        if not heavy:
+            hold(mass, moved, inverse)
     met = False
     for attempt in range(TRIES):
         if attempt > 0:
@@ -488,10 +465,6 @@ def try_step(
                 for j in range(n):
                     qq[0, j] += push0 * laws.on[k, j]
                     qq[1, j] += push1 * laws.on[k, j]
-            elif kind == MOTION:
-                for j in range(n):
-                    qq[0, j] += forced[k] * laws.on[k, j]
-                    qq[1, j] += forced[k] * laws.on[k, j]
             elif kind == INERTIA:
                 j0, j1 = value(laws.tables, k, x), value(laws.tables, k, x + dx)
                 bend = (j1 - j0) / dx if abs(dx) > 1e-9 else along(laws.tables, k, x, 1e-9)[1]
@@ -504,9 +477,17 @@ def try_step(
                     qq[1, i] -= torque[k] * laws.on[k, i]
                     for j in range(n):
                         held[i, j] += other[k] * laws.on[k, i] * laws.on[k, j]
+        if driven:
+            put(pushes, qq)
+            if heavy:
+                inert = held.copy()
+            drive(inert, moved, gains, qq)
         if heavy:
             inverse = np.empty((n, n))
-            invert(held, inverse)
+            if driven:
+                hold(held, moved, inverse)
+            else:
+                invert(held, inverse)
             work[0] = -1.0
         work[1] = -1.0
         bare_step(bare, d, t, inverse, w, sh, kk, qq, cc, loss, v, twist, mode, el, shaft, e_in, events, count, work)
@@ -542,19 +523,6 @@ def try_step(
             elif kind == TORQUE:
                 _, asked = along(laws.tables, k, x, dx)
                 error, scale = abs(asked * dx - slope[k] * (dx if slot >= 0 else way[k])), 1.0 + abs(torque[k])
-            elif kind == MOTION:
-                target = lin(given[0, laws.factor[k]], given[1, laws.factor[k]], end)
-                error, scale = product(laws.on[k], v) - target, 1.0 + abs(target)
-                if attempt > 0 and forced[k] != other[k] and error != missed[k]:
-                    own.response[k] = (error - missed[k]) / (forced[k] - other[k]) / d
-                if own.response[k] <= 0.0:
-                    for i in range(n):
-                        for j in range(n):
-                            own.response[k] += laws.on[k, i] * inverse[i, j] * laws.on[k, j]
-                if abs(error) > CLOSE * scale:
-                    missed[k], other[k] = error, forced[k]
-                    forced[k] -= error / (own.response[k] * d)
-                error = abs(error)
             elif kind == INERTIA:
                 j0, j1 = value(laws.tables, k, x), value(laws.tables, k, x + dx)
                 w0, w1 = product(laws.on[k], v0), product(laws.on[k], v)
@@ -566,15 +534,27 @@ def try_step(
             way[k] = dx
         if met:
             break
-    if not met and not keep:
+    since = work[FIRST]
+    inside = 1e-9 * d < since < d * (1.0 - 1e-9)
+    if (cut and inside and (driven or not met)) or not (met or keep):
         restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
-        return 0.0
-    if moved and cut:
-        for i in range(count0[N_EVENTS], min(count[N_EVENTS], count0[N_EVENTS] + events.shape[0])):
-            since = events[i % events.shape[0], 0] - t
-            if 1e-9 * d < since < d * (1.0 - 1e-9):
-                restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
-                return since
+        return since if cut and inside else 0.0
+    if driven and inside:
+        count[N_CAPPED] += 1
+    if driven:
+        gained, turned, before = np.empty(n), np.empty(n), twist0[:slots].copy()
+        for j in range(n):
+            gained[j], turned[j] = v[j] - v0[j], twist[slots + j] - twist0[slots + j]
+            e_in[j] = e_in0[j] + 0.5 * (pushes[0, j] + pushes[1, j]) * turned[j]
+        for k in range(rows):
+            if laws.slot[k] >= 0:
+                before[laws.slot[k]] = 0.0
+        for k in range(rows):
+            if laws.kind[k] == MOTION:
+                j = moved_by(laws.on[k])
+                impulse = impulse_of(j, d, inert, w, sh, kk, pushes, cc, gained, turned, el[IMPULSE] - el0[IMPULSE], before, twist)
+                own.torque[k] = impulse / d / laws.on[k, j]
+                own.work[0] += impulse / d * turned[j]
     for k in range(rows):
         kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]
         g1 = lin(given[0, laws.factor[k]], given[1, laws.factor[k]], end) if laws.factor[k] >= 0 else 1.0
@@ -615,8 +595,6 @@ def try_step(
                 if laws.angle[k]:
                     own.work[0] -= 0.5 * kk[0, slot] * dx * dx
                 own.work[0] -= shaft[E_SHAFT, slot] - shaft0[E_SHAFT, slot]
-        elif kind == MOTION:
-            own.torque[k] = forced[k]
         elif kind == INERTIA:
             own.work[0] += torque[k] * dx
             own.torque[k] = value(laws.tables, k, x + dx)
@@ -661,7 +639,7 @@ def settle(
     for k in range(loss.shape[0]):
         loss[k, LAST] = 0.0
     work[1] = -1.0
-    copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.response.copy(), own.work.copy())
+    copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.work.copy())
     law_step(
         bare,
         d,

@@ -525,14 +525,20 @@ class Run:
     def _given(self, t: Floats) -> tuple[Floats, Floats, Floats]:
         """Evaluate the inputs at both ends of the k steps between times t.
 
-        They are the torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and the inputs of the laws (k, 2, inputs).
+        They are the torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and the inputs of the laws (k, 3, inputs),
+        the last row of which says by how much a prescribed speed is above the mean of its ends in the middle of the step.
         """
         s, steps = self.system, len(t) - 1
         pushes = np.zeros((steps, 2, len(s.bodies)))
         cap = np.repeat(s.limits()[None], steps, axis=0)
-        given = np.empty((steps, 2, len(s.factors)))
+        given = np.zeros((steps, 3, len(s.factors)))
+        moved = {law.name for law in s.laws if law.kind == MOTION}
         for i, (name, default) in enumerate(s.factors.items()):
-            given[:, :, i] = self._inputs[name].ends(t, self._breakpoints) if name in self._inputs else default
+            given[:, :2, i] = default
+            if name in self._inputs:
+                given[:, :2, i] = self._inputs[name].ends(t, self._breakpoints)
+                if name in moved:
+                    given[:, 2, i] = self._inputs[name].middle(t) - given[:, :2, i].mean(axis=1)
         for name in {law.name for law in s.laws if law.kind == CAPACITY} - set(self._inputs):
             self._put(cap, s.elements.index(name), np.ones((steps, 2)))
         for name, one in self._inputs.items():
@@ -588,6 +594,7 @@ class Run:
             cap[:, row + 1] = cap[:, row]
         for ends in (pushes, given):
             ends[:, 1] = ends[:, 0]
+        given[:, 2] = 0.0
         _v, _twist, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
             t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws)
         )

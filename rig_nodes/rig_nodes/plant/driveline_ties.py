@@ -9,7 +9,7 @@ other relation then removes one of these speeds, that of a body without inertia 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +24,10 @@ _SAME = 1e-9  # relative size up to which a difference counts as zero
 
 
 def bodies_from_speeds(
-    inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]], relations: Mapping[str, Mapping[str, float]]
+    inertia: Mapping[str, float],
+    gears: Sequence[tuple[str, str, float]],
+    relations: Mapping[str, Mapping[str, float]],
+    kept: Collection[str] = (),
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Return the bodies whose speeds are free, and the speeds of all bodies by theirs.
 
@@ -36,6 +39,8 @@ def bodies_from_speeds(
         Gears (a, b, ratio) with w_a = ratio w_b.
     relations : mapping of str to mapping
         By name, the coefficients of bodies; the sum of coefficients times speeds is 0.
+    kept : collection of str
+        Bodies whose speeds are free before all others, as they are prescribed.
 
     Returns
     -------
@@ -53,6 +58,7 @@ def bodies_from_speeds(
     root, factor = _gear_groups(inertia, gears)
     free = [name for name in bodies if root[name] == name]
     heavy = {root[name] for name, j in inertia.items() if j > 0.0}
+    last = {root[name] for name in kept}
     t = np.zeros((len(bodies), len(free)))
     for i, name in enumerate(bodies):
         t[i, free.index(root[name])] = factor[name]
@@ -66,7 +72,7 @@ def bodies_from_speeds(
         row[np.abs(row) <= _SAME * max(sizes, default=0.0)] = 0.0
         if not row.any():
             raise RigError(f"driveline: {name} says no more than the gears and relations before it; leave it out")
-        goes = max((j for j in range(len(free)) if row[j] != 0.0), key=lambda j: (free[j] not in heavy, j))
+        goes = max((j for j in range(len(free)) if row[j] != 0.0), key=lambda j: (free[j] not in last, free[j] not in heavy, j))
         was = np.abs(t).max(axis=1)
         t = np.delete(t - np.outer(t[:, goes], row / row[goes]), goes, axis=1)
         del free[goes]
