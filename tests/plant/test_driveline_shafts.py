@@ -61,15 +61,15 @@ def test_a_shaft_that_hardens_swings_with_the_period_of_its_potential():
     assert r.torque("s").max() == pytest.approx(20.0 + 600.0 * (most - 0.1), abs=1e-3)
 
 
-def test_the_error_of_a_shaft_with_bends_is_of_second_order():
+def test_the_error_of_a_shaft_with_bends_is_of_second_order_until_its_oscillation_is_resolved():
     def end(step):
         d = bodies()
         d.shaft("s", "a", "b", table=([-0.1, 0.1, 0.2], [-20.0, 20.0, 80.0]), damping=0.3)
         return run(d.build(), 0.5, step).speeds[-1, 0]
 
     exact = end(1e-5)
-    error = [abs(end(step) - exact) for step in (4e-3, 2e-3, 1e-3)]
-    assert error[2] < 0.3 * error[1] < 0.09 * 1.2 * error[0] + 1e-6
+    error = [abs(end(step) - exact) for step in (3.2e-2, 1.6e-2, 8e-3, 1e-3)]
+    assert error[2] < 0.3 * error[1] < 0.09 * 1.2 * error[0] + 1e-6 and error[3] < 3e-5
 
 
 def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
@@ -84,7 +84,7 @@ def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
     r = run(d.build(), 10.25 * period, 1e-4)
     relative = r.speed("a") - r.speed("b")
     at = np.searchsorted(r.t, 10.0 * period)
-    assert r.twists[at, 0] == pytest.approx(3.0 * (r.t[at] - 10.0 * period), abs=3e-4) and relative[at] == pytest.approx(
+    assert r.twists[at, 0] == pytest.approx(3.0 * (r.t[at] - 10.0 * period), abs=2e-5) and relative[at] == pytest.approx(
         3.0, abs=1e-6
     )
     free = np.abs(r.twists[:, 0]) < 0.5 * gap
@@ -94,20 +94,48 @@ def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
     assert r.t[first] - 0.5 * gap / 3.0 == pytest.approx(0.0, abs=1e-4)
 
 
-def test_damping_acts_only_where_the_backlash_is_closed():
-    """Tau = c (x -+ b/2) + d dx/dt in contact, 0 between: the equations of MSL 4.1.0's ElastoBacklash, by scipy with events."""
+def bounce(stiffness, damping, gap, load, grid):
+    """Speeds of the two bodies over the grid: the equations of MSL 4.1.0's ElastoBacklash, by scipy from contact to contact."""
+    y, t, out = np.array([3.0, 0.0, 0.0]), 0.0, np.zeros((len(grid), 2))
+    out[0], side = y[:2], 0.0
+    while t < grid[-1]:
+
+        def rate(_t, y, side=side):
+            tau = stiffness * (y[2] - side * 0.5 * gap) + damping * (y[0] - y[1]) if side else 0.0
+            return [(load - tau) / 0.5, tau / 2.0, y[0] - y[1]]
+
+        def over(_t, y):
+            return y[2] - 0.5 * gap
+
+        def under(_t, y):
+            return y[2] + 0.5 * gap
+
+        over.terminal = under.terminal = True
+        over.direction, under.direction = -side or 1.0, -side or -1.0
+        events = [over, under] if side == 0.0 else over if side > 0.0 else under
+        leg = solve_ivp(
+            rate, (t, grid[-1]), y, method="DOP853", rtol=1e-11, atol=1e-12, max_step=5e-4, events=events, dense_output=True
+        )
+        on = (grid > t) & (grid <= leg.t[-1])
+        out[on] = leg.sol(grid[on])[:2].T
+        t, y = leg.t[-1], leg.y[:, -1]
+        side = 0.0 if side else math.copysign(1.0, y[2])
+    return out
+
+
+@pytest.mark.parametrize(
+    "stiffness, damping, gap, load",
+    [(1e4, 6.0, 0.1, 0.0), (1e4, 0.0, 0.1, 0.0), (1e5, 20.0, 0.02, 5.0)],
+    ids=["damped", "free", "stiff under load"],
+)
+def test_contacts_begin_and_end_inside_a_step(stiffness, damping, gap, load):
     d = bodies()
-    d.shaft("s", "a", "b", stiffness=1e4, damping=6.0, backlash=0.1, twist=0.02)
-    r = run(d.build(), 0.5, 1e-5)
-
-    def rate(t, y):
-        x, w = y[2], y[0] - y[1]
-        tau = 1e4 * (x - math.copysign(0.05, x)) + 6.0 * w if abs(x) > 0.05 else 0.0
-        return [-tau / 0.5, tau / 2.0, w]
-
-    truth = solve_ivp(rate, (0.0, 0.5), [3.0, 0.0, 0.02], rtol=1e-9, atol=1e-11, max_step=2e-5)
-    assert r.speeds[-1] == pytest.approx(truth.y[:2, -1], abs=3e-4) and r.twists[-1, 0] == pytest.approx(truth.y[2, -1], abs=1e-4)
-    assert r.e_shaft[-1, 0] > 0.5 and np.diff(r.e_shaft[:, 0]).min() >= 0.0 and closes(r)
+    d.shaft("s", "a", "b", stiffness=stiffness, damping=damping, backlash=gap)
+    r = run(d.build(), 0.96, 1e-4, {"a": load})
+    truth = bounce(stiffness, damping, gap, load, r.t)
+    assert np.abs(r.speeds - truth).max() < 1e-4 * np.abs(truth).max() and closes(r)
+    assert np.diff(r.e_shaft[:, 0]).min() >= 0.0 and (r.e_shaft[-1, 0] > 0.5) == (damping > 0.0)
+    assert np.abs(r.torque("s")[np.abs(r.twists[:, 0]) < 0.5 * gap]).max() == 0.0
 
 
 @pytest.mark.parametrize("step", [1e-3, 7e-3])

@@ -429,7 +429,7 @@ class Driveline:
             self._positive(f"torque in the hysteresis of shaft '{name}'", limit)
         if table is None:
             self._not_negative(f"stiffness of shaft '{name}'", stiffness)
-            table = ([-1.0, 0.0, 1.0], [-stiffness, 0.0, stiffness])
+            table = ([-1.0, 1.0], [-stiffness, stiffness])
             soft = backlash > 0.0 or bool(springs)
         else:
             soft = True

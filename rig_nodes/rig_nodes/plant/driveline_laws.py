@@ -11,6 +11,7 @@ is the one for which the lines were made, which in most steps is so at once. Whe
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -35,6 +36,7 @@ from rig_nodes.plant.driveline_algebra import (
     lin,
     noinline,
 )
+from rig_nodes.plant.driveline_bends import bend_inside, longest_part
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product
@@ -248,6 +250,31 @@ def share_of(first: float, last: float, begin: float, end: float) -> tuple[float
 
 
 @njit(**INNER)
+def mobility_of(of: Floats, inverse: Floats) -> float:
+    """Return the acceleration of a twist with the coefficients `of` (n,) by a torque [1/(kg m2)]."""
+    noinline()
+    total = 0.0
+    for i in range(of.shape[0]):
+        total += of[i] * product(inverse[i], of)
+    return total
+
+
+@njit(**INNER)
+def resolved(laws: Laws, own: LawState, minv: Floats, v: Floats, left: float, h: float) -> float:
+    """Return the part of the time left in a step h that resolves the oscillations of all shafts with a characteristic."""
+    noinline()
+    part = left
+    for k in range(laws.kind.shape[0]):
+        if laws.kind[k] == SHAFT:
+            stiffness = 0.0
+            for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
+                stiffness += laws.springs[i, 0]
+            rate = product(laws.of[k], v)
+            part = min(part, longest_part(laws.tables, k, own.at[k], rate, stiffness, mobility_of(laws.of[k], minv), h))
+    return part if part >= left else left / math.ceil(left / part * (1.0 - 1e-9))
+
+
+@njit(**INNER)
 def law_step(
     bare: int,
     h: float,
@@ -283,7 +310,9 @@ def law_step(
     done, size, cuts, most = 0.0, h, 0, 6 * mode.shape[0] + 12
     while done < h:
         left = h - done
-        d = left if size >= left * (1.0 - 1e-9) else size
+        d = min(size, resolved(laws, own, minv, v, left, h))
+        if d >= left * (1.0 - 1e-9):
+            d = left
         end = 1.0 if d == left else (done + d) / h
         last = (
             not met or d <= h * 0.5**HALVINGS
@@ -536,7 +565,18 @@ def try_step(
             break
     since = work[FIRST]
     inside = 1e-9 * d < since < d * (1.0 - 1e-9)
-    if (cut and inside and (driven or not met)) or not (met or keep):
+    bends = False
+    if cut and met:
+        for k in range(rows):
+            if laws.kind[k] == SHAFT:
+                mobility = mobility_of(laws.of[k], inverse)
+                first, final = product(laws.of[k], v0), product(laws.of[k], v)
+                at_bend = bend_inside(laws.tables, k, laws.gap[k], laws.damping[k], start[k], way[k], first, final, d, mobility)
+                if at_bend < since:
+                    since, bends = at_bend, True
+        bends = bends and 1e-9 * d < since < d * (1.0 - 1e-9)
+        inside = inside or bends
+    if (cut and inside and (driven or bends or not met)) or not (met or keep):
         restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
         return since if cut and inside else 0.0
     if driven and inside:
