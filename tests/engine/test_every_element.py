@@ -175,7 +175,7 @@ def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     run.to(0.32)
     result, signals = run.result(), torque_signals(bag.structure)
     assert [one.name for one in signals if one.of == "set"] == ["set_sun_torque", "set_ring_torque", "set_carrier_torque"]
-    assert len(signals) == 22 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
+    assert len(signals) == 24 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
     for one in signals:
         times, torque = bag.series(one.name)
         rows = np.searchsorted(result.t, times - 1e-9)

@@ -97,6 +97,8 @@ def test_a_gear_to_a_crank_carries_what_the_slider_takes():
     slope = MASS * (lever(at + 1e-5) ** 2 - lever(at - 1e-5) ** 2) / 2e-5
     takes = (WHEEL + MASS * lever(at) ** 2) * r.accelerations()[:, 0] + 0.5 * slope * r.speed("crank") ** 2
     assert r.torque("gear", "crank") == pytest.approx(takes, abs=0.02) and np.ptp(takes) > 0.5
+    # what the slider puts on the crank
+    assert r.torque("piston") == pytest.approx(WHEEL * r.accelerations()[:, 0] - takes, abs=0.02)
 
 
 @pytest.mark.parametrize(

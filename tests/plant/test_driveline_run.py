@@ -39,6 +39,7 @@ def test_an_event_comes_with_the_speeds_of_all_bodies():
     at = [e.kind for e in r.events].index("lock")
     assert r.event_speeds.shape == (len(r.events), 2)
     assert r.event_speeds[at] == pytest.approx([70.0 / 0.827] * 2, rel=1e-12)
+    assert r.event_angles[at] == pytest.approx(0.5 * r.events[at].t * np.array([100.0 + 70.0 / 0.827, 70.0 / 0.827]), rel=1e-12)
 
 
 def test_the_torque_in_a_gear_is_what_its_wheels_lack_to_accelerate():

@@ -166,7 +166,7 @@ class System:
         max_events : int
             Number of events for which there is room.
         recorded : bool
-            Adds room for the angles of the speeds after the twists of the shafts, and for the speeds after each event.
+            Adds room for the angles of the speeds after the twists of the shafts, and for speeds and angles after each event.
 
         Returns
         -------
@@ -195,7 +195,7 @@ class System:
             np.zeros((4, m)),
             np.zeros((2, s)),
             np.zeros(n),
-            np.zeros((max_events, 3 + extra)),
+            np.zeros((max_events, 3 + 2 * extra)),
             np.zeros(2, np.int64),
             np.zeros(work_size(n, m, s, len(self.meshes))),
         )
@@ -901,15 +901,13 @@ class Driveline:
     def _left_free(self, held: npt.NDArray[np.bool_], w: Floats) -> None:
         """RigError for what would have to hold speeds that motions prescribe: the speeds `held` (n,), the slips `w` (m, n)."""
         elements = self._elements | self._mesh_elements()
-        for f, (name, one) in enumerate(elements.items()):
-            if (one[6] or name in self._meshes) and not w[f, ~held].any():
-                what = f"mesh '{name}'" if name in self._meshes else f"free-wheel '{name}'"
-                raise RigError(
-                    f"driveline: motions prescribe the speeds on both sides of {what}, which could not hold them; leave one out"
-                )
-        rigid = [f for f, name in enumerate(elements) if name in self._meshes]
-        if np.linalg.matrix_rank(w[np.ix_(rigid, ~held)]) < len(rigid):
-            raise RigError("driveline: motions prescribe the speeds of bodies that meshes tie together; one is enough")
+        rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes]
+        if np.linalg.matrix_rank(w[np.ix_(rigid, ~held)]) < np.linalg.matrix_rank(w[rigid]):
+            names = ", ".join(f"'{list(elements)[f]}'" for f in rigid)
+            raise RigError(
+                f"driveline: motions prescribe speeds that the meshes and free-wheels ({names}) can hold against them; "
+                "leave out one of those that do"
+            )
 
     def _new_name(self, name: str) -> None:
         if name == GROUND or any(

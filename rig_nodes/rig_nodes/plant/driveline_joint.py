@@ -51,12 +51,16 @@ SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
 
 
 @njit(**INNER)
-def note(t: float, f: int, kind: int, v: Floats, events: Floats, count: Ints) -> None:
-    """Count an event of element f, and write it with the speeds [rad/s] at that time to the ring, if the ring has room for any."""
+def note(t: float, f: int, kind: int, v: Floats, twist: Floats, events: Floats, count: Ints) -> None:
+    """Count an event of element f, and write it with speeds [rad/s] and their integrals [rad] to the ring, if it has rows."""
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
-        for j in range(events.shape[1] - 3):
-            events[row, 3 + j] = v[j]
+        if events.shape[1] > 3:
+            n = v.shape[0]
+            first = twist.shape[0] - n
+            for j in range(n):
+                events[row, 3 + j] = v[j]
+                events[row, 3 + n + j] = twist[first + j]
         events[row, 0] = t
         events[row, 1] = f
         events[row, 2] = kind
@@ -320,16 +324,16 @@ def resolve(
         new = int(work[ost + f])
         if abs(new) >= 2:
             if abs(old) < 2:
-                note(t, f, int(LOCK), v, events, count)
+                note(t, f, int(LOCK), v, twist, events, count)
                 made += 1
         elif abs(old) >= 2:
-            note(t, f, int(BREAK), v, events, count)
+            note(t, f, int(BREAK), v, twist, events, count)
             made += 1
         elif old == 0:
-            note(t, f, int(CLOSE), v, events, count)
+            note(t, f, int(CLOSE), v, twist, events, count)
             made += 1
         elif old != new:
-            note(t, f, int(CROSS), v, events, count)
+            note(t, f, int(CROSS), v, twist, events, count)
             made += 1
         mode[f] = new
         work[ocand + f] = 0.0

@@ -224,8 +224,9 @@ def driveline_step(
         Output. TAU: torque at the end; E_SHAFT += int c (S v)^2 dt.
     e_in : (n,) array
         Output, += int q v dt.
-    events : (rows, 3) or (rows, 3 + n) array
-        Time, element, kind and the speeds v of each event, a ring that is filled from row 0.
+    events : (rows, 3) or (rows, 3 + 2 n) array
+        Time, element, kind, and the speeds v and their integrals at each event, a ring that is filled from row 0. Where it has
+        speeds, twist must have room for the integrals.
     count : (2,) array of int64
         N_EVENTS: events so far; N_CAPPED: steps in which the bound on events or pivots was reached. Beyond 6 m + 12 events in
         one step, or where the set of stuck elements could not be decided more than UNDECIDED times, the rest of the step runs
@@ -271,7 +272,7 @@ def driveline_step(
         work[oforce + f] = 0.0
         if not has_capacity(cap, f):
             if mo != OPEN:
-                note(t, f, int(FREE), v, events, count)
+                note(t, f, int(FREE), v, twist, events, count)
                 made += 1
                 mode[f] = OPEN
         elif mo == OPEN or abs(mo) == 1:
@@ -284,13 +285,13 @@ def driveline_step(
                     joint = True
                 else:
                     mode[f] = FORWARD if slip > 0.0 else BACKWARD
-                    note(t, f, int(CLOSE), v, events, count)
+                    note(t, f, int(CLOSE), v, twist, events, count)
                     made += 1
             elif mo * slip < -tol:
                 if mo * slip < -1e-6 * (1.0 + vmax):
                     # left by a capped step, or the caller has set another speed
                     mode[f] = -mo
-                    note(t, f, int(CROSS), v, events, count)
+                    note(t, f, int(CROSS), v, twist, events, count)
                     made += 1
                 else:
                     work[ocand + f] = 1.0

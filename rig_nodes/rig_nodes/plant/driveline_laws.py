@@ -39,7 +39,7 @@ from rig_nodes.plant.driveline_algebra import (
 from rig_nodes.plant.driveline_bends import bend_inside, longest_part
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
-from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product
+from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product, work_of
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
 CLOSE = 1e-11  # relative error of torques with which the lines of a step may differ from those that its way demands
-TRIES, HALVINGS = 30, 12
+TRIES, HALVINGS, FAILURES = 30, 12, 16
 
 
 class Law(NamedTuple):
@@ -307,16 +307,15 @@ def law_step(
     """
     noinline()
     met = True
-    done, size, cuts, most = 0.0, h, 0, 6 * mode.shape[0] + 12
+    done, size, cuts, most, failed = 0.0, h, 0, 6 * mode.shape[0] + 12, 0
     while done < h:
         left = h - done
         d = min(size, resolved(laws, own, minv, v, left, h))
         if d >= left * (1.0 - 1e-9):
             d = left
         end = 1.0 if d == left else (done + d) / h
-        last = (
-            not met or d <= h * 0.5**HALVINGS
-        )  # once halving has not helped, the rest of the step is taken without meeting the laws
+        # once halving has not helped, the rest of the step is taken without meeting the laws
+        last = not met or d <= h * 0.5**HALVINGS or failed >= FAILURES
         reached = try_step(
             bare,
             d,
@@ -355,6 +354,7 @@ def law_step(
             size = h if cuts > 0 or not met else 2.0 * d
         else:
             size = 0.5 * d
+            failed += 1
     return met
 
 
@@ -391,8 +391,8 @@ def try_step(
     """Take a part d of a step, from its share begin to its share end, and return d if the laws are met.
 
     Otherwise it returns 0, and nothing has changed unless keep is true. With cut true it returns less than d, and nothing has
-    changed, where modes change inside and the laws are not met, or there is a prescribed motion, whose work is known only where no
-    modes change inside: the next part then has this length.
+    changed, where a shaft passes a bend, or where modes change inside a prescribed motion, whose work is known best where none do:
+    the next part then has this length.
     """
     noinline()
     n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
@@ -576,15 +576,15 @@ def try_step(
                     since, bends = at_bend, True
         bends = bends and 1e-9 * d < since < d * (1.0 - 1e-9)
         inside = inside or bends
-    if (cut and inside and (driven or bends or not met)) or not (met or keep):
+    if (met and cut and inside and (driven or bends)) or not (met or keep):
         restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
-        return since if cut and inside else 0.0
-    if driven and inside:
-        count[N_CAPPED] += 1
+        return since if met else 0.0
     if driven:
         gained, turned, before = np.empty(n), np.empty(n), twist0[:slots].copy()
+        others = 0.0
         for j in range(n):
             gained[j], turned[j] = v[j] - v0[j], twist[slots + j] - twist0[slots + j]
+            others += 0.5 * (pushes[0, j] + pushes[1, j]) * turned[j]
             e_in[j] = e_in0[j] + 0.5 * (pushes[0, j] + pushes[1, j]) * turned[j]
         for k in range(rows):
             if laws.slot[k] >= 0:
@@ -594,7 +594,10 @@ def try_step(
                 j = moved_by(laws.on[k])
                 impulse = impulse_of(j, d, inert, w, sh, kk, pushes, cc, gained, turned, el[IMPULSE] - el0[IMPULSE], before, twist)
                 own.torque[k] = impulse / d / laws.on[k, j]
-                own.work[0] += impulse / d * turned[j]
+                if not inside:
+                    own.work[0] += impulse / d * turned[j]
+        if inside:
+            own.work[0] += work_of(inert, kk, v0, v, before, twist, el0, el, shaft0, shaft, others)
     for k in range(rows):
         kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]
         g1 = lin(given[0, laws.factor[k]], given[1, laws.factor[k]], end) if laws.factor[k] >= 0 else 1.0

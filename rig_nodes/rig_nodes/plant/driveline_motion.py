@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 from rig_nodes.compiled import INNER
-from rig_nodes.plant.driveline_algebra import HELD, VISC, lin, noinline
+from rig_nodes.plant.driveline_algebra import E_FRIC, E_SHAFT, E_VISC, HELD, VISC, lin, noinline
 
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats
@@ -175,4 +175,45 @@ def impulse_of(
     for a in range(sh.shape[0]):
         mean = 0.5 * (twist0[a] + twist[a])
         total += sh[a, j] * (d * kc[0, a] * mean + kc[1, a] * (twist[a] - twist0[a]))
+    return total
+
+
+@njit(**INNER)
+def work_of(
+    mass: Floats,
+    kc: Floats,
+    v0: Floats,
+    v: Floats,
+    twist0: Floats,
+    twist: Floats,
+    el0: Floats,
+    el: Floats,
+    shaft0: Floats,
+    shaft: Floats,
+    others: float,
+) -> float:
+    """Return the work of prescribed motions in a part of a step in which modes change: what all else leaves open.
+
+    Parameters
+    ----------
+    mass, kc : arrays
+        As those of the kernel.
+    v0, v, twist0, twist, el0, el, shaft0, shaft : arrays
+        Speeds, twists, friction elements and shafts of the kernel before and after.
+    others : float
+        Work of all other torques [J].
+
+    Returns
+    -------
+    float
+        The work [J].
+    """
+    noinline()
+    total = -others
+    for i in range(v.shape[0]):
+        total += 0.5 * (v[i] - v0[i]) * (product(mass[i], v) + product(mass[i], v0))
+    for f in range(el.shape[1]):
+        total += el[E_FRIC, f] - el0[E_FRIC, f] + el[E_VISC, f] - el0[E_VISC, f]
+    for a in range(shaft.shape[1]):
+        total += shaft[E_SHAFT, a] - shaft0[E_SHAFT, a] + 0.5 * kc[0, a] * (twist[a] ** 2 - twist0[a] ** 2)
     return total

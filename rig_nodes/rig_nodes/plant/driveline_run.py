@@ -147,8 +147,8 @@ class Result:
         Impulse of each friction torque [Nm s].
     events : list of Event
         The e events of the run.
-    event_speeds : (e, b) array of float
-        Speeds of the bodies at each event [rad/s].
+    event_speeds, event_angles : (e, b) array of float
+        Speeds [rad/s] and angles [rad] of the bodies at each event.
     capped : int
         Number of steps that reached the limit on events or whose laws were not met.
     """
@@ -173,6 +173,7 @@ class Result:
     impulse: np.ndarray
     events: list[Event]
     event_speeds: np.ndarray
+    event_angles: np.ndarray
     capped: int
 
     def speed(self, body: str) -> np.ndarray:
@@ -198,7 +199,8 @@ class Result:
         ----------
         name : str
             A clutch, brake or free-wheel (torque without its drag), a shaft, a torque or motion of the description (for a motion
-            the mean of the last step), or a gear, mesh, planetary set or relation.
+            the mean of the last step), what a slider-crank or varying inertia puts on its body, or a gear, mesh, planetary set or
+            relation.
         body : str, optional
             The body on which the gear, mesh, planetary set or relation puts the torque; needed for these.
 
@@ -224,10 +226,18 @@ class Result:
             return self.torques[:, s.elements.index(name)]
         if name in s.shafts:
             return self.shaft_torques[:, s.shafts.index(name)]
+        for k, law in self._inertias():
+            if law.name == name:
+                return -self.laws[:, k] * (self.accelerations() @ law.bodies) - self._bending(k, law)
         acting = {law.name: k for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION)}
         if name in acting:
             return self.laws[:, acting[name]]
-        k = _place(s.ties, "clutch, shaft, gear or set", name, (*s.elements, *s.shafts, *acting, *s.ties))
+        k = _place(
+            s.ties,
+            "clutch, shaft, gear or set",
+            name,
+            (*s.elements, *s.shafts, *acting, *(law.name for _, law in self._inertias()), *s.ties),
+        )
         joined = [b for b, c in zip(s.bodies, s.tie_rows[k]) if c != 0.0]
         if body not in joined:
             raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
@@ -481,7 +491,7 @@ class Run:
         if not self._rows:
             self._rows.append(self._first(np.zeros(2)))
         t, pushes, v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = map(np.concatenate, zip(*self._rows))
-        events = np.concatenate([*self._events, np.zeros((0, 3 + len(s.speeds)))])
+        events = np.concatenate([*self._events, np.zeros((0, 3 + 2 * len(s.speeds)))])
         angles, twist = twist[:, len(s.slots) :], twist[:, : len(s.shafts)]
         pushes = pushes + sum(laws[:, k, None] * law.bodies for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION))
         return Result(
@@ -504,7 +514,8 @@ class Run:
             shaft[:, algebra.E_SHAFT, : len(s.shafts)],
             el[:, algebra.IMPULSE],
             [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
-            events[:, 3:] @ s.bodies_from_speeds.T,
+            events[:, 3 : 3 + len(s.speeds)] @ s.bodies_from_speeds.T,
+            events[:, 3 + len(s.speeds) :] @ s.bodies_from_speeds.T,
             int(self._state.count[algebra.N_CAPPED]),
         )
 

@@ -72,5 +72,6 @@ class JointTorques:
             *(none,) * 6,
             [],
             none,
+            none,
             0,
         )
