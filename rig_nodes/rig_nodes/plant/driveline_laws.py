@@ -561,7 +561,8 @@ def try_step(
                 slope[k] = w1
             met = met and error <= CLOSE * scale
             way[k] = dx
-        if met:
+        # where the kernel could not decide who sticks, more tries of the same part cost much and settle nothing
+        if met or (attempt >= 3 and count[N_CAPPED] > count0[N_CAPPED]):
             break
     since = work[FIRST]
     inside = 1e-9 * d < since < d * (1.0 - 1e-9)
