@@ -115,7 +115,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     metrics["basis"] = basis_of(record, box, instruments)
     if not holds_rig(run.get("configuration") or info_of(bag).get("configuration")):
         metrics["basis"]["taken"] = True
-    energy = {"run": None, "shifts": [None] * len(rows)}
+    energy: dict[str, Any] = {"run": None, "shifts": [None] * len(rows)}
     try:
         energies = energies_of(bag, box)
         energy["run"] = balance(energies, *_whole(energies), box)
@@ -243,7 +243,7 @@ def _metrics(
     bag: Bag | Gathered | None = None,
 ) -> dict:
     """Return everything that comes from the logger's channels; a run without a change of gear also needs the bag's commands."""
-    found = {
+    found: dict[str, Any] = {
         "shifts": rows,
         "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows]
         if recording

@@ -315,7 +315,8 @@ class Fields:
 
     def __init__(self, ros_type: str) -> None:
         self._definition = installed(ros_type)
-        self._plain, self._sized = self._definition.dtype(), None
+        self._plain = self._definition.dtype()
+        self._sized: np.dtype | None = None
         self._lists = [name for name, _ in self._definition.tail] if self._definition.lists else []
 
     def of(self, data: bytes) -> np.void:

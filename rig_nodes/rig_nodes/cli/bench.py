@@ -42,7 +42,8 @@ def main(args: argparse.Namespace) -> int:
     from .json_output import check_json, write_json
 
     check_json(args.json)
-    line, results = ProgressLine(), {"machine": machine()}
+    line = ProgressLine()
+    results: dict = {"machine": machine()}
     text = args.json != "-"
     if text:
         print(machine_line(results["machine"]), flush=True)

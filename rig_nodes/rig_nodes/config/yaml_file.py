@@ -253,9 +253,10 @@ class _Builder:
         if isinstance(node, Map):
             out = Map(node.line)
             out.update((key, self.copy(value, depth + 1)) for key, value in node.items())
-        else:
-            out = List(node.line)
-            out.extend(self.copy(value, depth + 1) for value in node)
+            out.lines = node.lines
+            return out
+        out = List(node.line)
+        out.extend(self.copy(value, depth + 1) for value in node)
         out.lines = node.lines
         return out
 

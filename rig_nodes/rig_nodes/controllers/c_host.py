@@ -195,7 +195,7 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     if not pointer:
         return None, {"abi": None}
     told = pointer.contents
-    found = {"abi": {field[0]: getattr(told, field[0]) for field in AbiInfo._fields_ if field[1] is ct.c_uint32}}
+    found: dict = {"abi": {field[0]: getattr(told, field[0]) for field in AbiInfo._fields_ if field[1] is ct.c_uint32}}
     if told.abi != ABI:
         return None, found
     found["abi"]["record"] = (told.record or b"").decode("utf-8", "replace")

@@ -281,7 +281,8 @@ class CLibrary(Plug):
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         """Load the library; ``rest`` is FILE.so, FILE.c or FILE.cpp."""
-        name, self._host, self._made_for = f"{self.prefix}:{rest}", None, record_of(config)
+        name, self._made_for = f"{self.prefix}:{rest}", record_of(config)
+        self._host: Host | None = None
         try:
             bits = self._load(rest, name)
             levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)

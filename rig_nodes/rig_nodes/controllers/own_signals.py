@@ -103,7 +103,8 @@ class Blocks:
     """
 
     def __init__(self, columns: int) -> None:
-        self._columns, self._number, self._data = columns, -1, None
+        self._columns, self._number = columns, -1
+        self._data: np.ndarray | None = None
 
     def add(self, sample: int, values: Sequence[float]) -> list[tuple[int, np.ndarray]]:
         """Add the row of a sample and return the blocks that are complete with it.

@@ -73,8 +73,9 @@ class ControllerNode(Node):
         # read once, at the start: the controller may use attributes of these names for itself later
         self.needs = {kind: tuple(getattr(controller, kind, ())) for kind in ("wants", "settings", "signals")}
         self.number = random.randrange(1, 2**32)  # distinguishes this controller from others on the same topics
-        self.session, self.running, self.answer = 0, False, None
-        self.start = None
+        self.session, self.running = 0, False
+        self.start: ControllerStart | None = None
+        self.answer: ControllerAnswer | None = None
         self._ready = self.create_publisher(ControllerReady, f"/{topics}/ready", LASTING)
         self._answer = self.create_publisher(ControllerAnswer, f"/{topics}/answer", NEWEST)
         self.create_subscription(ControllerStep, f"/{topics}/step", self.on_step, UNCONFIRMED)

@@ -50,7 +50,9 @@ class CutDevice(Node):
         self._encode = encoder(answer.ros_type).encode
         self.publisher = self.create_publisher(message_class(answer.ros_type), answer.name, publisher_profile(answer.qos))
         self._subscription = None
-        self._side, self._last, self._seq = None, None, 0
+        self._side: OtherSide | None = None
+        self._last: int | None = None  # newest sample
+        self._seq = 0
         OtherSide(device, config).step(Port(tick=config.cut.tick))  # compiles, so that the first answer is on time
 
     @property

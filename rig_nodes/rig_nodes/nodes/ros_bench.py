@@ -64,7 +64,8 @@ class RosBench:
         self.needed: set[str] = set()  # signals that the sequence reads
         self._ordered = None
         self._topics: set[str] = set()
-        self._done, self._refusal, self._newest = False, None, None
+        self._done, self._newest = False, None
+        self._refusal: str | None = None
         self._shift = ActionClient(node, Shift, "/controller/shift") if config.structure.shifts else None
         self._setters: dict[str, Client] = {}  # by node whose settings the sequence changes
         self._setting = None  # answer to the newest setting, when it is there

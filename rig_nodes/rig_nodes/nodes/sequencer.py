@@ -54,7 +54,9 @@ class Sequencer(Node):
         self.bench = RosBench(self, config, self.link is not None)
         self._samples = pace_of(config)
         self._tick = -1
-        self._runner, self._goal, self._steps_told = None, None, 0
+        self._runner: SequenceRunner | None = None
+        self._goal: ServerGoalHandle | None = None
+        self._steps_told = 0
         self._cancelled = False  # True when the goal is to be ended at the next tick
         self._failed = ""  # why the newest sequence did not reach its end
         self.outcome: dict | None = None  # result of the sequence of --sequence, when it is over

@@ -482,9 +482,9 @@ def calibrate(
         values = search(config, those, misses, turns, jobs, seed, tell, starts)
         config = with_values(config, those, values)
         found.after[stage] = misses(config, targets)
-        rows, spread = sensitivities(config, those, values, misses)
+        changes, spread = sensitivities(config, those, values, misses)
         found.values |= {f"{stage}.{name}": value for name, value in values.items()}
-        found.sensitivities |= {f"{stage}.{name}": row for name, row in rows.items()}
+        found.sensitivities |= {f"{stage}.{name}": row for name, row in changes.items()}
         found.spread |= {f"{stage}.{name}": value for name, value in spread.items()}
     return found, config
 

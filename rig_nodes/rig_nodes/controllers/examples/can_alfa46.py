@@ -45,7 +45,8 @@ class CanController:
         self.currents, self.measured = currents(self.record), measured(self.record)
         self.told = {}  # newest value by signal
         self.unread = {}  # number of times by text, for what came and could not be read
-        self.law = self.sample = None
+        self.law: Alfa46 | None = None
+        self.sample = None
 
     def run(self, stop: threading.Event) -> None:
         """Answer until ``stop`` is set."""
@@ -82,7 +83,7 @@ class CanController:
             "CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting), "flags": out.flags, "status": 0}
         )
         name, factor = ("CONTROL_COMMAND_CURRENT", 1e3) if told["level"] else ("CONTROL_COMMAND_DUTY", 100.0)
-        commands = {f"command_{k}": value * factor for k, value in enumerate(out.command, 1)}
+        commands = {f"command_{k}": value * factor for k, value in enumerate(out.command or (), 1)}
         self.send(name, {"sample": counter, **commands})
 
     def send(self, name: str, values: dict[str, float]) -> None:

@@ -40,7 +40,8 @@ class ModbusController:
         self.record = record_of(config)
         self.wires, self.outputs = given(self.record), len(self.record.outputs)
         self.read = len([row for row in register_map(self.record) if row.access == "read"])
-        self.law, self.sample, self.heartbeat = None, -1, 0
+        self.law: Alfa46 | None = None
+        self.sample, self.heartbeat = -1, 0
 
     def run(self, stop: threading.Event) -> None:
         """Answer until ``stop`` is set."""
