@@ -124,7 +124,7 @@ def test_without_the_current_loop_setpoints_act_alike_from_inside_and_outside_an
     outside = Rig(config, controller="external", level=None)
     for rig in (inside, outside):
         rig.set("oil", 4e6, True)
-    with pytest.raises(RigError, match="current_loop=off makes the coil current its setpoint.*--level current"):
+    with pytest.raises(RigError, match="current_loop=off makes the coil current follow its setpoint.*--level current"):
         outside.set_duty(0, (0.5, 0.0, 0.0), (0.3, 0.0, 0.0), 1, True)
     with pytest.raises(RigError, match="current_loop=off"):
         Rig(config, controller="external", level="duty")

@@ -726,7 +726,7 @@ class Driveline:
         for name, (kind, pushes, *_) in self._acts.items():
             on = [body for body in pushes if body in bodies]
             if len(on) == 2:
-                links.append(Link(*on, "torque", name))
+                links.append(Link(on[0], on[1], "torque", name))
             for body in on if len(on) == 1 else ():
                 bodies[body].notes.append(f"{name}: {_ACTS[kind]}")
         for link in links:
@@ -1009,14 +1009,14 @@ class Driveline:
             raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
         if period is not None and by == "speed":
             raise RigError(f"driveline: {what} has a period and is by speed; only a table over an angle repeats")
-        table = table_of(what, table, "flat", period)
-        if by == "speed" and np.any(np.diff(table.x) == 0.0):
-            at = table.x[1:][np.diff(table.x) == 0.0][0]
+        found = table_of(what, table, "flat", period)
+        if by == "speed" and np.any(np.diff(found.x) == 0.0):
+            at = found.x[1:][np.diff(found.x) == 0.0][0]
             raise RigError(
                 f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
                 "between which it changes, or use a clutch where it is friction"
             )
-        return table
+        return found
 
 
 def _apart(table: Table, gap: float) -> Table:

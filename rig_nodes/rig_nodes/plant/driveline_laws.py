@@ -150,12 +150,18 @@ class LawState(NamedTuple):
 
 def laws_of(laws: Sequence[Law], n: int) -> Laws:
     """Return the arrays of laws that are sorted by kind, for n speeds."""
-    ints = [np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor")]
-    rows = [np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on")]
+    ints = (np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor"))
+    kind, angle, slot, element, factor = ints
+    of, on = (np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on"))
     springs = [spring for one in laws for spring in one.springs]
     return Laws(
-        *ints,
-        *rows,
+        kind,
+        angle,
+        slot,
+        element,
+        factor,
+        of,
+        on,
         np.array([one.gap for one in laws]),
         np.array([one.damping for one in laws]),
         np.cumsum([0, *(len(one.springs) for one in laws)]),

@@ -597,7 +597,7 @@ class Run:
             _run_steps(bare_address(), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
         return *out, *soft
 
-    def _first(self, t: Floats) -> tuple[Floats | Ints, ...]:
+    def _first(self, t: Floats) -> tuple[np.ndarray, ...]:
         """Return row 0, whose torques are those of a step of zero length."""
         s, begin = self.system, self.system.state(0, recorded=True)
         pushes, cap, given = self._given(t[:2])
