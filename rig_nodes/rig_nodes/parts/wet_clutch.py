@@ -81,6 +81,34 @@ def pack_force(piston: float, clutch: Record) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def is_stiff(piston: float, half: float, clutch: Record) -> bool:
+    """Return whether the pack holds up the piston so much that the trapezoidal rule would let its speed swing.
+
+    The slope of :func:`pack_force` is compared without a division, because every step asks.
+
+    Parameters
+    ----------
+    piston : float
+        Position of the piston [m].
+    half : float
+        Half of the step [s].
+    clutch : Record
+        Values of the clutch.
+
+    Returns
+    -------
+    bool
+        True when the slope times half the step is above STIFF times the damping of the piston.
+    """
+    squeeze = piston - clutch.clearance
+    if squeeze <= 0.0:
+        return False
+    travel = clutch.pack_travel
+    left = max(1e-4 * travel, travel - squeeze)
+    return clutch.pack_rate * travel * travel * half > STIFF * clutch.piston_damping * left * left
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tuple[float, float]:
     """Return (piston position after h, its derivative by pressure) by an implicit step of the massless, damped piston.
 
@@ -215,7 +243,7 @@ def cylinder_step(
     half, per_half = 0.5 * h, 2.0 / h
     start = max(0.0, cylinder.piston + half * cylinder.speed)
     # by the trapezoidal rule the speed of a piston on a stiff pack swings from step to step: there a backward step is taken
-    if pack_force(cylinder.piston, clutch)[1] * half > STIFF * clutch.piston_damping:
+    if is_stiff(cylinder.piston, half, clutch):
         half, per_half, start = h, 1.0 / h, cylinder.piston
     line, x, flow, speed = port.pressure, start, 0.0, 0.0
     for turn in range(120):

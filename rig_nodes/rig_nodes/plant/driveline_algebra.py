@@ -44,9 +44,8 @@ UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may 
 HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
 WEAK = 1e10 * HELD  # below this an element has no free speed that it could hold
 REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
-HEAD = (
-    5  # work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, [4]: see FIRST
-)
+# work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, [4]: see FIRST
+HEAD = 5
 FIRST = 4  # work[4]: time from the start of the last step to its first change of modes, or to its end [s]
 
 
