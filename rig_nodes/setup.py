@@ -35,6 +35,7 @@ setup(
             "config/*.xml",
             "rigs/**/*.yaml",
             "rigs/**/*.csv",
+            "rigs/**/*.py",
             "description/template/**/*.yaml",
             "controllers/include/*.h*",
             "controllers/examples/**/*.c*",

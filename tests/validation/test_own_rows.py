@@ -137,7 +137,7 @@ def test_what_cannot_be_taken_is_not_compared_with_the_reason(folder):
             "    metric: t_c_s\n    shift: 1-2\n",
             "ratio.gear goes with value; a metric is that of a shift",
         ),
-        ("    value: n_in / n_out\n", "", "needs one of value, an expression of signals, and metric"),
+        ("    value: n_in / n_out\n", "", "needs one of value, an expression of signals, metric, .* and calculation"),
         ("    source: by hand\n", "", "a row lacks the key 'source'"),
         (
             "    gear: 2\n",

@@ -46,6 +46,7 @@ VERBS = {
     "view": "show a run or a running rig in Rerun, or make a picture",
     "report": "print the shift metrics of a run and rewrite its report.json",
     "calibrate": "find a rig's unknown parameters on the laboratory's rows, or on its own",
+    "calculate": "print a calculation of a rig's folder, with its values or on a recording",
     "validate": "compare a rig with its validation rows, the HydmAG with all printed results",
     "bench": "measure how fast the rig computes on this machine",
     "export": "write an FMU, the CAN database, the Modbus registers or rig_record.h",

@@ -1,7 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The validation rows of a rig's folder: validation.yaml, the value that each row takes from a run, and their judgement.
+"""The validation rows of a rig's folder: validation.yaml, the value that each row takes, and their judgement.
+
+A row takes its value from a run, or from a cell of one of the folder's calculations (testbench.calculations).
 
 Used by ``rig validate --rig`` for rigs that have rows of their own; validation.programme handles those of the laboratory.
 """
@@ -12,7 +14,7 @@ import ast
 import fnmatch
 import math
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,8 +26,9 @@ from ..analysis.metrics import KEYS, Recording, shifts
 from ..config import load_yaml
 from ..config.names import beside, unknown
 from ..config.schema import check_keys, where_of
-from ..config.units import SI, UNITS, dimension_of, quantity
+from ..config.units import SI, UNITS, dimension_of, quantity, with_article
 from ..errors import RigError, brief
+from ..testbench.calculations import Calculation, NotRecorded, Table, calculations_of, of_run
 from ..testbench.configuration import RigConfig, load_rig, with_overrides
 from ..testbench.record import Run, record
 from ..testbench.sequence import DIMENSIONS, load_sequence
@@ -46,6 +49,9 @@ _KEYS = (
     "settings",
     "value",
     "metric",
+    "calculation",
+    "where",
+    "column",
     "gear",
     "over",
     "from",
@@ -66,20 +72,20 @@ _FUNCTIONS: dict[str, Callable] = {"mean": np.mean, "min": np.min, "max": np.max
 
 @dataclass(frozen=True)
 class OwnRow:
-    """A row: its target, the run that it needs, and the value that it takes from the run.
+    """A row: its target, the run that it needs, and the value that it takes from the run or from a calculation.
 
     Parameters
     ----------
     target : Target
         What is accepted.
     sequence : str
-        Name or file of the run's sequence.
+        Name or file of the run's sequence; empty for a calculation without a recording.
     parameters, settings : tuple of (str, str)
         Names and values of the sequence's parameters and of the rig's settings in the run.
     value : str
-        An expression of signals; empty for a metric.
+        An expression of signals; empty for other rows.
     metric : str
-        Key of a shift in the report, which ends with its unit; empty for an expression.
+        Key of a shift in the report, which ends with its unit; empty for other rows.
     gear : int or None
         Gear whose steady end is averaged.
     over : float
@@ -88,6 +94,12 @@ class OwnRow:
         Start and end of the averaged time [s], in place of a gear.
     shift : (int, int) or None
         Gears before and after the shift of a metric.
+    calculation : Calculation or None
+        The calculation of a row that takes a cell of its table.
+    where : tuple of (str, object)
+        Columns and their values, which select the cell's row.
+    column : str
+        The cell's column.
     """
 
     target: Target
@@ -100,6 +112,9 @@ class OwnRow:
     over: float = STEADY
     window: tuple[float, float] | None = None
     shift: tuple[int, int] | None = None
+    calculation: Calculation | None = None
+    where: tuple[tuple[str, object], ...] = ()
+    column: str = ""
 
     @property
     def run(self) -> tuple:
@@ -174,7 +189,7 @@ class _Reader:
     """Reads one row; every refusal names file and line."""
 
     def __init__(self, path: Path, node: Any, where: str, rig: str | Path, config: RigConfig) -> None:
-        check_keys(path, node, _KEYS, ("id", "text", "source", "role", "sequence", "low", "high"), "a row", where)
+        check_keys(path, node, _KEYS, ("id", "text", "source", "role", "low", "high"), "a row", where)
         self.path, self.node, self.rig, self.config = path, node, rig, config
 
     def refuse(self, key: str, reason: str) -> NoReturn:
@@ -190,27 +205,36 @@ class _Reader:
         if node["role"] not in ROLES:
             self.refuse("role", f"is {brief(node['role'])}, expected {' or '.join(ROLES)}")
         parameters, settings = (self.texts(key) for key in ("with", "settings"))
-        name = beside(self.path, node["sequence"])
-        try:
-            config = with_overrides(self.config, dict(settings))
-            load_sequence(name, dict(parameters), self.rig).check_rig(config)
-        except RigError as error:
-            raise RigError(f"{where_of(self.path, node)}: {node['id']}: {error}") from None
-        if ("value" in node) == ("metric" in node):
+        given = [key for key in ("value", "metric", "calculation") if key in node]
+        if len(given) != 1:
             self.refuse(
-                "value" if "value" in node else "id",
-                "needs one of value, an expression of signals, and metric, a key of the report's shifts",
+                given[0] if given else "id",
+                "needs one of value, an expression of signals, metric, a key of the report's shifts, and calculation, one of the "
+                "folder's calculations",
             )
         dimension, numbers = self.numbers()
-        where = self.of_shift(dimension) if "metric" in node else self.of_window(dimension)
+        where: dict = {}
+        if "calculation" in node:
+            where = self.of_calculation()
+        elif "sequence" not in node:
+            self.refuse(given[0], "needs the key sequence, whose run gives the value")
+        name = beside(self.path, node["sequence"]) if "sequence" in node else ""
+        try:
+            config = with_overrides(self.config, dict(settings))
+            if name:
+                load_sequence(name, dict(parameters), self.rig).check_rig(config)
+        except RigError as error:
+            raise RigError(f"{where_of(self.path, node)}: {node['id']}: {error}") from None
+        if "calculation" not in node:
+            where = self.of_shift(dimension) if "metric" in node else self.of_window(dimension)
         target = Target(
             id=node["id"],
             text=node["text"],
             where=node["source"],
             kind="range",
-            quantity=str(node.get("value", node.get("metric"))),
+            quantity=str(node.get("value", node.get("metric", node.get("column")))),
             dimension=dimension,
-            procedure=str(node["sequence"]),
+            procedure=str(node.get("sequence", node.get("calculation"))),
             role=node["role"],
             why=node["source"],
             line=node.line + 1,
@@ -263,6 +287,29 @@ class _Reader:
         if not dash:
             self.refuse("shift" if "shift" in node else "metric", "needs the key shift: two gears with a dash, e.g. 1-2")
         return {"metric": node["metric"], "shift": (self.gear("shift", old), self.gear("shift", new))}
+
+    def of_calculation(self) -> dict:
+        """Return the calculation of a row and its cell."""
+        node = self.node
+        if more := next((key for key in ("gear", "over", "from", "to", "shift") if key in node), None):
+            self.refuse(more, "goes with value or metric; a calculation has where and column")
+        known = calculations_of(self.rig)
+        if (name := str(node["calculation"])) not in known:
+            self.refuse("calculation", f"is {brief(name)}: {unknown('calculation', name, known)}")
+        wanted = known[name]
+        if wanted.of_recording != ("sequence" in node):
+            self.refuse(
+                "calculation",
+                f"is {name}, which " + ("needs a recording: the key sequence" if wanted.of_recording else "takes no recording"),
+            )
+        if "with" in node and not wanted.of_recording:
+            self.refuse("with", "goes with a sequence")
+        if "column" not in node:
+            self.refuse("calculation", "needs the key column, and where if the table has more rows than one")
+        where = node.get("where", {})
+        if not isinstance(where, dict):
+            self.refuse("where", f"is {brief(where)}, expected a map of columns and values")
+        return {"calculation": wanted, "where": tuple(where.items()), "column": str(node["column"])}
 
     def of_window(self, dimension: str) -> dict:
         """Return expression and time of a row on signals over a window."""
@@ -375,13 +422,40 @@ def measure_rows(config: RigConfig, rig: str | Path, rows: list[OwnRow]) -> list
     """
     sequence, parameters, settings = rows[0].run
     changed = with_overrides(config, dict(settings))
+    if not sequence:
+        tables = {row.calculation.name: row.calculation.table(changed) for row in rows if row.calculation}
+        return [_of_table(row, tables) for row in rows]
     logged = {one.name for one in changed.structure.transducers}
-    states = sorted({name for row in rows if row.value for name in names_in(row.value, row.target.id)} - logged)
-    run = record(changed, load_sequence(sequence, dict(parameters), rig), plant_states=tuple(states))
-    if run.end["state"] != "ended":
-        return [(None, run.end["reason"])] * len(rows)
+    states = {name for row in rows if row.value for name in names_in(row.value, row.target.id)} - logged
+    while True:
+        run = record(changed, load_sequence(sequence, dict(parameters), rig), plant_states=tuple(sorted(states)))
+        if run.end["state"] != "ended":
+            return [(None, run.end["reason"])] * len(rows)
+        recording = of_run(run, changed)
+        try:
+            tables = {row.calculation.name: row.calculation.table(changed, recording) for row in rows if row.calculation}
+        except NotRecorded as signal:
+            states.add(str(signal))  # a lockstep run is the same when it is made again
+            continue
+        break
     metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
-    return [_of_metric(row, metrics) if row.metric else _of_signals(row, run) for row in rows]
+    return [
+        _of_table(row, tables) if row.calculation else _of_metric(row, metrics) if row.metric else _of_signals(row, run)
+        for row in rows
+    ]
+
+
+def _of_table(row: OwnRow, tables: Mapping[str, Table]) -> tuple[float | None, str]:
+    assert row.calculation is not None
+    table = tables[row.calculation.name]
+    where = f"{row.calculation.path.parent / 'validation.yaml'}:{row.target.line}: {row.target.id}: {row.calculation.name}"
+    try:
+        found = table.cell(dict(row.where), row.column)
+    except RigError as error:
+        raise RigError(f"{where}: {error}") from None
+    if (dimension := UNITS[table.columns[row.column]][0]) != row.target.dimension:
+        raise RigError(f"{where}: {row.column} is {with_article(dimension)}, the row's low is {with_article(row.target.dimension)}")
+    return (None, "the calculation gives no value") if found is None else (found, "")
 
 
 def _of_metric(row: OwnRow, metrics: list[dict]) -> tuple[float | None, str]:

@@ -1,0 +1,101 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``rig calculate NAME``: a calculation of a rig's folder as a table; without NAME, which there are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..config.names import DEFAULT_RIG
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..testbench.calculations import Recorded, Table
+    from ..testbench.configuration import RigConfig
+
+HELP = "print a calculation of a rig's folder, with its values or on a recording"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="the calculation; alone: which there are")
+    parser.add_argument("--rig", metavar="NAME", help=f"rig, its folder or .yaml file (default: that of --run, else {DEFAULT_RIG})")
+    parser.add_argument("--run", metavar="RUN", help="folder of a run or its .mcap file, for a calculation on a recording")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change one value of the rig (may be repeated)",
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the table as JSON; - for stdout")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Print the table, or the list of calculations."""
+    from ..config.names import unknown
+    from ..errors import RigError
+    from ..testbench.calculations import calculations_of
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings
+    from .json_output import check_json, write_json
+
+    check_json(args.json)
+    recording, of_run = (None, None) if args.run is None else _recorded(args.run)
+    rig = args.rig or of_run or DEFAULT_RIG
+    known = calculations_of(rig)
+    if not known:
+        raise RigError(f"the rig '{rig}' has no calculations; write a calculations.py beside its rig.yaml: docs/how_to/rigs.md")
+    if args.name is None:
+        rows = [
+            {"name": one.name, "on a recording": "yes" if one.of_recording else "no", "what": one.text} for one in known.values()
+        ]
+        if args.json:
+            write_json(args.json, {"calculations": rows})
+        else:
+            print("\n".join(_lines([list(rows[0]), *(list(row.values()) for row in rows)])))
+        return 0
+    if args.name not in known:
+        raise RigError(unknown(f"calculation of '{rig}'", args.name, known))
+    wanted = known[args.name]
+    if wanted.of_recording and recording is None:
+        raise RigError(f"the calculation {args.name} needs a recording: --run RUN")
+    if recording is not None and not wanted.of_recording:
+        raise RigError(f"the calculation {args.name} takes no recording; leave out --run")
+    config: RigConfig = load_rig(rig, parse_settings(args.settings))
+    table = wanted.table(config, recording)
+    if args.json != "-":
+        _print(table)
+    if args.json:
+        write_json(
+            args.json, {"name": args.name, "rig": rig, "text": table.text, "columns": dict(table.columns), "rows": table.in_units()}
+        )
+    return 0
+
+
+def _recorded(run: str) -> tuple[Recorded, str | None]:
+    """Return the recording of a run, and the name of the rig that its bag states."""
+    from ..graph.result import open_bag
+    from ..testbench.calculations import of_bag
+
+    bag = open_bag(run)
+    bag.check_began()
+    return of_bag(bag), bag.record.get("name")
+
+
+def _print(table: Table) -> None:
+    heading = [f"{name} [{unit}]" if unit not in ("", "-") else name for name, unit in table.columns.items()]
+    cells = [[_shown(cell) for cell in row] for row in table.in_units()]
+    print("\n".join([table.text, "", *_lines([heading, *cells])]))
+
+
+def _shown(cell: float | str | None) -> str:
+    return "-" if cell is None else cell if isinstance(cell, str) else f"{cell:.5g}"
+
+
+def _lines(rows: list[list[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
