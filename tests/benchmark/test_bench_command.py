@@ -12,14 +12,14 @@ import sys
 
 import pytest
 
-from rig_nodes.benchmark import document, machine, peers, two_inertias
+from rig_nodes.benchmark import document, machine, peers, rigs, two_inertias
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 
 
 def test_what_is_refused(capsys):
     for arguments, sentence in (
-        (["nonsense"], "there is no part to measure 'nonsense'; known are kernel, demo"),
+        (["nonsense"], "there is no part to measure 'nonsense'; known are kernel, rigs, demo"),
         (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
         (["kernel", "--write-docs"], "without naming parts"),
         (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
@@ -37,6 +37,14 @@ def test_one_part_as_json(tmp_path, monkeypatch, capsys):
     assert set(result) == {"machine", "kernel"} and result["machine"]["cores"] >= 1
     assert row["real_time_factor"] * row["ns_per_step"]["all"] * 1e-9 == pytest.approx(row["step_s"])
     assert "| the usual |" in capsys.readouterr().out
+
+
+def test_every_rig_runs_a_sequence_of_its_own(monkeypatch, capsys):
+    monkeypatch.setattr("rig_nodes.benchmark.rigs.installed", lambda _: ["cylinder_bench"])
+    assert main(["bench", "rigs", "--repeats", "1"]) == 0
+    assert "| cylinder_bench | 100 | 48.0 |" in capsys.readouterr().out
+    assert rigs.own_sequence("three_speed").endswith("three_speed/sequences/demo.yaml")
+    assert rigs.own_sequence("chapter9").endswith("hydmag/sequences/demo.yaml")
 
 
 def test_the_exact_lock_up_is_that_of_the_equations_of_motion():

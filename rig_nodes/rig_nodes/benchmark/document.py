@@ -14,6 +14,7 @@ from ..errors import RigError
 
 TITLES = {
     "kernel": "The kernel, one core",
+    "rigs": "Every rig, one core",
     "demo": "What a user waits for",
     "graph": "The node graph in lockstep",
     "controllers": "A step of a controller",
@@ -39,6 +40,9 @@ _PROSE = {
 12 s of a gear change up and down at 1500 rpm under load. "Standing": motor off; "running": in gear; "shifting": the
 600 ms from an order on. A row of the logger is computed in every step, because the transducers' low passes and
 counters go on in any case; "logging" keeps all rows in memory, as `procedure`, `sweep` and `validate` do.""",
+    "rigs": """\
+Each installed rig with its demo, or the first sequence of its folder, recorded in memory with the rows of the 10 kHz logger and the
+sequencer's own work.""",
     "demo": """\
 Programs of their own, from the shell's call to their end, bag and report written: 13.3 s of simulated time, 72,000
 messages. In the first run everything is compiled, by two processes.""",
@@ -99,6 +103,16 @@ def _kernel(result: dict) -> list[str]:
         ["variant", "times real time", *(f"ns per step, {p}" for p in phases)],
         [
             [name, f"{row['real_time_factor']:.0f}", *(f"{row['ns_per_step'][p]:.0f}" for p in phases)]
+            for name, row in result.items()
+        ],
+    )
+
+
+def _rigs(result: dict) -> list[str]:
+    return _table(
+        ["rig", "step us", "simulated s", "times real time"],
+        [
+            [name, f"{row['step_s'] * 1e6:g}", f"{row['simulated_s']:.1f}", f"{row['real_time_factor']:.0f}"]
             for name, row in result.items()
         ],
     )
@@ -200,7 +214,15 @@ def _peers(result: dict) -> list[str]:
     return out
 
 
-_FORMATS = {"kernel": _kernel, "demo": _demo, "graph": _graph, "controllers": _controllers, "scaling": _scaling, "peers": _peers}
+_FORMATS = {
+    "kernel": _kernel,
+    "rigs": _rigs,
+    "demo": _demo,
+    "graph": _graph,
+    "controllers": _controllers,
+    "scaling": _scaling,
+    "peers": _peers,
+}
 
 
 def lines(part: str, result: dict | list[dict] | str) -> list[str]:

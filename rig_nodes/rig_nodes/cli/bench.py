@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 HELP = "measure how fast the rig computes on this machine"
-PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
+PARTS = ("kernel", "rigs", "demo", "graph", "controllers", "scaling", "peers")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,6 +80,10 @@ def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | lis
         from ..benchmark.kernel import bench_kernel
 
         return bench_kernel(repeats, show)
+    if part == "rigs":
+        from ..benchmark.rigs import bench_rigs
+
+        return bench_rigs(repeats, show)
     if part == "demo":
         from ..benchmark.starts import bench_demo
 

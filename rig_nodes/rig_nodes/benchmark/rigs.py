@@ -1,0 +1,75 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Measures how fast each installed rig runs a sequence of its own, with the rows of the 10 kHz logger kept.
+
+It is a part of ``rig bench``. A run includes its sequencer, in the processor time of one thread.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from ..config.names import installed, with_bases
+from ..errors import RigError
+from ..testbench.configuration import load_rig
+from ..testbench.record import record
+from ..testbench.rig import Rig
+from ..testbench.sequence import load_sequence
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SEQUENCE = "demo"
+
+
+def own_sequence(rig: str) -> str | None:
+    """Return the file of a rig's demo, or of another sequence of its folder or its bases; None when they have none."""
+    for path, _ in with_bases(rig):
+        found = {one.stem: str(one) for one in sorted((path.parent / "sequences").glob("*.yaml"))}
+        if found:
+            return found.get(SEQUENCE, next(iter(found.values())))
+    return None
+
+
+def bench_rigs(repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
+    """Measure all installed rigs.
+
+    Parameters
+    ----------
+    repeats : int
+        Number of runs of each; the fastest counts.
+    tell : callable
+        Takes the name of the rig that is measured.
+
+    Returns
+    -------
+    dict
+        Rig -> ``simulated_s``, ``real_time_factor`` and ``step_s``.
+
+    Raises
+    ------
+    RigError
+        When a run does not end as its sequence has it.
+    """
+    out = {}
+    for rig in installed("rigs"):
+        tell(rig)
+        sequence = own_sequence(rig)
+        if sequence is None:
+            continue
+        config = load_rig(rig)
+        Rig(config).advance_samples(1)  # compiles before the measurement
+        best = simulated = 0.0
+        for _ in range(repeats):
+            loaded = load_sequence(sequence, None, rig)
+            begin = time.thread_time()
+            run = record(config, loaded)
+            spent = time.thread_time() - begin
+            if run.end["state"] != "ended":
+                raise RigError(f"rig {rig}: {sequence} {run.end['state']}: {run.end['reason']}")
+            simulated = run.recording.rows * run.recording.period
+            best = max(best, simulated / spent)
+        out[rig] = {"simulated_s": simulated, "real_time_factor": best, "step_s": config.kernel.step}
+    return out
