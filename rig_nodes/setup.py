@@ -36,6 +36,7 @@ setup(
             "rigs/**/*.yaml",
             "rigs/**/*.csv",
             "rigs/**/*.py",
+            "rigs/**/*.svg",
             "description/template/**/*.yaml",
             "controllers/include/*.h*",
             "controllers/examples/**/*.c*",

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import json
+import os
 from typing import TYPE_CHECKING
 
 from ..config import RIGS_DIR
@@ -41,6 +42,9 @@ WHAT = {
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
     "signals": ("signals of a rig with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
 }
+
+
+PICTURE = "picture.svg"  # of a rig's driveline, in its folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +98,15 @@ def _described(path: Path) -> str:
 
 
 def _rigs() -> list[dict[str, str]]:
-    return [{"name": name, "description": _described(find_config("rigs", name))} for name in installed("rigs")]
+    return [
+        {"name": name, "description": _described(path), "picture": _shortest(path.parent / PICTURE)}
+        for name, path in ((name, find_config("rigs", name)) for name in installed("rigs"))
+    ]
+
+
+def _shortest(path: Path) -> str:
+    """Return a path from here if that is shorter; an empty text when there is no such file."""
+    return min(str(path), os.path.relpath(path), key=len) if path.is_file() else ""
 
 
 def _controllers() -> list[dict[str, str]]:

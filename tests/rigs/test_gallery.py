@@ -1,0 +1,38 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The choice among the installed rigs: each has a line and a picture, in the terminal and in the documentation."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.config import RIGS_DIR
+from rig_nodes.config.names import installed
+from rig_nodes.description.picture import driveline_svg
+from rig_nodes.testbench.configuration import load_rig
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("name", installed("rigs"))
+def test_the_picture_of_a_rig_is_of_its_description(name):
+    assert (RIGS_DIR / name / "picture.svg").read_text() == driveline_svg(load_rig(name)), (
+        f"run: ./rig check {name} --picture rig_nodes/rig_nodes/rigs/{name}/picture.svg"
+    )
+
+
+def test_every_rig_is_listed_with_a_line_and_a_picture_that_exists(capsys):
+    assert main(["list", "rigs", "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert set(rows) == set(installed("rigs")) and len(rows) >= 6
+    assert all(row["description"] and Path(row["picture"]).is_file() for row in rows.values())
+
+
+def test_the_documentation_opens_with_all_rigs_their_lines_and_pictures():
+    page = (ROOT / "docs" / "README.md").read_text()
+    for name in installed("rigs"):
+        assert f"`{name}`" in page and load_rig(name).description in page, name
+        assert f"../rig_nodes/rig_nodes/rigs/{name}/picture.svg" in page, name
