@@ -31,7 +31,20 @@ SHOWN = (
     ("e_loss_j", "E_loss J", 1.0, 0),
 )
 MOST_REASONS = 5
-OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level", "delay")
+OF_A_PLAN = (
+    "vary",
+    "method",
+    "samples",
+    "seed",
+    "repeats",
+    "settings",
+    "parameters",
+    "rig",
+    "controller",
+    "level",
+    "delay",
+    "calculate",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +84,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SPEC",
         help="your controller in place of the Alfa46 in all members, one that the rig starts itself: "
         "python:, c:, simulink: or fmu: (docs/how_to/controllers.md)",
+    )
+    parser.add_argument(
+        "--calculate",
+        metavar="NAME",
+        help="a calculation of the rig's folder on each run, in place of the metrics of shifts (./rig calculate lists them)",
     )
     parser.add_argument(
         "--level",
@@ -189,6 +207,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
             args.method,
             args.samples,
             plugged=plugged,
+            calculation=args.calculate or "",
             fixed=parse_settings(args.settings or []),
             fixed_with=parse_parameters(args.parameters or []),
             **numbers,
@@ -221,8 +240,13 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     ends: dict[str, int] = {}
     reasons: dict[str, int] = {}
     values: dict[str, dict[str, list[float]]] = {}
+    table: dict[str, list[float]] = {}
     shifts = valid = 0
     for entry in entries:
+        for row in entry.get("table", {}).get("rows", ()):
+            for (name, unit), cell in zip(entry["table"]["columns"].items(), row):
+                if unit and cell is not None:
+                    table.setdefault(f"{name} [{unit}]", []).append(cell)
         state, reason = entry["end"]["state"], entry["end"]["reason"]
         ends[state] = ends.get(state, 0) + 1
         if state != "ended":
@@ -238,13 +262,14 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     spread = {
         way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()} for way, of in values.items()
     }
-    return {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid, "spread": spread}
+    summed = {name: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for name, x in table.items()}
+    return {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid, "spread": spread, "table": summed}
 
 
 def _text(summary: dict) -> str:
     lines = [
-        f"{summary['finished']} of {summary['members']} members finished, {summary['shifts']} shifts, "
-        f"{summary['valid_shifts']} of them valid"
+        f"{summary['finished']} of {summary['members']} members finished"
+        + ("" if summary["table"] else f", {summary['shifts']} shifts, {summary['valid_shifts']} of them valid")
     ]
     if summary["members_per_second"]:
         lines.append(f"{summary['members_per_second']:.1f} members a second")
@@ -257,6 +282,10 @@ def _text(summary: dict) -> str:
         for key, name, factor, digits in SHOWN:
             if key in of:
                 lines.append(f"  {name:<13}" + "".join(f"{value * factor:>10.{digits}f}" for value in of[key]))
+    if summary["table"]:
+        width = max(map(len, summary["table"]))
+        lines.append("all rows of the calculation: lowest, median, highest")
+        lines += [f"  {name:<{width}}" + "".join(f"{value:>12.5g}" for value in x) for name, x in summary["table"].items()]
     if summary["results"]:
         lines.append(f"written to {summary['results']}")
     return "\n".join(lines)

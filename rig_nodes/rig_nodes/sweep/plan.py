@@ -24,6 +24,7 @@ from ..config.names import unknown
 from ..config.schema import check_keys, where_of
 from ..config.units import UNITS, dimension_of, quantity
 from ..errors import RigError, brief
+from ..testbench.calculations import on_recording
 from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.sequence import load_sequence
 from .plugged import Plugged, plugged_of
@@ -52,6 +53,7 @@ FILE_KEYS = (
     "controller",
     "level",
     "delay",
+    "calculate",
 )
 _RANGE = re.compile(r"(.+?)\s*\.\.\s*(.+?)(?:\s+in\s+(\d+))?(?:\s+step\s+(\S+(?:\s+[^\d\s]\S*)?))?(\s+log)?\s*")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
@@ -136,6 +138,8 @@ class Plan:
         Text for people.
     plugged : Plugged or None
         Controller of all members; None for the rig's own Alfa46.
+    calculation : str
+        The calculation of the rig's folder that is made of each run in place of shift metrics; empty for none.
     """
 
     sequence: str
@@ -149,6 +153,7 @@ class Plan:
     fixed_with: dict[str, str] = field(default_factory=dict)
     description: str = ""
     plugged: Plugged | None = None
+    calculation: str = ""
 
     @property
     def name(self) -> str:
@@ -225,6 +230,7 @@ class Plan:
             ],
             "set": self.fixed,
             "with": self.fixed_with,
+            "calculate": self.calculation,
         }
 
 
@@ -233,7 +239,14 @@ def plan_of(data: dict) -> Plan:
     varied = tuple(Varied(**{**one, "values": tuple(one["values"])}) for one in data["varied"])
     names = ("sequence", "rig", "method", "samples", "seed", "repeats", "description")
     plugged = Plugged(**data["controller"]) if data.get("controller") else None
-    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"], plugged=plugged)
+    return Plan(
+        **{name: data[name] for name in names},
+        varied=varied,
+        fixed=data["set"],
+        fixed_with=data["with"],
+        plugged=plugged,
+        calculation=data.get("calculate", ""),
+    )
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -272,6 +285,7 @@ def read_plan(path: str | Path) -> Plan:
         description=str(node.get("description", "")),
         wheres=wheres,
         plugged=plugged,
+        calculation=str(node.get("calculate", "")),
         **numbers,
     )
 
@@ -289,6 +303,7 @@ def make_plan(
     description: str = "",
     wheres: dict[str, str] | None = None,
     plugged: Plugged | None = None,
+    calculation: str = "",
 ) -> Plan:
     """Check a sweep and return its plan.
 
@@ -316,6 +331,8 @@ def make_plan(
         Place of each parameter in a file, for the errors' sentences.
     plugged : Plugged or None
         What :func:`plugged_of` returned.
+    calculation : str
+        A calculation on a recording, of the rig's folder; empty for none.
 
     Returns
     -------
@@ -335,6 +352,8 @@ def make_plan(
     loaded.check_rig(config)
     if plugged:
         plugged.check(config)
+    if calculation:
+        on_recording(rig, calculation)
     method = method or ("grid" if samples is None else "lhs")
     if method not in METHODS:
         raise RigError(f"method is '{method}', expected {', '.join(METHODS)}")
@@ -366,6 +385,7 @@ def make_plan(
         dict(fixed_with),
         description,
         plugged,
+        calculation,
     )
     if not 1 <= plan.count() <= MOST_MEMBERS:
         raise RigError(f"the sweep has {plan.count()} members, expected 1 to {MOST_MEMBERS}")

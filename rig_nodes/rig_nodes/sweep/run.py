@@ -28,6 +28,7 @@ from ..compiled import sources_key
 from ..config.names import find_of_rigs
 from ..controllers.plug import Plug
 from ..errors import RigError
+from ..testbench.calculations import of_bag, on_recording, recorded_with
 from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.record import record
 from ..testbench.sequence import load_sequence
@@ -36,7 +37,9 @@ from .plan import Member, Plan
 from .store import BAGS, Store
 
 if TYPE_CHECKING:
+    from ..testbench.calculations import Calculation, Table
     from ..testbench.configuration import RigConfig
+    from ..testbench.record import Run
     from ..testbench.sequence import Sequence
     from .plugged import Plugged
 
@@ -67,6 +70,7 @@ def manifest_of(plan: Plan, bags: bool) -> dict:
         "configuration": load_rig(plan.rig, plan.fixed).as_dict(),
         "sequence": hashlib.sha256(text.encode()).hexdigest(),
         "controller": plan.plugged.digest() if plan.plugged else None,
+        "calculation": _digest(on_recording(plan.rig, plan.calculation).path) if plan.calculation else None,
         "versions": {
             "rig_nodes": __version__,
             "plant": sources_key(),
@@ -74,6 +78,10 @@ def manifest_of(plan: Plan, bags: bool) -> dict:
             **{name: version(name) for name in ("numpy", "scipy", "numba")},
         },
     }
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int, dict], None] | None = None) -> int:
@@ -97,7 +105,7 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
     """
     left = [member for member in plan.members() if member.number not in store.done]
     bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
-    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.rig, plan.sequence, bags, plan.plugged))
+    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.rig, plan.sequence, bags, plan.plugged, plan.calculation))
     for place, entry, error in stream(partial(run_member, setup), left):
         if error is not None:
             entry = failed(left[place], error)
@@ -108,7 +116,7 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
 
 
 @lru_cache(maxsize=2)
-def _setup(pickled: bytes) -> tuple[RigConfig, str, str, str | None, Plugged | None]:
+def _setup(pickled: bytes) -> tuple[RigConfig, str, str, str | None, Plugged | None, str]:
     return pickle.loads(pickled)
 
 
@@ -125,17 +133,29 @@ def run_member(setup: bytes, member: Member) -> dict:
     Returns
     -------
     dict
-        What is recorded of the run: its end and the metrics of its shifts.
+        What is recorded of the run: its end and the metrics of its shifts, or the table of the sweep's calculation.
     """
-    base, rig, name, bags, plugged = _setup(setup)
-    plug, delay = None, plugged.delay if plugged else 1
+    base, rig, name, bags, plugged, calculation = _setup(setup)
+    plug, delay, table = None, plugged.delay if plugged else 1, None
     try:
         config = with_overrides(base, member.overrides)
         sequence = load_sequence(name, member.parameters, rig)
-        plug = plugged.load(config) if plugged else None
         if bags:
-            end, metrics = _into_bag(config, sequence, member, Path(bags), plug, delay)
+            plug = plugged.load(config) if plugged else None
+            wanted = on_recording(rig, calculation) if calculation else None
+            end, metrics, table = _into_bag(config, sequence, member, Path(bags), plug, delay, wanted)
+        elif calculation:
+
+            def make(states: tuple[str, ...]) -> Run:
+                nonlocal plug
+                plug = plugged.load(config) if plugged else None  # a plug is of one run
+                return record(config, sequence, member.seed, plant_states=states, controller=plug, delay=delay)
+
+            run, tables = recorded_with([on_recording(rig, calculation)], config, make)
+            table = tables.get(calculation)
+            end, metrics = run.end, []
         else:
+            plug = plugged.load(config) if plugged else None
             run = record(config, sequence, member.seed, controller=plug, delay=delay)
             end = run.end
             metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
@@ -143,7 +163,10 @@ def run_member(setup: bytes, member: Member) -> dict:
         if plug is not None:
             plug.close()  # the run did not begin: the controller's process would stay with the worker
         return failed(member, error)
-    return _entry(member, end["state"], end["reason"], plain(metrics))
+    entry = _entry(member, end["state"], end["reason"], plain(metrics))
+    if table is not None:
+        entry["table"] = {"columns": dict(table.columns), "rows": plain(table.in_units())}
+    return entry
 
 
 def failed(member: Member, error: Exception) -> dict:
@@ -164,8 +187,14 @@ def _entry(member: Member, state: str, reason: str, metrics: list[dict]) -> dict
 
 
 def _into_bag(
-    config: RigConfig, sequence: Sequence, member: Member, bags: Path, controller: Plug | None, delay: int
-) -> tuple[dict, list[dict]]:
+    config: RigConfig,
+    sequence: Sequence,
+    member: Member,
+    bags: Path,
+    controller: Plug | None,
+    delay: int,
+    wanted: Calculation | None,
+) -> tuple[dict, list[dict], Table | None]:
     """Make the run like ``rig simulate``, in a folder that gets its final name when it is complete."""
     folder, temporary = bags / f"{member.number:06d}", bags / f".{member.number:06d}-{os.getpid()}"
     for old in (folder, temporary):
@@ -174,5 +203,6 @@ def _into_bag(
     run = simulate(config, sequence, temporary, member.seed, controller=controller, delay=delay)
     report = build_report(Bag(temporary), run)
     write_report(temporary, report)
+    table = wanted.table(config, of_bag(Bag(temporary))) if wanted and run["end"]["state"] == "ended" else None
     os.replace(temporary, folder)
-    return run["end"], report["shifts"]
+    return run["end"], report["shifts"], table

@@ -14,7 +14,7 @@ import fcntl
 import json
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,8 +87,9 @@ class Store:
         The old file stays until the new one is complete.
         """
         pa, pq = parquet()
-        schema = schema_of(plan, self.manifest)
-        rows = [row for entry in sorted(self.entries(), key=lambda e: e["member"]) for row in rows_of(plan, entry)]
+        entries = sorted(self.entries(), key=lambda entry: entry["member"])
+        schema = schema_of(plan, self.manifest, next((one["table"]["columns"] for one in entries if "table" in one), {}))
+        rows = [dict.fromkeys(schema.names) | row for entry in entries for row in rows_of(plan, entry)]
         columns = {name: [row[name] for row in rows] for name in schema.names}
         path = self.folder / RESULTS
         temporary = path.with_suffix(".part")
@@ -193,7 +194,7 @@ def parquet() -> tuple[ModuleType, ModuleType]:
 
 
 def rows_of(plan: Plan, entry: dict) -> list[dict]:
-    """Return the rows of a member: one for each of its shifts, or one without metrics when it has none."""
+    """Return the rows of a member: one for each of its shifts, or of its calculation's table; one without results otherwise."""
     shared = {
         "member": entry["member"],
         "seed": entry["seed"],
@@ -201,6 +202,9 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
         "end": entry["end"]["state"],
         "reason": entry["end"]["reason"],
     }
+    if plan.calculation:
+        table = entry.get("table", {"columns": {}, "rows": [[]]})
+        return [{**shared, **dict(zip(map(column_of, table["columns"]), row))} for row in table["rows"]]
     out = []
     for number, metrics in enumerate(entry["shifts"] or [None]):
         row = {**shared, "shift": None if metrics is None else number}
@@ -211,8 +215,13 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
     return out
 
 
-def schema_of(plan: Plan, manifest: dict) -> pyarrow.Schema:
-    """Return the columns with their units, and the manifest as metadata."""
+def column_of(name: str) -> str:
+    """Return the name of a calculation's column in the results, where it must not hide one of the sweep's own."""
+    return f"table.{name}"
+
+
+def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str]) -> pyarrow.Schema:
+    """Return the columns with their units, among them those of the calculation's table, and the manifest as metadata."""
     pa, _ = parquet()
 
     def column(name: str, kind: pyarrow.DataType, unit: str | None = None, about: str | None = None) -> pyarrow.Field:
@@ -223,9 +232,14 @@ def schema_of(plan: Plan, manifest: dict) -> pyarrow.Schema:
         column("member", pa.int64(), about="number of the run"),
         column("seed", pa.int64(), about="of the run's noise"),
         *(column(one.name, _kind(pa, one), one.unit, f"parameter of the {one.of}") for one in plan.varied if one.of != "seed"),
-        column("shift", pa.int32(), about="number of the shift in its run; empty where there was none"),
     ]
-    for key in KEYS:
+    if not plan.calculation:
+        columns.append(column("shift", pa.int32(), about="number of the shift in its run; empty where there was none"))
+    for name, unit in table.items():
+        columns.append(
+            column(column_of(name), pa.float64() if unit else pa.string(), unit, f"of the calculation {plan.calculation}")
+        )
+    for key in KEYS if not plan.calculation else ():
         columns.append(column(key, getattr(pa, KINDS.get(key, "float64"))(), UNITS.get(key.rpartition("_")[2])))
     columns += [column("end", pa.string(), about="how the run ended"), column("reason", pa.string())]
     return pa.schema(columns, metadata={METADATA: json.dumps(manifest, ensure_ascii=False).encode()})

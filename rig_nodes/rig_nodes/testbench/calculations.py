@@ -13,7 +13,7 @@ import ast
 import importlib.util
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from numbers import Real
@@ -288,6 +288,50 @@ def calculations_of(rig: str | Path) -> dict[str, Calculation]:
         text = (ast.get_docstring(function) or "").partition("\n")[0]
         found[key.value] = Calculation(key.value, path, text, count == 2)
     return found
+
+
+def on_recording(rig: str | Path, name: str) -> Calculation:
+    """Return a calculation of a rig by its name; RigError when there is none, or when it takes no recording."""
+    known = calculations_of(rig)
+    if name not in known:
+        raise RigError(unknown("calculation", name, known))
+    if not known[name].of_recording:
+        raise RigError(f"the calculation {name} takes no recording, so no run changes it")
+    return known[name]
+
+
+def recorded_with(
+    wanted: Iterable[Calculation], config: RigConfig, make: Callable[[tuple[str, ...]], Run], states: Iterable[str] = ()
+) -> tuple[Run, dict[str, Table]]:
+    """Make a run with the signals that calculations read, and return both.
+
+    Parameters
+    ----------
+    wanted : iterable of Calculation
+        The calculations.
+    config : RigConfig
+        The rig.
+    make : callable
+        Makes the run and keeps the states of these names; it is called again when a calculation asks for others, because a
+        lockstep run is the same every time.
+    states : iterable of str
+        Names of states that are kept in any case.
+
+    Returns
+    -------
+    tuple of (Run, dict of str to Table)
+        The run and the calculations' tables by their names; no table when the run did not come to its end.
+    """
+    wanted, kept = list(wanted), set(states)
+    while True:
+        run = make(tuple(sorted(kept)))
+        if run.end["state"] != "ended":
+            return run, {}
+        recording = of_run(run, config)
+        try:
+            return run, {one.name: one.table(config, recording) for one in wanted}
+        except NotRecorded as signal:
+            kept.add(str(signal))
 
 
 @lru_cache(maxsize=16)

@@ -28,7 +28,7 @@ from ..config.names import beside, unknown
 from ..config.schema import check_keys, where_of
 from ..config.units import SI, UNITS, dimension_of, quantity, with_article
 from ..errors import RigError, brief
-from ..testbench.calculations import Calculation, NotRecorded, Table, calculations_of, of_run
+from ..testbench.calculations import Calculation, Table, calculations_of, recorded_with
 from ..testbench.configuration import RigConfig, load_rig, with_overrides
 from ..testbench.record import Run, record
 from ..testbench.sequence import DIMENSIONS, load_sequence
@@ -427,17 +427,14 @@ def measure_rows(config: RigConfig, rig: str | Path, rows: list[OwnRow]) -> list
         return [_of_table(row, tables) for row in rows]
     logged = {one.name for one in changed.structure.transducers}
     states = {name for row in rows if row.value for name in names_in(row.value, row.target.id)} - logged
-    while True:
-        run = record(changed, load_sequence(sequence, dict(parameters), rig), plant_states=tuple(sorted(states)))
-        if run.end["state"] != "ended":
-            return [(None, run.end["reason"])] * len(rows)
-        recording = of_run(run, changed)
-        try:
-            tables = {row.calculation.name: row.calculation.table(changed, recording) for row in rows if row.calculation}
-        except NotRecorded as signal:
-            states.add(str(signal))  # a lockstep run is the same when it is made again
-            continue
-        break
+    run, tables = recorded_with(
+        [row.calculation for row in rows if row.calculation],
+        changed,
+        lambda names: record(changed, load_sequence(sequence, dict(parameters), rig), plant_states=names),
+        states,
+    )
+    if run.end["state"] != "ended":
+        return [(None, run.end["reason"])] * len(rows)
     metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
     return [
         _of_table(row, tables) if row.calculation else _of_metric(row, metrics) if row.metric else _of_signals(row, run)
