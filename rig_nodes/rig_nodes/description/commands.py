@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from ..errors import RigError
 from ..parts import part as parts
-from .quantities import TRANSDUCERS
 from .structure import Structure
+from .transducer_types import TRANSDUCER_TYPES
 
 
 @dataclass(frozen=True)
@@ -79,17 +79,15 @@ def setpoints_of(structure: Structure) -> dict[str, Setpoint]:
                 if command.node
                 else device.name
             )
-            like = next(
-                (one.name for one in structure.transducers if one.at == device.name and TRANSDUCERS[one.type][0] == command.of),
-                None,
-            )
+            at_device = (one for one in structure.transducers if one.at == device.name)
+            like = next((one.name for one in at_device if TRANSDUCER_TYPES[one.type].quantity == command.of), None)
             if like is None and device.role == parts.OIL:
                 continue  # it only gives the oil temperature and viscosity; its pressure cannot be set
             if like is None:
-                kinds = [kind for kind, (quantity, _) in TRANSDUCERS.items() if quantity == command.of]
+                fit = next(name for name, one in TRANSDUCER_TYPES.items() if one.quantity == command.of)
                 raise RigError(
                     f"parts.{device.name}: nothing measures its {command.of}, whose range its setpoint would have; "
-                    f"give transducers one with type: {kinds[0]}, at: {device.name}"
+                    f"give transducers one with type: {fit}, at: {device.name}"
                 )
             step = command.step if steps.count(command.step) == 1 else f"{device.name}_{command.step}"
             found.append(Setpoint(step, device.name, node, command, like))

@@ -53,13 +53,3 @@ QUANTITIES = {
     "energy": Quantity("energy", "J", "kJ", 1e-3),
     "state": Quantity("state", "-", "-", 1.0, "none"),
 }
-# Types of transducers: the quantity that each measures, and the dimension of its range in config.units
-TRANSDUCERS = {
-    "torque": ("torque", "torque"),
-    "speed": ("speed", "angular velocity"),
-    "pressure": ("pressure", "pressure"),
-    "current": ("current", "current"),
-    "temperature": ("temperature", "temperature"),
-    "travel": ("length", "length"),
-    "force": ("force", "force"),
-}

@@ -18,11 +18,12 @@ from ..config.units import quantity
 from ..config.yaml_file import List, Map
 from ..errors import RigError, brief
 from ..parts import part as parts
-from .quantities import QUANTITIES, TRANSDUCERS
+from .quantities import QUANTITIES
 from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
 from .sections import MeshConfig
 from .signals import TORQUES
 from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
+from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -387,21 +388,21 @@ class _Reader:
                 what,
                 self.at(nodes, name),
             )
-            if node["type"] not in TRANSDUCERS:
+            if node["type"] not in TRANSDUCER_TYPES:
                 raise RigError(
-                    f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCERS)}"
+                    f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCER_TYPES)}"
                 )
             if node["at"] not in hosts:
                 raise RigError(
                     f"{self.at(node, 'at')}: {what}.at names {brief(node['at'])}, expected the device whose node "
                     f"publishes it; {meant(node['at'], hosts)}"
                 )
-            quantity_of, dimension = TRANSDUCERS[node["type"]]
+            type_of = TRANSDUCER_TYPES[node["type"]]
             where = f"{self.at(node, 'range')}: {what}.range"
             ends = node["range"]
             if not isinstance(ends, List) or len(ends) != 2:
                 raise RigError(f"{where} must be [lowest, highest], each with its unit, found {brief(ends)}")
-            low, high = (quantity(end, dimension, where) for end in ends)
+            low, high = (quantity(end, type_of.dimension, where) for end in ends)
             if not low < high:
                 raise RigError(f"{where} is {brief(list(ends))}; give the lowest value first")
             for key in ("text", "sign", "like", "topic"):
@@ -420,7 +421,7 @@ class _Reader:
                     low,
                     high,
                     node["text"],
-                    node.get("sign", QUANTITIES[quantity_of].sign),
+                    node.get("sign", QUANTITIES[type_of.quantity].sign),
                     node.get("topic", name.lower()),
                     logged in (True, "yes"),
                 )

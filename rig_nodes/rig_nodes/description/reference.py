@@ -17,7 +17,6 @@ from ..parts import part as parts
 from .read import meaning
 from .sections import (
     OF_THE_LOGGER,
-    TYPES,
     BodyConfig,
     BrakeConfig,
     ClutchConfig,
@@ -28,6 +27,7 @@ from .sections import (
     ShaftConfig,
     SliderCrankConfig,
 )
+from .transducer_types import TRANSDUCER_TYPES
 
 
 def sections() -> dict[str, tuple[str, dict]]:
@@ -41,12 +41,12 @@ def sections() -> dict[str, tuple[str, dict]]:
         "brakes": ("Of each brake that is no device.", _of(BrakeConfig)),
         "slider_cranks": ("Of each slider with its crank.", _of(SliderCrankConfig)),
         **{
-            f"instruments, {kind}": (
-                f"Of each transducer of `type: {kind}`; the names begin with the type, or with what stands under "
-                f"`like`: `{kind}_range`.",
-                one(),
+            f"instruments, {name}": (
+                f"Of each transducer of `type: {name}`; the names begin with the type, or with what stands under "
+                f"`like`: `{name}_range`.",
+                one.errors(),
             )
-            for kind, one in TYPES.items()
+            for name, one in TRANSDUCER_TYPES.items()
         },
         "instruments, all": ("Of the logger.", {name: one() for name, one in OF_THE_LOGGER.items()}),
         "effects": ("Only those that the rig's parts have may be named, and `transducers`.", _of(EffectsConfig)),

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ..clocks import SAMPLE
 from ..config.schema import param, switch
 from .structure import Structure
+from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -187,57 +188,6 @@ class EffectsConfig:
     pwm_frequency: float = param("frequency", 0.0, 1e5, "Frequency of the resolved PWM of the coils; at 0 its average acts", 0.0)
 
 
-_NOISE, _RANGE, _CLASS, _HUM = (
-    "Standard deviation of its noise",
-    "End of its range",
-    "Largest error as a share of the range, its class",
-    "Amplitude of the mains' hum in it",
-)
-
-
-def _class() -> Any:
-    return param("ratio", 0.0, 0.1, _CLASS, 0.0)
-
-
-# type of transducer -> what its values are: class by (7.1), offset and gain by (7.2)
-TYPES = {
-    "torque": lambda: {
-        "noise": param("torque", 0.0, 100.0, _NOISE, 0.0),
-        "range": param("torque", 1.0, 1e5, _RANGE),
-        "class": _class(),
-        "hum": param("torque", 0.0, 100.0, _HUM, 0.0),
-    },
-    "speed": lambda: {
-        "noise": param("angular velocity", 0.0, 100.0, "Standard deviation of the unevenness of the encoder's pulses", 0.0),
-        "range": param("angular velocity", 0.1, 1e5, _RANGE),
-        "step": param("angular velocity", 0.0, 10.0, "What the encoder resolves; at 0 everything", 0.0),
-        "gate": param("time", 1e-6, 0.1, "Time in which the encoder's pulses are counted"),
-    },
-    "pressure": lambda: {
-        "noise": param("pressure", 0.0, 1e7, _NOISE, 0.0),
-        "range": param("pressure", 1e5, 1e9, _RANGE),
-        "class": _class(),
-        "hum": param("pressure", 0.0, 1e6, _HUM, 0.0),
-        "pickup": param("pressure", 0.0, 1e6, "Height of the coil pulses that a valve's wire induces in it", 0.0),
-    },
-    "current": lambda: {"noise": param("current", 0.0, 0.1, _NOISE, 0.0), "range": param("current", 0.1, 100.0, _RANGE)},
-    "temperature": lambda: {
-        "range": param("temperature", 1.0, 1e3, _RANGE),
-        "offset": param("temperature", 0.0, 10.0, "Largest error at 0 degC", 0.0),
-        "gain": param("ratio", 0.0, 0.1, "Largest error as a share of the temperature, in addition to the offset", 0.0),
-    },
-    "travel": lambda: {
-        "noise": param("length", 0.0, 1e-3, _NOISE, 0.0),
-        "range": param("length", 1e-4, 1.0, _RANGE),
-        "class": _class(),
-    },
-    "force": lambda: {
-        "noise": param("force", 0.0, 1e4, _NOISE, 0.0),
-        "range": param("force", 1.0, 1e6, _RANGE),
-        "class": _class(),
-        "fitted": switch("Whether there is such a transducer; off: its channel shows nothing", True),
-    },
-}
 OF_THE_LOGGER = {
     "hum_frequency": lambda: param("frequency", 1.0, 1e3, "Frequency of the mains"),
     "anti_alias": lambda: param(
@@ -250,12 +200,12 @@ OF_THE_LOGGER = {
 
 
 @lru_cache(maxsize=32)
-def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
+def instruments_class(pairs: tuple[tuple[str, str], ...]) -> type:
     """Return the dataclass of a rig's instruments.
 
     Parameters
     ----------
-    kinds : tuple of (str, str)
+    pairs : tuple of (str, str)
         The pairs (like, type) of the transducers.
 
     Returns
@@ -263,11 +213,11 @@ def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
     type
         A dataclass with the fields ``<like>_<what>`` of each pair and the fields of the logger.
     """
-    out = [(f"{like}_{what}", float, one) for like, kind in kinds for what, one in TYPES[kind]().items()]
+    out = [(f"{like}_{what}", float, one) for like, of in pairs for what, one in TRANSDUCER_TYPES[of].errors().items()]
     out += [(name, float, one()) for name, one in OF_THE_LOGGER.items()]
 
     def reduce(self: DataclassInstance) -> tuple:  # so that a process can send one to another
-        return _instruments, (kinds, tuple(getattr(self, one.name) for one in fields(self)))
+        return _instruments, (pairs, tuple(getattr(self, one.name) for one in fields(self)))
 
     return make_dataclass(
         "InstrumentsConfig",
@@ -278,8 +228,8 @@ def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
     )
 
 
-def _instruments(kinds: tuple[tuple[str, str], ...], values: Iterable[float]) -> object:
-    cls = instruments_class(kinds)
+def _instruments(pairs: tuple[tuple[str, str], ...], values: Iterable[float]) -> object:
+    cls = instruments_class(pairs)
     return cls(**dict(zip((one.name for one in fields(cls)), values, strict=True)))
 
 

@@ -21,9 +21,10 @@ from ..config.units import SI, shown_in
 from ..errors import RigError
 from ..parts import part as parts
 from .commands import Setpoint, setpoints_of
-from .quantities import QUANTITIES, TRANSDUCERS
-from .sections import TYPES, CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
+from .quantities import QUANTITIES
+from .sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
 from .structure import Structure
+from .transducer_types import TRANSDUCER_TYPES
 
 POINT, COLUMNS = "point", ("time", "current")  # of a profile
 LATEST = 60.0  # s after its switch signal at which a point may stand
@@ -244,7 +245,7 @@ def settings_of(structure: Structure, values: Mapping) -> Settings:
     ]
     every += _of_devices(structure, chosen)
     for one in structure.transducers:
-        if "noise" in TYPES[one.type]() and chosen(INSTRUMENTS, f"{one.like}_fitted"):
+        if "noise" in TRANSDUCER_TYPES[one.type].errors() and chosen(INSTRUMENTS, f"{one.like}_fitted"):
             like = out_of(every, f"{INSTRUMENTS}.{one.like}_noise")
             every.append(
                 Setting(
@@ -299,7 +300,7 @@ def _of_devices(structure: Structure, chosen: Callable[[str, str], bool]) -> lis
     out = []
     for setpoint in setpoints_of(structure).values():
         command, like = setpoint.command, next(one for one in structure.transducers if one.name == setpoint.like)
-        quantity = QUANTITIES[TRANSDUCERS[like.type][0]]
+        quantity = QUANTITIES[TRANSDUCER_TYPES[like.type].quantity]
         text = command.text[0].upper() + command.text[1:] + (", gauge" if quantity.gauge else "")
         lacking = f"{setpoint.device}.{command.only}" if command.only and not chosen(setpoint.device, command.only) else ""
         about = {"kept": False, "live": True, "setpoint": setpoint, "lacking": lacking}

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 from ..errors import RigError
 from ..parts import part as parts
 from .commands import setpoints_of
-from .quantities import QUANTITIES, TRANSDUCERS
+from .quantities import QUANTITIES
 from .read_elements import GROUND
 from .structure import Device, Structure, Transducer
+from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,7 +74,7 @@ def described(structure: Structure) -> dict:
         }
 
     for one in structure.transducers:
-        where, of = f"/{one.at}/{one.topic}", TRANSDUCERS[one.type][0]
+        where, of = f"/{one.at}/{one.topic}", TRANSDUCER_TYPES[one.type].quantity
         signal(one.name, of, one.low, one.high, where, "value", one.sign, one.text, logger=logged if one.logged else None)
         logged += one.logged
     for device in structure.devices:

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..description.transducer_types import TRANSDUCER_TYPES
 from ..errors import RigError
 from ..instruments import transducers as parts
 from ..instruments.noise import channel_key, uniform
 
 if TYPE_CHECKING:
+    from ..description.structure import Transducer
     from .configuration import RigConfig
 
-SIGNED = ("torque",)
-FILTERED = ("torque", "pressure", "travel", "force")
 DISTURBANCES = [parts.NOISE, parts.HUM, parts.PICKUP]
 DRAWS = 1 << 32  # number of the first channel whose random values stay the same in a run
 NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  # rows that are not 0
@@ -63,7 +63,7 @@ class Gauges:
         beside = {valve.wires.get("beside") for valve in rig.structure.valves}
         if on:
             for name, one in fitted.items():
-                self._fill(name, one.type, one.like, name in beside, seed, step)
+                self._fill(one, name in beside, seed, step)
         absent = {one.name for one in rig.structure.transducers} - fitted.keys()
         self.table[:, [name in absent for name in channels]] = 0.0
         keys = np.array([channel_key(seed, c) for c in range(size)], np.uint64)
@@ -80,38 +80,40 @@ class Gauges:
             )
         return round(rows)
 
-    def _fill(self, name: str, kind: str, like: str, beside: bool, seed: int, step: float) -> None:
-        config, c, table = self.config, self.channels.index(name), self.table
+    def _fill(self, one: Transducer, beside: bool, seed: int, step: float) -> None:
+        config, c, table = self.config, self.channels.index(one.name), self.table
+        type_of = TRANSDUCER_TYPES[one.type]
+        errors, signed = type_of.errors(), type_of.signed
 
         def value(what: str) -> float:
-            return getattr(config, f"{like}_{what}", 0.0)
+            return getattr(config, f"{one.like}_{what}", 0.0)
 
         def drawn(number: int) -> float:
             return 2.0 * uniform(seed, DRAWS + 1 + c, number) - 1.0
 
         high = value("range")
-        if kind == "temperature":
+        if "offset" in errors:
             offset, gain = value("offset"), value("gain")
         else:
             offset = gain = 0.5 * value("class")  # together the class, at the end of the range
             offset *= high
         table[parts.OFFSET, c], table[parts.GAIN, c] = offset * drawn(0), 1.0 + gain * drawn(1)
         # a transducer shows its error below zero too
-        low = -high if kind in SIGNED else -value("class") * high
+        low = -high if signed else -value("class") * high
         table[parts.LOW, c], table[parts.HIGH, c] = low, high
         table[parts.NOISE, c], table[parts.HUM, c] = value("noise"), value("hum")
         if beside:  # a valve's wire runs beside its own
             table[parts.PICKUP, c] = value("pickup")
-        if kind in FILTERED and config.anti_alias > 0.0:
+        if type_of.filtered and config.anti_alias > 0.0:
             table[parts.KEEP, c] = math.exp(-2.0 * math.pi * config.anti_alias * step)
-        if kind == "speed" and value("step") > 0.0:
+        if value("step") > 0.0:  # an encoder
             table[parts.STEP, c] = value("step")
             table[parts.TURN, c] = 1.0 / (value("step") * len(self.counts))
             self.state[c] = uniform(seed, DRAWS + 1 + c, 0)
         else:
             self.state[c] = table[parts.OFFSET, c]
             if config.resolution_bits > 0.0:
-                full = high if kind not in SIGNED else 2.0 * high
+                full = 2.0 * high if signed else high
                 table[parts.QUANTUM, c] = full / 2.0**config.resolution_bits
 
     def switch(self, on: bool) -> None:
