@@ -10,7 +10,10 @@ import pytest
 from rig_nodes.config.units import UNITS
 from rig_nodes.description.quantities import QUANTITIES
 from rig_nodes.description.transducer_types import TRANSDUCER_TYPES
+from rig_nodes.errors import RigError
+from rig_nodes.instruments.transducers import HIGH, LOW
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
 
 
 @pytest.fixture
@@ -41,3 +44,78 @@ def test_each_type_of_transducer_has_a_quantity_a_dimension_and_a_range():
         assert errors["range"].metadata["dimension"] == one.dimension, name
         assert errors["range"].default is MISSING, f"the full scale of {name} must be written"
         assert ("offset" in errors) == ("gain" in errors) and ("step" in errors) == ("gate" in errors), name
+
+
+P_MORE = "  p_more: {type: pressure, like: p1, shows: clutch_s1.pressure, at: clutch_s1, range: [0 MPa, 40 MPa], text: Another.}\n"
+M_MORE = "  M_more: {type: torque, shows: M_wej, at: motor, range: [-500 Nm, 500 Nm], text: A second torque meter.}\n"
+T_MORE = (
+    "  T_more: {type: temperature, logged: no, shows: oil_supply.oil_temperature, at: oil_supply, range: [0 degC, 120 degC], "
+    "text: A second thermometer.}\n"
+)
+
+
+def test_a_variant_adds_transducers_behind_the_logger_columns_of_its_base(variant):
+    config, base = load_rig(variant(f"transducers:\n{T_MORE}{P_MORE}{M_MORE}")), load_rig("hydmag")
+    columns, those_of_base = ([one.name for one in rig.catalogue.logger_channels()] for rig in (config, base))
+    assert columns == [*those_of_base, "p_more", "M_more"] == list(Rig(config).channels[: len(columns)])
+    rig = turned_on(Rig(load_rig(variant(f"transducers:\n{P_MORE}{M_MORE}{T_MORE}"), {"effects.transducers": "off"})))
+    for more, like in (("p_more", "p1"), ("M_more", "M_wej"), ("T_more", "T_oil")):
+        assert rig.measurement(more) == rig.measurement(like) != 0.0
+
+
+def turned_on(rig):
+    rig.set("oil", 4e6, True)
+    rig.advance(0.3)
+    rig.order_gear(1)
+    rig.set("motor", 50.0, True)
+    rig.advance(1.0)
+    return rig
+
+
+def test_a_range_below_zero_makes_a_transducer_measure_both_signs(variant):
+    """Otherwise a reading would end at the error below 0."""
+    added = "  n_both: {type: speed, shows: wk.speed, at: motor, range: [-300 rad/s, 300 rad/s], text: Speed of wk either way.}\n"
+    rig = Rig(load_rig(variant(f"transducers:\n{added}")))
+    low, high = (float(rig.gauges.table[row, rig.channels.index("n_both")]) for row in (LOW, HIGH))
+    assert low == -high == -rig.config.instruments.speed_range
+    assert rig.gauges.table[LOW, rig.channels.index("n_wyj")] == 0.0
+
+
+WRONG = {
+    "a pressure without its errors": (
+        "transducers:\n" + P_MORE.replace("like: p1, ", ""),
+        r"variant/rig\.yaml:4: transducers\.p_more: instruments has no pressure_range for it; write it there with its value and "
+        "source, or share the errors of others by like: p1$",
+    ),
+    "a torque with the errors of a pressure": (
+        "transducers:\n" + M_MORE.replace("torque, ", "torque, like: p1, "),
+        r"variant/rig\.yaml:4: transducers\.M_more has the errors of 'p1', which are those of p1, a transducer of type pressure",
+    ),
+    "a range beyond the instrument": (
+        "transducers:\n" + M_MORE.replace("500 Nm]", "600 Nm]"),
+        r"variant/rig\.yaml:4: transducers\.M_more\.range goes to 600 Nm, and instruments\.torque_range ends at 500 Nm "
+        r"\(.*hydmag/rig\.yaml:\d+\); expected a range within what its instrument can show$",
+    ),
+    "a range beyond the instrument the other way": (
+        "transducers:\n" + M_MORE.replace("-500 Nm", "-600 Nm"),
+        r"range goes to -600 Nm, and instruments\.torque_range ends at 500 Nm",
+    ),
+    "an instrument that ends before the range of the base": (
+        'instruments:\n  p1_range: [25 MPa, "tried"]\n',
+        r"variant/rig\.yaml:4: instruments\.p1_range ends at 25 MPa, and transducers\.p1\.range goes to 40 MPa "
+        r"\(.*hydmag/rig\.yaml:\d+\)",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_transducer_that_cannot_be_is_refused_where_it_stands(variant, what):
+    text, sentence = WRONG[what]
+    with pytest.raises(RigError, match=sentence):
+        load_rig(variant(text))
+
+
+def test_what_is_not_fitted_may_have_any_range():
+    assert load_rig("clutch_bench").instruments.force_fitted is False
+    for name in ("hydmag", "chapter9", "three_speed", "cylinder_bench", "spring_bench"):
+        load_rig(name)

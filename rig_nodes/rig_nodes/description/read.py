@@ -375,7 +375,7 @@ class _Reader:
     # ---- what is measured, and what it is called
 
     def transducers(self, devices: tuple[Device, ...]) -> tuple[Transducer, ...]:
-        """Return everything that is measured, in the order of the logger's columns."""
+        """Return everything that is measured: the logger's columns in the order of the file, then what is not logged."""
         nodes, out = self.map_of("transducers"), []
         hosts = [device.name for device in devices if device.role not in (parts.VALUES, parts.METER, parts.LOSS)]
         for name, node in nodes.items():
@@ -408,6 +408,12 @@ class _Reader:
             for key in ("text", "sign", "like", "topic"):
                 if key in node and (not isinstance(node[key], str) or not node[key].strip() or not node[key].isprintable()):
                     raise RigError(f"{self.at(node, key)}: {what}.{key} is {brief(node[key])}, expected words")
+            like = node.get("like", node["type"])
+            if other := next((one for one in out if one.like == like and one.type != node["type"]), None):
+                raise RigError(
+                    f"{self.at(node, 'like' if 'like' in node else 'type')}: {what} has the errors of '{like}', which are those of "
+                    f"{other.name}, a transducer of type {other.type}; give it another name under like"
+                )
             logged = node.get("logged", True)
             if logged not in (True, False, "yes", "no"):
                 raise RigError(f"{self.at(node, 'logged')}: {what}.logged is {brief(logged)}, expected yes or no")
@@ -415,7 +421,7 @@ class _Reader:
                 Transducer(
                     name,
                     node["type"],
-                    node.get("like", node["type"]),
+                    like,
                     self.shown(node, what, devices),
                     node["at"],
                     low,
@@ -426,14 +432,8 @@ class _Reader:
                     logged in (True, "yes"),
                 )
             )
-        logged = [one.logged for one in out]
-        if False in logged and True in logged[logged.index(False) :]:
-            late = out[logged.index(True, logged.index(False))]
-            raise RigError(
-                f"{self.at(nodes, late.name)}: transducers.{late.name} is logged but comes after one that is not; list "
-                "the logged ones first"
-            )
-        return tuple(out)
+        # logged ones first: a variant can add a column though its base ends with transducers that have none
+        return tuple(sorted(out, key=lambda one: not one.logged))
 
     def shown(self, node: Map, what: str, devices: tuple[Device, ...]) -> str:
         """Return what a transducer shows; RigError when it does not exist."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from ..description.read_elements import GROUPS
 from ..description.sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
 from ..description.settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
 from ..description.structure import Device, Structure
+from ..description.transducer_types import TRANSDUCER_TYPES
 from ..engine.outside import NOT_DEVICES, cuttable, why_not
 from ..errors import RigError, brief
 from ..parts import part as parts
@@ -232,9 +233,11 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
         sections[owner] = written(build(cls, entries, path, owner, GROUPS.get(group, MESH_KEYS), where))
     for device in structure.devices:
         sections[device.name], cut_out = _device(node["parts"], path, structure, device, cut_out)
+    _check_errors_given(structure, node, path)
     sections["instruments"] = build(
         instruments_of(structure), node["instruments"], path, "instruments", where=where_of(path, node, "instruments")
     )
+    _check_full_scales(structure, sections["instruments"], node, path)
     effects = node.get("effects", Map(node.line))
     check_keys(path, effects, effects_of(structure), (), "effects", where_of(path, node, "effects"))
     sections["effects"] = build(EffectsConfig, effects, path, "effects")
@@ -265,6 +268,46 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
         raise RigError(f"{where_of(path, node['parts'], device[1]) if device else path}: {error}") from None
     _check_view(config, node, path)
     return config
+
+
+def _check_errors_given(structure: Structure, node: Map, path: str | Path) -> None:
+    """Refuse a transducer whose required errors are not among the instruments, where the transducer stands."""
+    given = node["instruments"]
+    if not isinstance(given, Map):
+        return  # which the reader of the instruments refuses
+    for one in structure.transducers:
+        required = [what for what, error in TRANSDUCER_TYPES[one.type].errors().items() if error.default is MISSING]
+        lacking = [what for what in required if f"{one.like}_{what}" not in given]
+        if not lacking:
+            continue
+        others = [other.like for other in structure.transducers if other.type == one.type]
+        known = [like for like in dict.fromkeys(others) if all(f"{like}_{what}" in given for what in required)]
+        raise RigError(
+            f"{where_of(path, node['transducers'], one.name)}: transducers.{one.name}: instruments has no {one.like}_{lacking[0]} "
+            f"for it; write it there with its value and source"
+            f"{f', or share the errors of others by like: {known[0]}' if known else ''}"
+        )
+
+
+def _check_full_scales(structure: Structure, instruments: Any, node: Map, path: str | Path) -> None:
+    """Refuse a transducer whose range is more than its instrument can show; one that is not fitted shows nothing anyway."""
+    for one in structure.transducers:
+        key = f"{one.like}_range"
+        full = getattr(instruments, key)
+        if max(one.high, -one.low) <= full or not getattr(instruments, f"{one.like}_fitted", True):
+            continue
+        entry_of, errors = node["transducers"][one.name], node["instruments"]
+        end = entry_of["range"][1 if one.high > full else 0]
+        said = [
+            (f"transducers.{one.name}.range goes to {end}", entry_of, "range"),
+            (f"instruments.{key} ends at {errors[key][0]}", errors, key),
+        ]
+        said.sort(key=lambda place: file_of(path, *place[1:]) != path)  # a variant's own line comes before that of its base
+        (first, *at_first), (second, *at_second) = said
+        raise RigError(
+            f"{where_of(path, *at_first)}: {first}, and {second} ({where_of(path, *at_second)}); expected a range within what its "
+            "instrument can show"
+        )
 
 
 def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:

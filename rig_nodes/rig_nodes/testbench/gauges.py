@@ -83,7 +83,7 @@ class Gauges:
     def _fill(self, one: Transducer, beside: bool, seed: int, step: float) -> None:
         config, c, table = self.config, self.channels.index(one.name), self.table
         type_of = TRANSDUCER_TYPES[one.type]
-        errors, signed = type_of.errors(), type_of.signed
+        errors, signed = type_of.errors(), type_of.signed or one.low < 0.0
 
         def value(what: str) -> float:
             return getattr(config, f"{one.like}_{what}", 0.0)
