@@ -3,8 +3,8 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Calls an FMU's functions as an importer does, right and wrong, twice; built with sanitizers by test_sanitized.py.
- * Argument: URI of the folder of resources. Prints the sentences of what is refused.
+/* Calls an FMU's functions as an importer does, in a right and in a wrong order, twice; test_sanitized.py builds it with
+ * sanitizers. Its argument is the URI of the folder of resources. It prints the sentence of each refusal.
  */
 #include "fmi2Functions.h"
 #include "model.h"

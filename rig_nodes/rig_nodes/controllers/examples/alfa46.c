@@ -8,7 +8,7 @@
  *   cc -std=c99 -O2 -ffp-contract=off -fPIC -shared -I<this rig's include folder> -o alfa46.so alfa46.c -lm
  *   ./rig simulate demo --controller c:alfa46.so
  *
- * It gives the same bits as the built-in controller, at both levels, when built like that.
+ * Built with these options it gives the same bits as the built-in controller, at both levels.
  */
 #include "rig_record.h"
 
@@ -38,7 +38,7 @@ typedef struct {
 static double at_least(double value, double low) { return low > value ? low : value; }
 static double at_most(double value, double high) { return high < value ? high : value; }
 
-/* Finds a parameter; 0 and a message when the rig did not give it. */
+/* Reads a parameter; returns 0 and writes a message when the rig has not given it. */
 static int read_parameter(rig_controller_info *info, const char *name, double *value) {
   for (uint32_t k = 0; k < info->parameter_count; k++) {
     if (strcmp(info->parameters[k].name, name) == 0) {
@@ -68,7 +68,7 @@ static void switch_output(alfa46_t *box, uint32_t number, int phase, double at, 
   box->shift_end = at_least(box->shift_end, at + rint(output->time[last_point] / box->period));
 }
 
-/* Switches the valves of the old and the new gear; the delay of this change lets one of them wait. */
+/* Switches the valves of the old and the new gear, one of them later by the delay of this change. */
 static void order_gear(alfa46_t *box, uint32_t gear, double sample) {
   double delay = 0.0, wait;
   if (box->gear == 1 && gear == 2) delay = box->t12;
@@ -82,7 +82,7 @@ static void order_gear(alfa46_t *box, uint32_t gear, double sample) {
   box->gear = gear;
 }
 
-/* Straight lines from switch-on over P1-P3, from switch-off over P4-P6. */
+/* The setpoint follows straight lines: through P1-P3 after switch-on, through P4-P6 after switch-off. */
 static void follow_profile(output_t *output, double sample, double period) {
   if (output->pending != OFF && sample >= output->pending_at) {
     output->phase = output->pending;
@@ -113,7 +113,7 @@ static void follow_profile(output_t *output, double sample, double period) {
   }
 }
 
-/* PID in volts, derivative filtered, integral held inside the supply. */
+/* PID with an output in volts; the derivative is filtered, and the integral is limited to the supply voltage. */
 static void close_loop(output_t *output, double current, const alfa46_t *box) {
   if (output->phase == OFF) {
     output->duty = 0.0;

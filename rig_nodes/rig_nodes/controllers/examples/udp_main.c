@@ -3,13 +3,13 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Brings the controller that it is linked with (rig_controller.h) to the rig over UDP, until Ctrl-C.
+/* A program that runs the controller it is linked with (rig_controller.h) for the rig, over UDP, until Ctrl-C.
  *
- *   ./my_controller                                             (in one terminal; with ADDRESS PORT for another rig)
- *   ./rig simulate demo --controller udp:9002 --level current   (in another, before or after)
+ *   ./my_controller                                             (in one terminal; ADDRESS PORT behind it name another rig)
+ *   ./rig simulate demo --controller udp:9002 --level current   (in another terminal, started before or after)
  *
- * --level is what the controller's commands are. Compile this file with your controller, -I where rig_udp.h is:
- * cc -std=gnu99 -O2 -ffp-contract=off; ./rig controller new udp-c prints the whole command.
+ * --level says whether the controller commands currents or duties. Compile this file together with your controller, with
+ * cc -std=gnu99 -O2 -ffp-contract=off and -I for the folder of rig_udp.h; ./rig controller new udp-c prints the command.
  */
 #include "rig_udp.h"
 

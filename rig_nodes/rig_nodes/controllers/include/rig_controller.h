@@ -3,9 +3,9 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Shift controllers for the virtual rig as C shared libraries: what is the same for every rig, C99, usable from C++.
+/* Shift controllers for the virtual rig as C shared libraries, in C99, usable from C++. This file is the same for every rig.
  * rig_record.h, which `./rig controller new` and `./rig export record` write, has the names of one rig's outputs,
- * transducers and gears; a library that includes it says so (RIG_CONTROLLER_DESCRIBE) and runs on such a rig only.
+ * transducers and gears. A library that includes it states this (RIG_CONTROLLER_DESCRIBE) and runs only on such a rig.
  *
  * A library exports the four functions below. The rig calls them from one thread only: abi once, create once,
  * step once per controller sample in order, destroy once. All values are SI; speeds in rad/s, pressures in Pa
@@ -22,18 +22,18 @@
 extern "C" {
 #endif
 
-#define RIG_CONTROLLER_ABI 2u     /* raised with every change of this file that old libraries would not survive; new
-                                   * optional functions are none: an older rig does not call them */
+#define RIG_CONTROLLER_ABI 2u     /* raised with each change of this file that breaks libraries compiled before; a new
+                                   * optional function does not, because an older rig never calls it */
 #define RIG_CONTROLLER_TEXT 128   /* bytes of a message, its closing zero included */
-#define RIG_CONTROLLER_RECORD NULL /* made for any rig, by the names in rig_controller_info; rig_record.h changes it */
+#define RIG_CONTROLLER_RECORD NULL /* NULL: for any rig, by the names in rig_controller_info; rig_record.h sets another */
 
-/* What the command means; a library names the levels that it can work at by or-ing them. */
+/* What a command means. A library that can work at both levels names both, joined by |. */
 #define RIG_LEVEL_DUTY 1u         /* command: duty of the coil, 0 to 1; the controller closes the current loop */
 #define RIG_LEVEL_CURRENT 2u      /* command: current setpoint [A]; the rig's power stage closes the loop */
 
 /* How a call ended, after FMI. */
 #define RIG_OK 0                  /* the outputs are used */
-#define RIG_DISCARD 1             /* no answer to this sample: the last command stays, for 100 ms at most */
+#define RIG_DISCARD 1             /* no answer to this sample: the last command is kept, for 100 ms at most */
 #define RIG_ERROR 2               /* the rig trips with the message as reason; destroy is called */
 #define RIG_FATAL 3               /* the rig trips with the message as reason; nothing more is called */
 
@@ -67,13 +67,13 @@ typedef struct rig_controller_info {
   uint32_t level;                 /* the one level of this run */
   double period;                  /* time between samples [s] */
   double command_high;            /* largest command: 1, or the valves' current limit [A] */
-  const rig_parameter *parameters;/* valid during create only, as all that is pointed to here */
+  const rig_parameter *parameters;/* valid during create only, like all pointers in this struct */
   uint32_t parameter_count;
   char message[RIG_CONTROLLER_TEXT]; /* create may write here why it failed */
-  const char *record;             /* of the rig */
+  const char *record;             /* RIG_CONTROLLER_RECORD of the rig */
   const char *const *outputs;     /* their names, in the order of current, command and setpoint */
   const rig_transducer *transducers; /* in the order of measured */
-  const rig_gear *gears;          /* that may be ordered */
+  const rig_gear *gears;          /* gears that may be ordered */
   uint32_t output_count;
   uint32_t transducer_count;
   uint32_t gear_count;
@@ -88,7 +88,7 @@ typedef struct rig_controller_inputs {
   const double *measured;         /* the rig's transducers; rig_measured_of of rig_record.h has them by name */
 } rig_controller_inputs;
 
-/* All numbers are zero, but for size, when step is called; message too. command and setpoint stay where they point. */
+/* When step is called, every number except size is 0 and message is empty; command and setpoint point to arrays to fill. */
 typedef struct rig_controller_outputs {
   uint32_t size;                  /* sizeof(rig_controller_outputs) of the rig */
   uint32_t flags;                 /* bit k: at level current, output k stays on at a setpoint of zero */
@@ -116,20 +116,21 @@ typedef struct rig_controller_outputs {
       RIG_CONTROLLER_RECORD};                                                         \
   return &description
 
-/* What the library was made for; the pointer stays valid. */
+/* Returns what the library was made for; the pointer must stay valid. */
 RIG_EXPORT const rig_controller_abi_info *rig_controller_abi(void);
 
-/* A new controller in *instance; a status other than RIG_OK refuses. Of info only message may be written. */
+/* Makes a new controller and stores it in *instance; a status other than RIG_OK refuses the run. Only info->message may be
+ * written. */
 RIG_EXPORT int rig_controller_create(rig_controller_info *info, void **instance);
 
-/* One sample; the outputs act from the next sample on. */
+/* Computes one sample; its outputs act from the next sample on. */
 RIG_EXPORT int rig_controller_step(void *instance, const rig_controller_inputs *inputs,
                                    rig_controller_outputs *outputs);
 
-/* The end of a controller that create made. */
+/* Frees a controller that create made. */
 RIG_EXPORT void rig_controller_destroy(void *instance);
 
-/* Optional, both or none: further transducers. The names (e.g. "M_wej", "p_p", `./rig list signals` has them), with
+/* Optional, both or none: further transducers. It returns their names (e.g. "M_wej", "p_p", `./rig list signals` has them), with
  * NULL behind the last; the pointers stay valid. Before each step the rig brings their SI values, in the same order. */
 RIG_EXPORT const char *const *rig_controller_wants(void);
 RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint32_t count);

@@ -3,11 +3,11 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Generated code of Simulink Coder / Embedded Coder as a shift controller: wraps MODEL_initialize, MODEL_step and
- * MODEL_terminate with their global rtU and rtY into what rig_controller.h asks for.
+/* Makes a shift controller (rig_controller.h) of code that Simulink Coder or Embedded Coder has generated, with the functions
+ * MODEL_initialize, MODEL_step and MODEL_terminate and the global rtU and rtY.
  *
- * Write one file rig_shim.c, for C++ code rig_shim.cpp, beside the generated files or their folders
- * (`./rig controller new simulink DIR` makes one):
+ * Write one file rig_shim.c, or rig_shim.cpp for C++ code, beside the generated files or their folders
+ * (`./rig controller new simulink DIR` writes one):
  *
  *   #include "my_model.h"
  *   #include "rig_record.h"
@@ -22,11 +22,11 @@
  *   static void rig_parameters(void) { rtP.t12 = rig_setting("t12"); ... }
  *
  * What may be defined before this file is included:
- *   RIG_MODEL_PERIOD     base sample time of the model [s], a whole multiple of the rig's 0.001; without it each sample
- *                        is one step. Between two steps of a slower model its outputs stay.
- *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument, or
- *                        nothing where the code has no such function.
- *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): not NULL is an error.
+ *   RIG_MODEL_PERIOD     base sample time of the model [s], a whole multiple of the rig's 0.001; without it the
+ *                        model makes a step in each sample. A slower model keeps its outputs between its steps.
+ *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument;
+ *                        defined as nothing where the code has no such function.
+ *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): an error unless it is NULL.
  *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0]
  *                        and rig_wanted[1]
  *   RIG_SIGNALS          names of the model's own signals that are to be recorded, e.g. "slip", "state"; then one more
@@ -63,7 +63,7 @@
 #define RIG_ERROR_STATUS NULL
 #endif
 
-/* The three that rig_shim.c defines. */
+/* The three functions that rig_shim.c defines. */
 static void rig_inputs(const rig_controller_inputs *in);
 static void rig_outputs(rig_controller_outputs *out);
 static void rig_parameters(void);
@@ -71,7 +71,7 @@ static void rig_parameters(void);
 static struct {
   rig_controller_info *info; /* during create only */
   uint32_t level;            /* RIG_LEVEL_... of this run */
-  uint32_t highest;          /* number of a gear */
+  uint32_t highest;          /* largest number of a gear */
   unsigned long every, count;/* samples per step of the model, samples since the last */
   int created;
 } rig_shim;
@@ -117,7 +117,7 @@ void rig_controller_set(void *instance, const double *values, uint32_t count) {
 }
 #endif
 
-/* A setting of the rig's Alfa46 by its flat name, SI; create is refused when there is none of that name. */
+/* Returns a setting of the rig's Alfa46 [SI] by its name, e.g. "output_1.P1.time"; if there is none, create fails. */
 static double rig_setting(const char *name) {
   rig_controller_info *info = rig_shim.info;
   for (uint32_t k = 0; k < info->parameter_count; k++)
@@ -127,7 +127,7 @@ static double rig_setting(const char *name) {
 }
 
 const rig_controller_abi_info *rig_controller_abi(void) {
-  (void)rig_setting; /* a shim need not use it */
+  (void)rig_setting; /* it may stay unused */
   RIG_CONTROLLER_DESCRIBE(RIG_LEVELS);
 }
 

@@ -3,12 +3,12 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/how_to/udp.md in C.
+/* The controller's side of the UDP protocol (docs/how_to/udp.md), in C, for a shift controller of rig_controller.h.
  *
- * For POSIX systems with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with the
- * functions of rig_controller.h, the optional ones where you have them, and call rig_udp_serve; examples/udp_main.c is
- * all of a program. Nothing here computes: it fetches the parameters, brings each sample to rig_controller_step once,
- * and sends the same answer again when the sample comes again.
+ * It needs a POSIX system with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with
+ * your functions of rig_controller.h and call rig_udp_serve; examples/udp_main.c is a whole program. This file computes
+ * nothing: it fetches the parameters, passes each sample to rig_controller_step once, and repeats the same answer when
+ * the sample comes again.
  */
 #ifndef RIG_UDP_H
 #define RIG_UDP_H
@@ -26,21 +26,21 @@
 #include <unistd.h>
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
-#error "the frames are little-endian: turn the bytes of every number on this machine"
+#error "the frames are little-endian: this machine would have to swap the bytes of every number"
 #endif
 
 #define RIG_UDP_MAGIC 0x31474952u /* "RIG1" */
 #define RIG_UDP_VERSION 3u
 #define RIG_UDP_PORT 9002
-#define RIG_UDP_MOST 224 /* numbers behind a sample or an answer */
-#define RIG_UDP_NAMES 256 /* entries of one of the rig's lists */
+#define RIG_UDP_MOST 224 /* most numbers behind a sample or an answer */
+#define RIG_UDP_NAMES 256 /* most entries of one of the rig's lists */
 enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_NAME, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE, RIG_OWN };
-/* the rig's lists: what the name in a NAME is */
+/* the rig's lists, by which a frame NAME says what its name is */
 enum { RIG_LIST_SETTINGS, RIG_LIST_OUTPUTS, RIG_LIST_TRANSDUCERS, RIG_LIST_GEARS, RIG_LISTS };
-enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* what the name in an OWN is */
+enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* what the name in a frame OWN is */
 enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
 
-/* Every member lies on a multiple of its size, so no compiler leaves gaps. */
+/* Every member lies at a multiple of its size, so that no compiler leaves gaps. */
 typedef struct {
   uint32_t magic;
   uint16_t version, kind;
@@ -87,10 +87,10 @@ typedef struct {
   rig_udp_frame answer;
   void *instance;
   rig_controller_inputs inputs;
-  char told[RIG_CONTROLLER_TEXT]; /* what the rig said last: said again by it every second, here once */
+  char told[RIG_CONTROLLER_TEXT]; /* the rig's last message; the rig repeats it every second, and it is printed once */
 } rig_udp_client;
 
-/* Set it from a signal handler: rig_udp_serve says goodbye and returns. */
+/* A signal handler sets it; rig_udp_serve then sends a BYE and returns. */
 static volatile sig_atomic_t rig_udp_stop;
 
 static uint32_t rig_udp_size(unsigned kind) {
@@ -106,7 +106,7 @@ static void rig_udp_send(rig_udp_client *client, rig_udp_frame *frame, unsigned 
   frame->header.frame = number;
   frame->header.size = rig_udp_size(kind) + (kind == RIG_ANSWER ? 8u * (2u * client->outputs + client->signals) : 0u);
   frame->header.reserved = 0;
-  if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* no rig there yet: it is asked again */
+  if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* there is no rig yet; the caller tries again */
 }
 
 static void rig_udp_hello(rig_udp_client *client) {
@@ -118,12 +118,12 @@ static void rig_udp_hello(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_HELLO, 0);
 }
 
-/* 1 and a frame within so many ms, or 0; what is no frame of this protocol is passed over. */
+/* Waits for a frame for at most `ms`; returns 1 with a frame, or 0. What is no frame of this protocol is ignored. */
 static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms) {
   struct pollfd look = {client->socket, POLLIN, 0};
   while (poll(&look, 1, ms) > 0) {
     const ssize_t size = recv(client->socket, frame, sizeof *frame, 0);
-    if (size < 0) { /* no rig there yet */
+    if (size < 0) { /* there is no rig yet */
       const struct timespec pause = {0, 100000000};
       nanosleep(&pause, NULL);
       return 0;
@@ -147,7 +147,7 @@ static void rig_udp_end(rig_udp_client *client) {
   client->session = 0;
 }
 
-/* The controller's own names: counted, or with an index the one that the rig asks for. */
+/* Counts what the controller has itself: further transducers, signals, settings. */
 static void rig_udp_count(rig_udp_client *client) {
   const char *const *wants = rig_controller_wants && rig_controller_wanted ? rig_controller_wants() : NULL;
   const char *const *signals =
@@ -189,7 +189,7 @@ static void rig_udp_ready(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_READY, 0);
 }
 
-/* Asks for one of the rig's names until it is there; 0 when the rig has gone. */
+/* Asks for one of the rig's names until it comes; returns 0 when the rig has gone. */
 static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, rig_udp_frame *frame) {
   for (int tries = 0; tries < RIG_UDP_TRIES && !rig_udp_stop; tries++) {
     rig_udp_frame ask;
@@ -205,7 +205,7 @@ static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, r
   return 0;
 }
 
-/* The rig's lists by name, during create. */
+/* The rig's lists, which are needed during create. */
 typedef struct {
   char name[RIG_LISTS][RIG_UDP_NAMES][48], unit[RIG_UDP_NAMES][17], record[17];
   rig_parameter parameters[RIG_UDP_NAMES];
@@ -214,7 +214,7 @@ typedef struct {
   rig_gear gears[RIG_UDP_NAMES];
 } rig_udp_names;
 
-/* Fetches all lists; 0 when the rig has gone. */
+/* Fetches all lists; returns 0 when the rig has gone. */
 static int rig_udp_fetch(rig_udp_client *client, const uint32_t *count, rig_udp_names *names) {
   rig_udp_frame frame;
   for (uint32_t list = 0; list < RIG_LISTS; list++) {
@@ -240,7 +240,7 @@ static int rig_udp_fetch(rig_udp_client *client, const uint32_t *count, rig_udp_
   return 1;
 }
 
-/* A rig is there: fetch its names, create the controller, say that it is ready. */
+/* Begins a run: fetches the rig's names, creates the controller, and reports that it is ready. */
 static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
   rig_udp_names *names = (rig_udp_names *)calloc(1, sizeof *names);
   uint32_t count[RIG_LISTS];
@@ -328,9 +328,9 @@ static void rig_udp_told(rig_udp_client *client, rig_udp_frame *frame) {
   fprintf(stderr, "the rig says: %s\n", frame->body.bye.message);
 }
 
-/* Answer the rig at host (a number, e.g. "127.0.0.1") and port until rig_udp_stop, or with `once` until the end of the
- * first run; rig and controller may start in any order. 0 at an orderly end, 1 when there is no such address or the
- * controller refuses a run. */
+/* Answers the rig at a numeric address, e.g. "127.0.0.1", and port until rig_udp_stop is set, or with `once` until the first
+ * run ends. Rig and controller may start in any order. Returns 0 at an orderly end, and 1 when there is no such address or
+ * the controller refuses a run. */
 static int rig_udp_serve(const char *host, int port, int once) {
   static rig_udp_client client;
   struct sockaddr_in rig;
@@ -354,8 +354,8 @@ static int rig_udp_serve(const char *host, int port, int once) {
   while (!rig_udp_stop && !client.refused && !(over && once)) {
     if (!client.running) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
-      if (client.running && !client.last) rig_udp_ready(&client); /* until the first sample: was it heard? */
-      else if (client.running) rig_udp_hello(&client); /* is the rig still there, and the same one? */
+      if (client.running && !client.last) rig_udp_ready(&client); /* repeated until a sample comes */
+      else if (client.running) rig_udp_hello(&client); /* asks whether the same rig is still there */
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);
     } else if (frame.header.kind == RIG_BYE && !client.running) {

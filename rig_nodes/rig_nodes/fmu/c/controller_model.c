@@ -6,7 +6,7 @@
 /* A shift controller of rig_controller.h as the model of an FMU: inputs and outputs of the seam, parameters by name.
  *
  * Its step from t to t + 1 ms answers the sample at t: an importer that hands the answer to the rig at t + 1 ms has the
- * seam's one sample of delay. variables.h tells where the seam's values lie: MODEL_LEVEL, MODEL_LIMIT (current_limit),
+ * seam's one sample of delay. variables.h states where the seam's values are: MODEL_LEVEL, MODEL_LIMIT (current_limit),
  * MODEL_RECORD (rig_record), MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of the rig's
  * record, then MODEL_WANTS further transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting,
  * flags, status, then MODEL_SIGNALS signals of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of
@@ -14,7 +14,7 @@
  */
 #include "rig_controller.h"
 
-#include "model.h" /* behind it, for what variables.h has of its types */
+#include "model.h" /* after the line above, because variables.h uses its types */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,14 +25,14 @@ extern void rig_controller_wanted(void *instance, const double *values, uint32_t
 extern void rig_controller_signal_values(void *instance, double *values, uint32_t count) __attribute__((weak));
 extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
 
-enum { GEAR = 2 * MODEL_VALVES, SHIFTING, FLAGS, STATUS, TOLD }; /* places behind MODEL_OUTPUTS; TOLD: how many */
+enum { GEAR = 2 * MODEL_VALVES, SHIFTING, FLAGS, STATUS, TOLD }; /* places from MODEL_OUTPUTS on; TOLD is their number */
 
 struct model {
   model_values *values;
   model_say say;
   void *importer;
   void *controller;
-  int alive; /* controller stands for something that destroy has to end */
+  int alive; /* there is a controller that destroy has to end */
 };
 
 model *model_new(const char *resources, model_values *values, model_say say, void *importer) {
@@ -124,7 +124,7 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
       continue;
     }
     if (status != RIG_OK) {
-      if (status != RIG_ERROR) m->alive = 0; /* nothing of it is called again */
+      if (status != RIG_ERROR) m->alive = 0; /* none of its functions may be called again */
       status = status == RIG_ERROR ? MODEL_ERROR : MODEL_FATAL;
       m->say(m->importer, status, out.message[0] ? out.message : "the controller gave no reason");
       return status;

@@ -23,7 +23,7 @@ static void say(void *importer, int status, const char *sentence) {
   if (c->logger) c->logger(c->environment, c->name, (fmi2Status)status, MODEL_CATEGORIES[status], "%s", sentence);
 }
 
-/* The path in a file: URI, %XX decoded, without a slash at its end. */
+/* Writes the path of a file: URI, with %XX decoded and without a slash at its end. */
 static char *path_of(const char *uri) {
   const char *from = uri ? uri : "";
   char *path, *to;
@@ -142,7 +142,7 @@ fmi2Status fmi2SetString(fmi2Component it, const fmi2ValueReference r[], size_t 
   return fmi2OK;
 }
 
-/* ---- optional functions that modelDescription.xml does not offer: their parameters are not looked at */
+/* ---- optional functions that modelDescription.xml does not offer; their parameters are not used */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 
 fmi2Status fmi2SetDebugLogging(fmi2Component it, fmi2Boolean on, size_t n, const fmi2String categories[]) { return fmi2OK; }

@@ -17,12 +17,12 @@ typedef struct {
   instance *inner;
   fmi3LogMessageCallback log;
   fmi3InstanceEnvironment environment;
-  int early; /* the importer takes a step that ends before its time */
+  int early; /* the importer accepts a step that ends early */
 } component;
 
 static void say(void *importer, int status, const char *sentence) {
   component *c = importer;
-  /* a model that ends the simulation is no discarded step here */
+  /* in FMI 3.0 a model that ends the simulation has not discarded its step */
   if (status == MODEL_DISCARD) status = MODEL_WARNING;
   if (c->log) c->log(c->environment, (fmi3Status)status, MODEL_CATEGORIES[status], sentence);
 }
@@ -91,7 +91,7 @@ fmi3Status fmi3SetString(fmi3Instance it, const fmi3ValueReference r[], size_t n
   return fmi3OK;
 }
 
-/* ---- from here on parameters that mean nothing for these models are not looked at */
+/* ---- from here on, parameters without a meaning for these models are not used */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance it, fmi3Boolean on, size_t n, const fmi3String categories[]) { return fmi3OK; }

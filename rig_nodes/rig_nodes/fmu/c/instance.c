@@ -22,14 +22,14 @@ static int refuse(instance *i, int status, const char *form, ...) {
   return status;
 }
 
-/* Notes what a call of the model means for the instance. */
+/* Sets the state of the instance by the status of a call of the model, and returns the status. */
 static int after(instance *i, int status) {
   if (status == MODEL_FATAL) i->phase = DEAD;
   if (status == MODEL_ERROR) i->phase = FAILED;
   return status;
 }
 
-/* As new: start values, from 0 s on without an end. */
+/* Resets the instance: start values, start at 0 s, no end. */
 static void starts(instance *i) {
   memset(&i->values, 0, sizeof i->values);
   memcpy(i->values.number, MODEL_STARTS, sizeof i->values.number);
@@ -58,7 +58,7 @@ instance *instance_new(const char *token, const char *resources, model_say say, 
   return i;
 }
 
-/* The outputs of time 0, where parameters and inputs have changed since they were last told. */
+/* Computes the outputs of time 0 again when parameters or inputs have changed since. */
 static int refresh(instance *i) {
   int status;
   if (i->fresh) return MODEL_OK;

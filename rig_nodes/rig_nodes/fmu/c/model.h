@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* What stands behind the functions of FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c): one model, its values, its calls.
+/* What the functions of FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c) call: one model with its values and functions.
  *
  * An FMU is one of those two files with one model: the rig as a process (rig_process.c) or a shift controller of
  * rig_controller.h (controller_model.c). variables.h is written when the FMU is built; it lists the variables.
@@ -14,7 +14,7 @@
 #include "variables.h" /* MODEL_TOKEN, MODEL_COUNT, MODEL_TEXTS, MODEL_TYPES, MODEL_KINDS, MODEL_STARTS, MODEL_NAMES */
 
 #define MODEL_TEXT 1024 /* bytes of a string variable or message, its closing zero included */
-#define MODEL_SAMPLE 1e-3 /* s: communication steps are whole multiples of it */
+#define MODEL_SAMPLE 1e-3 /* s; a communication step is a whole multiple of it */
 
 /* Numbers of fmi2Status and fmi3Status. */
 enum { MODEL_OK, MODEL_WARNING, MODEL_DISCARD, MODEL_ERROR, MODEL_FATAL };
@@ -31,24 +31,24 @@ typedef struct {
 
 typedef struct model model;
 
-/* Hands one sentence to the importer. */
+/* Reports one sentence to the importer. */
 typedef void (*model_say)(void *importer, int status, const char *sentence);
 
-/* A new model that reads and writes `values`; NULL, and a sentence, when it cannot be made.
- * resources: the FMU's folder of that name, without a slash at its end. */
+/* Returns a new model that reads and writes `values`, or reports a sentence and returns NULL.
+ * resources: the path of the FMU's folder "resources", without a slash at its end. */
 model *model_new(const char *resources, model_values *values, model_say say, void *importer);
 
-/* Takes parameters and inputs, leaves the outputs of time 0; may be called again until the first step. */
+/* Reads parameters and inputs and writes the outputs of time 0; it may be called again until the first step. */
 int model_initialize(model *m);
 
-/* Moves by `samples` of MODEL_SAMPLE with the inputs as they are; sample: how many lie behind. MODEL_DISCARD, and a
- * sentence: the model ends the simulation, *done samples later. */
+/* Computes `samples` of MODEL_SAMPLE with constant inputs; `sample` is the number of samples computed before. When the model
+ * ends the simulation, it reports a sentence and returns MODEL_DISCARD, with the samples computed until then in *done. */
 int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done);
 
 /* Ends the run; a new one begins with model_initialize. */
 int model_terminate(model *m);
 
-/* After it the model is as new. */
+/* Puts the model back to the state after model_new. */
 int model_reset(model *m);
 
 void model_free(model *m);
@@ -75,7 +75,7 @@ int instance_set(instance *i, char type, unsigned reference, double value, const
 int instance_set_up(instance *i, double start, double stop);
 int instance_enter(instance *i);
 int instance_leave_initialization(instance *i);
-int instance_step(instance *i, double time, double step); /* MODEL_DISCARD as model_step, at instance_time() */
+int instance_step(instance *i, double time, double step); /* MODEL_DISCARD: instance_time() was reached */
 int instance_terminate(instance *i);
 int instance_reset(instance *i);
 void instance_free(instance *i);

@@ -5,9 +5,9 @@
 
 /* The rig as the model of an FMU: a process of the rig's own Python at the other end of a socket pair.
  *
- * The interpreter and the folder of the package stand in resources/tool.txt, in two lines; the environment variables
- * RIG_FMU_PYTHON and RIG_FMU_PATH go before them. Each request is one message, each has one answer
- * (rig_nodes/fmu/rig_process.py). The process ends when its socket does, so that none outlives its importer.
+ * resources/tool.txt names the interpreter and the folder of the package, in two lines; the environment variables
+ * RIG_FMU_PYTHON and RIG_FMU_PATH take precedence. Each request is one message and has one answer
+ * (rig_nodes/fmu/rig_process.py). The process ends when its socket is closed, so it never outlives its importer.
  */
 #define _GNU_SOURCE
 #include "model.h"
@@ -36,7 +36,7 @@ typedef struct {
 } request;
 
 typedef struct {
-  uint32_t status, samples; /* of a step: how many it has moved by */
+  uint32_t status, samples; /* samples: how many a step has computed */
   model_values values;
   char sentence[MODEL_TEXT];
 } answer;
@@ -62,7 +62,7 @@ static void read_line(FILE *file, char *line) {
   if (file && fgets(line, PATH_SIZE, file)) line[strcspn(line, "\r\n")] = 0;
 }
 
-/* Waits for the end of the process for at most so many ms; 1 when it has ended, its status in *status. */
+/* Waits at most so many ms for the end of the process; returns 1 when it has ended, with its status in *status. */
 static int wait_for_end(pid_t process, int patience_ms, int *status) {
   const struct timespec moment = {0, 5000000};
   *status = 0;
@@ -74,11 +74,11 @@ static int wait_for_end(pid_t process, int patience_ms, int *status) {
   }
 }
 
-/* Closes the socket, on which the process ends; one that does not is killed. Says how it ended. */
+/* Closes the socket, so that the process ends, and kills it if it does not. Reports how it ended. */
 static void end_process(model *m, char *how, size_t size) {
   int status;
   if (m->socket >= 0) {
-    shutdown(m->socket, SHUT_RDWR); /* reaches the process even where a fork of the importer holds a copy */
+    shutdown(m->socket, SHUT_RDWR); /* the process notices this even if a fork of the importer holds a copy of the socket */
     close(m->socket);
     m->socket = -1;
   }
@@ -92,7 +92,7 @@ static void end_process(model *m, char *how, size_t size) {
   else snprintf(how, size, "ended with exit code %d", WEXITSTATUS(status));
 }
 
-/* The whole answer to a request into m->answer; MODEL_FATAL and a sentence when the process is gone. */
+/* Reads the whole answer to a request into m->answer; returns MODEL_FATAL and reports a sentence when the process is gone. */
 static int receive(model *m) {
   char how[64] = "is gone", sentence[MODEL_TEXT];
   ssize_t size;
@@ -115,13 +115,13 @@ static int ask(model *m, uint32_t what, unsigned samples) {
   m->request.what = what;
   m->request.samples = samples;
   m->request.values = *m->values;
-  if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* a failure shows in the answer */
+  if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* a failure is seen at the answer */
   status = receive(m);
   if (status <= MODEL_DISCARD) *m->values = m->answer.values;
   return status;
 }
 
-/* The importer's environment without what belongs to its own Python, with the path of the rig's. */
+/* Returns the importer's environment without the variables of its own Python, and with the path of the rig's. */
 static char **environment(const char *path) {
   static const char *const foreign[] = {"PYTHONPATH=", "PYTHONHOME=", "PYTHONSTARTUP="};
   size_t count = 0, kept = 0;
@@ -162,10 +162,10 @@ static int start(model *m, const char *path, const char *resources, int theirs) 
   sigaddset(&defaults, SIGPIPE);
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, 2, 1); /* what it prints is no output of the importer */
+  posix_spawn_file_actions_adddup2(&actions, 2, 1); /* its output must not mix with the importer's */
   posix_spawn_file_actions_adddup2(&actions, theirs, CHILD_END);
   posix_spawnattr_init(&attributes);
-  /* a group of its own: Ctrl-C is the importer's */
+  /* a process group of its own, so that Ctrl-C reaches the importer only */
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
   posix_spawnattr_setpgroup(&attributes, 0);
   posix_spawnattr_setsigmask(&attributes, &none);
@@ -178,7 +178,7 @@ static int start(model *m, const char *path, const char *resources, int theirs) 
   return error;
 }
 
-/* A copy of a descriptor that is closed on exec and is not the number the child takes its end at. */
+/* Returns a copy of a descriptor that is closed on exec and differs from the number that the child uses. */
 static int out_of_the_way(int descriptor) {
   const int moved = fcntl(descriptor, F_DUPFD_CLOEXEC, CHILD_END + 1);
   close(descriptor);
@@ -229,7 +229,7 @@ int model_initialize(model *m) { return ask(m, INITIALIZE, 0); }
 
 int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done) {
   int status;
-  (void)sample; /* the rig counts too */
+  (void)sample; /* the rig counts the samples itself */
   status = ask(m, STEP, samples);
   if (status <= MODEL_DISCARD) *done = m->answer.samples;
   return status;

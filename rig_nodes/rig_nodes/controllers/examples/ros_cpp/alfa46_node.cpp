@@ -3,8 +3,8 @@
 
 // The Alfa46 law of alfa46.c as a ROS 2 node of its own.
 //
-//   ros2 run alfa46_cpp alfa46_node [NAME]              (in one terminal; building: docs/how_to/ros_controller.md)
-//   ./rig simulate demo --controller ros:               (ros:NAME; in another, before or after, same ROS_DOMAIN_ID)
+//   ros2 run alfa46_cpp alfa46_node [NAME]              (in one terminal; docs/how_to/ros_controller.md describes the build)
+//   ./rig simulate demo --controller ros:               (in another with the same ROS_DOMAIN_ID, before or after; ros:NAME)
 #include "rig_ros.hpp"
 
 int main(int count, char **arguments) { return rig_ros::serve(count, arguments); }

@@ -5,8 +5,8 @@
 
 /* The Alfa46 law in the form of generated code: profiles P1-P6, delays t12 to t32, PID on the coil current.
  *
- * Written by hand in that form, to show what the shim in rig_shim.c wraps. It gives the same bits as the built-in
- * controller: ./rig simulate demo --controller simulink:rig_nodes/rig_nodes/controllers/examples/simulink
+ * It is written by hand in that form, to show what rig_shim.c wraps. It gives the same bits as the built-in controller:
+ * ./rig simulate demo --controller simulink:rig_nodes/rig_nodes/controllers/examples/simulink
  */
 #include "alfa46.h"
 
@@ -22,7 +22,7 @@ ExtY rtY;
 P rtP;
 DW rtDW;
 
-/* Chart: the valves of the old and the new gear are switched, one of them later by the delay of this change. */
+/* Chart: switches the valves of the old and the new gear, one of them later by the delay of this change. */
 static void alfa46_shift(uint8_T gear) {
   const uint8_T old = rtDW.gear;
   real_T delay = 0.0;
@@ -57,7 +57,7 @@ static void alfa46_shift(uint8_T gear) {
   rtDW.gear = gear;
 }
 
-/* Lookup: straight lines over three points, from none at switch-on, from where it was at switch-off. */
+/* Lookup: straight lines over three points. They begin at 0 A after switch-on, and at the last setpoint after switch-off. */
 static real_T alfa46_profile(int32_T i, real_T elapsed) {
   const int32_T first = 6 * i + (rtDW.phase[i] == RISING ? 0 : 3);
   real_T t0 = 0.0;
@@ -73,7 +73,7 @@ static real_T alfa46_profile(int32_T i, real_T elapsed) {
   return i0;
 }
 
-/* Discrete PID in volts: filtered derivative, integral held inside the supply. */
+/* Discrete PID in volts: filtered derivative, the integral is limited to the supply voltage. */
 static real_T alfa46_loop(int32_T i) {
   const real_T error = rtDW.setpoint[i] - rtU.current[i];
   const real_T slope = (error - rtDW.filtered[i]) / rtP.derivative_time;
@@ -130,5 +130,5 @@ void alfa46_step(void) {
 }
 
 void alfa46_terminate(void) {
-  /* nothing to give back */
+  /* there is nothing to free */
 }

@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* The Alfa46 law in the form of generated code: global inputs, outputs, parameters and states, three functions. */
+/* The Alfa46 law in the form of generated code: global inputs, outputs, parameters and states, and three functions. */
 #ifndef RTW_HEADER_alfa46_h_
 #define RTW_HEADER_alfa46_h_
 

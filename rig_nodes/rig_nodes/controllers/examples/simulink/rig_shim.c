@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Which input of the rig is which of the model's, and the same for outputs and parameters (rig_simulink.h). */
+/* Connects the inputs, outputs and parameters of the rig with those of the model (rig_simulink.h). */
 #include "alfa46.h"
 #include "rig_record.h"
 

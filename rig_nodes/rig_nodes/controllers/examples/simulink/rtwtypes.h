@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* The basic types of generated code, as far as the model beside it uses them; Simulink Coder writes its own. */
+/* The basic types of generated code, those that the model in this folder uses. Simulink Coder writes its own file. */
 #ifndef RTWTYPES_H
 #define RTWTYPES_H
 

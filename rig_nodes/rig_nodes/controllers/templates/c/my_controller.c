@@ -3,20 +3,22 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
+/* A shift controller of your own. Every 1 ms it computes the current setpoints from the inputs that the real controller's
+ * wires carry.
  *
- * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
- * It has a process of its own, so statics are as good as a structure behind `instance`.
+ * The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a
+ * ramp. Change this as you like. The controller runs in a process of its own, so static variables serve as well as a
+ * structure behind `instance`.
  */
 #include "rig_record.h"
 
 static const double FILL = 0.30, PLATEAU = 0.22, SLOPE = 1.2, HELD = 0.74; /* s, A, A/s, A */
-static const double OVERLAP = 0.25, RELEASE = 0.13; /* s in which both are on; A of the old one then */
+static const double OVERLAP = 0.25, RELEASE = 0.13; /* s during which both clutches are on; A of the old one after that */
 
 static uint32_t gear, old;
 static double since;
 
-/* What step returns: setpoints in A; RIG_LEVEL_DUTY would be 0 to 1. */
+/* The commands of step are current setpoints in A; with RIG_LEVEL_DUTY they would be duties from 0 to 1. */
 const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_CURRENT); }
 
 int rig_controller_create(rig_controller_info *info, void **instance) {

@@ -1,9 +1,11 @@
 // Copyright 2026 Virtual rig maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
+// A shift controller of your own. Every 1 ms it computes the current setpoints from the inputs that the real controller's
+// wires carry.
 //
-// The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+// The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a
+// ramp. Change this as you like.
 #include "rig_record.h"
 
 #include <algorithm>
@@ -32,7 +34,7 @@ class MyController {
 
  private:
   static constexpr double kFill = 0.30, kPlateau = 0.22, kSlope = 1.2;  // s, A, A/s
-  static constexpr double kOverlap = 0.25, kRelease = 0.13;             // s in which both are on; A of the old one then
+  static constexpr double kOverlap = 0.25, kRelease = 0.13;             // s during which both are on; A of the old one after that
   double held_;                                                         // A
   uint32_t gear_ = 0, old_ = 0;
   double since_ = -10.0;  // no shift is running
@@ -40,7 +42,7 @@ class MyController {
 
 }  // namespace
 
-// What step returns: setpoints in A; RIG_LEVEL_DUTY would be 0 to 1.
+// The commands of step are current setpoints in A; with RIG_LEVEL_DUTY they would be duties from 0 to 1.
 const rig_controller_abi_info *rig_controller_abi() { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_CURRENT); }
 
 int rig_controller_create(rig_controller_info *info, void **instance) {
@@ -49,7 +51,7 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
   return RIG_OK;
 }
 
-// No exception may leave it: C has none.
+// No exception may leave this function, because its caller is written in C.
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
   if (in->gear_request > RIG_OUTPUTS) return RIG_ERROR;
   try {

@@ -3,10 +3,11 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Stands for the file that Simulink Coder generates. Put yours, with all that belong to it, in its place and change
- * rig_shim.c accordingly.
+/* A placeholder for the file that Simulink Coder generates. Replace it with your generated files and change rig_shim.c
+ * accordingly.
  *
- * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp.
+ * The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a
+ * ramp.
  */
 #include "my_model.h"
 
@@ -46,5 +47,5 @@ void my_model_step(void) {
 }
 
 void my_model_terminate(void) {
-  /* nothing to give back */
+  /* there is nothing to free */
 }

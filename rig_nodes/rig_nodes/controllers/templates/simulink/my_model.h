@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Stands for the header that Simulink Coder generates: global inputs rtU and outputs rtY, and three functions. */
+/* A placeholder for the header that Simulink Coder generates: global inputs rtU, global outputs rtY, and three functions. */
 #ifndef RTW_HEADER_my_model_h_
 #define RTW_HEADER_my_model_h_
 

@@ -3,8 +3,8 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Which input of the rig is which of the model's, and the same for outputs and parameters; rig_simulink.h says what else
- * there is: slower models, error status, functions of another form.
+/* Connects the inputs, outputs and parameters of the rig with those of the model. rig_simulink.h describes what else can be
+ * defined here: a slower model, an error status, functions of another form.
  */
 #include "my_model.h"
 #include "rig_record.h"
