@@ -295,16 +295,16 @@ class _Size:
             self._field(description, depth)
 
     def _field(self, description: tuple[Nodetype, Any], depth: int) -> None:
-        kind, value = description
+        form, value = description
         self._fields += 1
-        if kind == Nodetype.NAME:
+        if form == Nodetype.NAME:
             self._message(value, depth + 1)
-        elif kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        elif form in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             item, count = value
             if item[0] == Nodetype.BASE and item[1][0] != "string":
-                self._bytes += count * struct.calcsize(CODES[item[1][0]]) if kind == Nodetype.ARRAY else 0
+                self._bytes += count * struct.calcsize(CODES[item[1][0]]) if form == Nodetype.ARRAY else 0
             else:
-                for _ in range(count if kind == Nodetype.ARRAY else 1):
+                for _ in range(count if form == Nodetype.ARRAY else 1):
                     self._field(item, depth)
         if self._fields > limits.FIELDS or self._bytes > limits.CHUNK:
             raise RigError(
@@ -317,8 +317,8 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
     """Put the .msg text of a type and of all types it uses into ``texts``, the type itself first."""
     if ros_type in texts:
         return
-    package, kind, short = ([*ros_type.split("/"), "", ""])[:3]
-    if kind != "msg" or not short:
+    package, folder, short = ([*ros_type.split("/"), "", ""])[:3]
+    if folder != "msg" or not short:
         raise RigError(f"'{ros_type}' is not a message type; expected package/msg/Name")
     try:
         path = Path(get_package_share_directory(package)) / "msg" / f"{short}.msg"
@@ -328,10 +328,10 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
     except FileNotFoundError:
         raise RigError(f"the package '{package}' has no message '{short}'") from None
     for _, description in _fields_of(ros_type, texts[ros_type]):
-        kind, value = description
-        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            kind, value = value[0]
-        if kind == Nodetype.NAME:
+        form, value = description
+        if form in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            form, value = value[0]
+        if form == Nodetype.NAME:
             _collect(value, texts)
 
 
@@ -352,14 +352,14 @@ def _message(ros_type: str, types: Mapping[str, Any]) -> Node:
 
 
 def _node(description: tuple[Nodetype, Any], types: Mapping[str, Any]) -> Node:
-    kind, value = description
-    if kind == Nodetype.NAME:
+    form, value = description
+    if form == Nodetype.NAME:
         return _message(value, types)
-    if kind == Nodetype.BASE:
+    if form == Nodetype.BASE:
         name, bound = value
         return Node("string", "string", bound) if name == "string" else Node("number", name)
     item, count = value
-    return Node("array" if kind == Nodetype.ARRAY else "sequence", count=count, item=_node(item, types))
+    return Node("array" if form == Nodetype.ARRAY else "sequence", count=count, item=_node(item, types))
 
 
 def _lay_out(tree: Node) -> tuple[tuple[Leaf, ...], tuple[tuple[str, Node], ...], int]:

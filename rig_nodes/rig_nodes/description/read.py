@@ -93,7 +93,7 @@ class _Reader:
                 raise RigError(
                     f"{self.at(bodies, name)}: bodies.{name} is {brief(body)}, expected a map with its inertia, or {MASSLESS}"
                 )
-        self.kinds = {name: self.part_of(name, device, devices) for name, device in devices.items()}
+        self.part_of_device = {name: self.part_of(name, device, devices) for name, device in devices.items()}
         read = tuple(self.device(name, device) for name, device in devices.items())
         meshes, elements = self.meshes(), read_elements(self)
         transducers = self.transducers(read)
@@ -293,21 +293,21 @@ class _Reader:
 
     def device(self, name: str, node: Map) -> Device:
         """Return a device with its wires."""
-        kind, what, wires = self.kinds[name], f"parts.{name}", {}
+        part, what, wires = self.part_of_device[name], f"parts.{name}", {}
         called = node.get("called", name)
         if not isinstance(called, str) or not called.strip() or not called.isprintable() or len(called) > 40:
             raise RigError(f"{self.at(node, 'called')}: {what}.called is {brief(called)}, expected a short name for people")
-        for key, wire in kind.joined.items():
+        for key, wire in part.joined.items():
             if key in node:
                 wires[key] = self.wire(node[key], wire.to, self.at(node, key), f"{what}.{key}")
             elif wire.needed:
                 raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {meaning(wire.to)}")
-        if kind.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
+        if part.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
             raise RigError(
                 f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
                 "for a brake of one"
             )
-        if kind.role == parts.METER and ("source" in node) == ("load" in node):
+        if part.role == parts.METER and ("source" in node) == ("load" in node):
             raise RigError(f"{self.at(node)}: {what} must name one of source and load, whose torque it measures")
         rate = 0.0
         if "release_rate" in node:
@@ -339,9 +339,9 @@ class _Reader:
         if to == parts.TRANSDUCER:
             known = list(self.map_of("transducers"))
         elif to == parts.TORQUE:
-            known = [CLUTCHES, *(name for name, kind in self.kinds.items() if kind.role == parts.METER)]
+            known = [CLUTCHES, *(name for name, part in self.part_of_device.items() if part.role == parts.METER)]
         else:
-            known = [name for name, kind in self.kinds.items() if kind.role == to]
+            known = [name for name, part in self.part_of_device.items() if part.role == to]
         if value not in known:
             raise RigError(f"{where}: {what} names {brief(value)}, expected {meaning(to)}; {meant(value, known)}")
         return value
@@ -475,7 +475,7 @@ class _Reader:
         """Return the table of gears."""
         nodes, out = self.map_of("gears"), []
         clutches, freewheels = (
-            [name for name, kind in self.kinds.items() if kind.role == role] for role in (parts.CLUTCH, parts.FREEWHEEL)
+            [name for name, part in self.part_of_device.items() if part.role == role] for role in (parts.CLUTCH, parts.FREEWHEEL)
         )
         for number, (key, held) in enumerate(nodes.items(), 1):
             name = str(key)

@@ -182,7 +182,7 @@ def _of_file(path: Path, where: str, across: str, along: str) -> Points:
     for column, dimension in zip(heading, (across, along)):
         unit = column.strip().partition("[")[2].removesuffix("]")
         if UNITS.get(unit, ("", 0.0))[0] != dimension:
-            known = ", ".join(f"[{one}]" for one, (kind, _) in UNITS.items() if kind == dimension)
+            known = ", ".join(f"[{one}]" for one, (own, _) in UNITS.items() if own == dimension)
             raise RigError(f"{where}: {path.name}: the heading {brief(column)} names no unit of {dimension}; {known} are known")
         factors.append(UNITS[unit][1])
     if len(factors) != 2 or not rows or any(len(row) != 2 for row in rows) or len(rows) > MOST_POINTS:
@@ -284,7 +284,7 @@ class _Element:
                 *reader.bodies,
                 *reader.map_of("clutches"),
                 *reader.map_of("brakes"),
-                *(name for name, kind in reader.kinds.items() if "element" in kind.wires),
+                *(name for name, part in reader.part_of_device.items() if "element" in part.wires),
             ]
             if of not in known:
                 raise RigError(

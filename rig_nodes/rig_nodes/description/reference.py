@@ -85,11 +85,11 @@ def page() -> str:
     out += ["## Other sections", ""]
     for name, (about, those) in sections().items():
         out += [f"### {name}", "", about, "", *_table(_rows(those))]
-    kinds: dict[str, list[str]] = {}
+    units: dict[str, list[str]] = {}
     for unit, (dimension, _) in UNITS.items():
-        kinds.setdefault(dimension, []).append(f"`{unit}`")
+        units.setdefault(dimension, []).append(f"`{unit}`")
     return "\n".join(
-        [*out, "## Units", "", *_table([{"dimension": kind, "units": ", ".join(units)} for kind, units in kinds.items()])]
+        [*out, "## Units", "", *_table([{"dimension": dimension, "units": ", ".join(those)} for dimension, those in units.items()])]
     )
 
 
@@ -98,13 +98,13 @@ def _about(name: str) -> str:
     return import_module(f"{parts.__package__}.{name}").__doc__.strip().splitlines()[0]
 
 
-def _joints(kind: parts.Part) -> list[str]:
+def _joints(part: parts.Part) -> list[str]:
     """Lines on what a part is joined to, which setpoints it takes and which signals it shows."""
-    joined = [f"`{key}` ({meaning(wire.to)}{'' if wire.needed else '; may be left out'})" for key, wire in kind.joined.items()]
-    takes = [f"`{one.step}: {{{key}: ...}}`" for one in kind.takes for key in one.takes]
+    joined = [f"`{key}` ({meaning(wire.to)}{'' if wire.needed else '; may be left out'})" for key, wire in part.joined.items()]
+    takes = [f"`{one.step}: {{{key}: ...}}`" for one in part.takes for key in one.takes]
     lines = [
         f"{what}: {', '.join(those)}."
-        for what, those in (("Joined by", joined), ("Takes", takes), ("Signals", [one.what for one in kind.shows]))
+        for what, those in (("Joined by", joined), ("Takes", takes), ("Signals", [one.what for one in part.shows]))
         if those
     ]
     return [line for text in lines for line in (text, "")]
@@ -115,9 +115,9 @@ def _of(cls: type) -> dict:
     return {one.name: one for one in fields(cls)}
 
 
-def _fields(kind: parts.Part) -> dict:
+def _fields(part: parts.Part) -> dict:
     """The values that the entry of a part in a rig has."""
-    return _of(kind.configs[0]) if kind.configs else {}
+    return _of(part.configs[0]) if part.configs else {}
 
 
 def _rows(those: dict) -> list[dict[str, str]]:

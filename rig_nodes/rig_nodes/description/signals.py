@@ -51,8 +51,8 @@ def described(structure: Structure) -> dict:
     signals: dict[str, dict] = {}
     setpoints, logged = setpoints_of(structure), 0
 
-    def topic(name: str, node: str, kind: str, qos: str = "measurement", rate: float = 0, **others: object) -> None:
-        topics[name] = {"node": node, "type": kind, "qos": qos, "rate": rate, **others}
+    def topic(name: str, node: str, message: str, qos: str = "measurement", rate: float = 0, **others: object) -> None:
+        topics[name] = {"node": node, "type": message, "qos": qos, "rate": rate, **others}
 
     def signal(name: str, of: str, low: float, high: float, where: str, field: str, sign: str, text: str, **others: object) -> None:
         name, quantity = structure.names.get(name, name), QUANTITIES[of]

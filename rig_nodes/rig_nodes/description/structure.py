@@ -355,7 +355,7 @@ def structure_of(plain: Mapping) -> Structure:
             return None
         return cls(**{name: _tupled(value) for name, value in entry.items()})
 
-    kinds = {
+    classes = {
         "meshes": Mesh,
         "planetary_sets": PlanetarySet,
         "shafts": Shaft,
@@ -379,8 +379,8 @@ def structure_of(plain: Mapping) -> Structure:
             out["inputs"] = {name: _tupled(points) for name, points in plain.get("inputs", {}).items()}
             continue
         value = plain[one.name] if one.name != "signals" else plain.get("signals", ())
-        if one.name in kinds:
-            out[one.name] = tuple(made(kinds[one.name], entry) for entry in value)
+        if one.name in classes:
+            out[one.name] = tuple(made(classes[one.name], entry) for entry in value)
         elif one.name in ("input", "output"):
             out[one.name] = made(End, value)
         else:

@@ -389,11 +389,11 @@ def _device(
     nodes: Map, path: str | Path, structure: Structure, device: Device, cut_out: tuple[str, ...]
 ) -> tuple[object, tuple[str, ...]]:
     """Return the values of a device, and ``cut_out`` with this device included when its source is a topic."""
-    node, kind = nodes[device.name], parts.part(device.part)
-    others = (*DEVICE_KEYS, *kind.joined)
-    cls = kind.configs[0] if kind.configs else NoValues
+    node, part = nodes[device.name], parts.part(device.part)
+    others = (*DEVICE_KEYS, *part.joined)
+    cls = part.configs[0] if part.configs else NoValues
     values = build(cls, node, path, device.name, others, where_of(path, nodes, device.name))
-    if "source" in node and "source" not in kind.joined:
+    if "source" in node and "source" not in part.joined:
         where = f"{where_of(path, node, 'source')}: {device.name}"
         cut_out = _with_source(structure, cut_out, device.name, node["source"], where)
     return values, cut_out
