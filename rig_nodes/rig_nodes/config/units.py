@@ -50,6 +50,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "um": ("length", 1e-6),
     "m/s": ("velocity", 1.0),
     "mm/s": ("velocity", 1e-3),
+    "km/h": ("velocity", 1.0 / 3.6),
     "mm2": ("area", 1e-6),
     "cm2": ("area", 1e-4),
     "m2": ("area", 1.0),

@@ -50,6 +50,7 @@ QUANTITIES = {
     "length": Quantity("length", "m", "mm", 1e3),
     "flow": Quantity("volume flow", "m3/s", "l/min", 60000.0),
     "ratio": Quantity("ratio", "-", "%", 100.0),
+    "velocity": Quantity("velocity", "m/s", "km/h", 3.6, "positive forwards"),
     "energy": Quantity("energy", "J", "kJ", 1e-3),
     "state": Quantity("state", "-", "-", 1.0, "none"),
 }

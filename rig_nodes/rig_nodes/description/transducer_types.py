@@ -119,4 +119,20 @@ TRANSDUCER_TYPES = {
         },
         filtered=True,
     ),
+    "velocity": TransducerType(
+        "velocity",
+        "velocity",
+        lambda: {
+            "noise": param("velocity", 0.0, 10.0, _NOISE, 0.0),
+            "range": param("velocity", 0.01, 1e3, _RANGE),
+            "class": _class(),
+        },
+        filtered=True,
+    ),
+    "ratio": TransducerType(
+        "ratio",
+        "ratio",
+        lambda: {"noise": param("ratio", 0.0, 1.0, _NOISE, 0.0), "range": param("ratio", 1e-3, 100.0, _RANGE), "class": _class()},
+        filtered=True,
+    ),
 }
