@@ -143,6 +143,7 @@ def test_a_rig_is_its_folder_wherever_it_lies(mine, tmp_path):
     assert sorted(path.name for path in (RIGS_DIR / "three_speed").iterdir()) == [
         "calibration.yaml",
         "controller.yaml",
+        "picture.svg",
         "rig.yaml",
         "sequences",
         "validation.yaml",
