@@ -12,21 +12,21 @@ torque at the largest power, and so no table is needed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, exp, log, pi, sqrt
+from math import cos, exp
 from typing import TYPE_CHECKING
 
 from numba import njit
 
 from ..compiled import INLINED
 from ..config.schema import param
-from ..instruments.noise import uniform
+from .cycles import TURN, normal_of
 from .part import SOURCE, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-TURN = 2.0 * pi
+SCATTER = 0  # number of what scatters, see parts.cycles
 STANDS = 2.0  # rad/s up to which the drag rises from 0 to its whole size, so that it cannot push an engine that stands
 AT_REST = 1e-9  # rad/s below which nothing brakes it any more: a decay that never ends would reach denormal numbers, which are slow
 OFF, STARTING, FIRING, STALLED = 0.0, 1.0, 2.0, 3.0  # states of "runs"
@@ -36,8 +36,8 @@ OFF, STARTING, FIRING, STALLED = 0.0, 1.0, 2.0, 3.0  # states of "runs"
 class EngineConfig:
     """Values of the engine; all torques are positive, all speeds those of its shaft."""
 
-    torque_low: float = param("torque", 0.0, 1e5, "Torque at full throttle at the lowest speed of the curve")
-    speed_low: float = param("angular velocity", 0.0, 1e4, "Lowest speed of the torque curve; the parabola goes on below it")
+    torque_low: float = param("torque", 0.0, 1e5, "Torque at full throttle at the lowest speed of the curve and below")
+    speed_low: float = param("angular velocity", 0.0, 1e4, "Lowest speed of the torque curve, which is flat below it")
     torque_peak: float = param("torque", 0.1, 1e5, "Largest torque at full throttle")
     speed_peak: float = param("angular velocity", 1.0, 1e4, "Speed of the largest torque")
     torque_high: float = param("torque", 0.0, 1e5, "Torque at full throttle at the highest speed of the curve")
@@ -75,10 +75,11 @@ class EngineConfig:
 def full_torque(speed: float, engine: Record) -> float:
     """Return the torque [Nm] on the shaft at full throttle and a steady speed [rad/s]; never below zero.
 
-    T = T_peak - (T_peak - T_end) ((w - w_peak) / (w_end - w_peak))^2 with the curve's lower end below w_peak, its upper one above.
+    T = T_peak - (T_peak - T_end) ((w - w_peak) / (w_end - w_peak))^2 with the curve's lower end below w_peak, its upper one above;
+    flat below the lower end.
     """
     if speed < engine.speed_peak:
-        share = (speed - engine.speed_peak) / (engine.speed_low - engine.speed_peak)
+        share = (max(speed, engine.speed_low) - engine.speed_peak) / (engine.speed_low - engine.speed_peak)
         return max(0.0, engine.torque_peak - (engine.torque_peak - engine.torque_low) * share * share)
     share = (speed - engine.speed_peak) / (engine.speed_high - engine.speed_peak)
     return max(0.0, engine.torque_peak - (engine.torque_peak - engine.torque_high) * share * share)
@@ -121,13 +122,8 @@ def ripple_torque(irregularity: float, speed: float, phase: float, engine: Recor
 
 @njit(cache=True, error_model="numpy")
 def cycle_irregularity(cycle: float, engine: Record) -> float:
-    """Return the irregularity of a firing cycle: normally distributed about its mean, never below zero.
-
-    It depends on the seed and the number of the cycle alone (Box and Muller 1958, from two uniform numbers).
-    """
-    seed, number = int(engine.seed), int(cycle)
-    u, angle = 1.0 - uniform(seed, 0, number), TURN * uniform(seed, 1, number)
-    return max(0.0, engine.irregularity + engine.irregularity_scatter * sqrt(-2.0 * log(u)) * cos(angle))
+    """Return the irregularity of a firing cycle by its number: normally distributed about its mean, never below zero."""
+    return max(0.0, engine.irregularity + engine.irregularity_scatter * normal_of(engine.seed, SCATTER, cycle))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
