@@ -26,7 +26,7 @@ Inertia = Callable[[str], float]  # returns the inertia of a body by its name, 0
 
 
 def inertias_of(structure: Structure, values: Mapping) -> dict[str, float]:
-    """Return the inertia of each body [kg m2].
+    """Return the inertia of each body with what devices add to it [kg m2].
 
     Parameters
     ----------
@@ -45,7 +45,11 @@ def inertias_of(structure: Structure, values: Mapping) -> dict[str, float]:
         value = values[name]
         return float(value["inertia"] if isinstance(value, Mapping) else value.inertia)
 
-    return {body: 0.0 if body in structure.massless else inertia(body) for body in structure.bodies}
+    out = {body: 0.0 if body in structure.massless else inertia(body) for body in structure.bodies}
+    for device in structure.devices:
+        if adds := parts.part(device.part).inertia:
+            out[device.wires["body"]] += adds(values[device.name])
+    return out
 
 
 def _given(section: Mapping[str, float] | DataclassInstance) -> dict[str, float]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..config.schema import fill
 from ..errors import RigError
-from ..parts.part import NOWHERE, part
+from ..parts.part import BODY, NOWHERE, Part, part
 from ..plant.driveline import State, System
 from ..plant.driveline_driven import driven_arrays
 from ..plant.driveline_laws import MOTION, TORQUE
@@ -82,9 +82,9 @@ class Meter:
 class Plan:
     """A rig in the form that the engine needs.
 
-    The wires of an instance have keys: "body" and "braked" name one of ``bodies``, "element" one of the driveline's friction
-    elements, "line" and "supply" one of ``oil_lines``, "beside" a channel, "valve" and "oil" another instance; other wires are
-    numbers.
+    The wires of an instance have keys: "body", "braked" and those that a part joins to a body name one of ``bodies``, "element" one
+    of the driveline's friction elements, "line" and "supply" one of ``oil_lines``, "beside" a channel, "valve" and "oil" another
+    instance; other wires are numbers.
 
     Parameters
     ----------
@@ -334,15 +334,15 @@ class World:
         for name, table in instance.tables.items():
             values[name] = table
         for name in part(instance.part).wires:
-            values[name] = self._wire(name, instance.wires.get(name, NOWHERE))
+            values[name] = self._wire(part(instance.part), name, instance.wires.get(name, NOWHERE))
         for name, number in instance.start.items():
             state[name] = number
 
-    def _wire(self, key: str, to: str | int) -> int:
+    def _wire(self, kind: Part, key: str, to: str | int) -> int:
         if isinstance(to, int):
             return to
-        plan = self.plan
-        if key in ("body", "braked"):
+        plan, joined = self.plan, kind.joined.get(key)
+        if key in ("body", "braked") or (joined and joined.to == BODY):
             return plan.bodies.index(to)
         if key == "element":
             return plan.system.elements.index(to)

@@ -8,12 +8,12 @@ Every file of parts/ that is a type of device ends with ``PART = Part(...)``; en
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -182,6 +182,8 @@ class Part:
         Its signals.
     takes : tuple of Command
         Its commands.
+    inertia : function or None
+        inertia(values) returns what it adds to the inertia of its body [kg m2], by its configuration as a dataclass or a plain map.
     """
 
     name: str
@@ -199,6 +201,7 @@ class Part:
     shown_values: Callable[[ShownRig, str], tuple] = no_values
     shows: tuple[Shown, ...] = ()
     takes: tuple[Command, ...] = ()
+    inertia: Callable[[Any], float] | None = None
 
     def state_dtype(self) -> np.dtype:
         """Return the type of its states: one float64 for each."""
@@ -234,6 +237,25 @@ def parts() -> list[str]:
         for path in Path(__file__).parent.glob("*.py")
         if "\nPART = " in path.read_text(encoding="utf-8") and part(path.stem).role
     )
+
+
+def bodies_of(name: str, wires: Mapping[str, Any]) -> list[str]:
+    """Return the bodies to which a device's single wires lead: those whose speed its part may need.
+
+    Parameters
+    ----------
+    name : str
+        Name of its part.
+    wires : mapping of str to str, list of str or int
+        What it is joined to.
+
+    Returns
+    -------
+    list of str
+        Names of the bodies.
+    """
+    kind = part(name)
+    return [to for key, to in wires.items() if key == "body" or (key in kind.wires and kind.joined[key].to == BODY)]
 
 
 @cache

@@ -70,7 +70,7 @@ class _Planner:
     def _bodies(self) -> tuple[str, ...]:
         """The bodies whose speed is needed by a transducer, a device, the input or the output."""
         used = {one.shows.removesuffix(".speed") for one in self.structure.transducers}
-        used |= {device.wires.get("body") for device in self.structure.devices}
+        used |= {body for device in self.structure.devices for body in parts.bodies_of(device.part, device.wires)}
         used |= {end.body for end in (self.structure.input, self.structure.output) if end}
         return tuple(body for body in self.structure.bodies if body in used)
 
@@ -197,7 +197,7 @@ class _Planner:
         elif device.role == parts.VALVE:
             pulses = self.effects.pwm_frequency or self.config.alfa46.values.pwm_frequency
             derived = {"ideal_current": float(not self.effects.current_loop), "pwm": self.effects.pwm_frequency, "pulses": pulses}
-        elif device.role == parts.CLUTCH:
+        elif "plates" in device.wires:
             pack = self.values[device.wires["plates"]]
             clearance = values.clearance if hasattr(values, "clearance") else self.values[device.wires["press"]].contact_travel
             derived = plates.derived(pack, values, clearance, self.effects.spline_hysteresis)
@@ -228,7 +228,7 @@ class _Planner:
             "row": lambda: self.losses.index(device),
             "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"],
         }
-        return {wire: known[wire]() for wire in parts.part(part).wires}
+        return {wire: known[wire]() if wire in known else wires[wire] for wire in parts.part(part).wires}
 
     def _bounds(self) -> Instance:
         """The bounds of the output's speed, as of an integrator with limits: there one clutch or the other has no slip."""
