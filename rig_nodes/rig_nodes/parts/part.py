@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 # output of the controller, from 1), "line" (the oil line that begins here), or a role of devices.
 BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = ("body", "bodies", "one_way", "torque", "transducer", "output", "line")
 # Roles of devices, by which a rig finds its devices. ``values`` are shared by devices and are not a device.
-SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
+SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS, VALUES = (
     "source",
     "load",
     "clutch",
@@ -38,6 +38,7 @@ SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
     "oil",
     "press",
     "meter",
+    "mass",
     "values",
 )
 
@@ -184,6 +185,9 @@ class Part:
         Its commands.
     inertia : function or None
         inertia(values) returns what it adds to the inertia of its body [kg m2], by its configuration as a dataclass or a plain map.
+    stores : tuple of str
+        States with the work that it has put on its body and with the energy that it stores [J]; empty for a part that stores none
+        beside the driveline.
     """
 
     name: str
@@ -202,6 +206,7 @@ class Part:
     shows: tuple[Shown, ...] = ()
     takes: tuple[Command, ...] = ()
     inertia: Callable[[Any], float] | None = None
+    stores: tuple[str, ...] = ()
 
     def state_dtype(self) -> np.dtype:
         """Return the type of its states: one float64 for each."""

@@ -84,6 +84,11 @@ class _Planner:
         turns = self.turns(body, self.tied)
         return float(1.0 / (turns @ self.tied.minv @ turns))
 
+    def mobility(self, body: str) -> float:
+        """Return the acceleration of a body by a torque on it [1/(kg m2)], as the plan's driveline has it while nothing holds."""
+        turns = self.turns(body)
+        return float(turns @ self.system.minv @ turns)
+
     def column(self, body: str) -> int:
         """Return the index of the driveline's speed that is this body's own."""
         return int(np.abs(self.turns(body)).argmax())
@@ -149,7 +154,7 @@ class _Planner:
     def planned(self) -> Planned:
         """Return the whole plan, and the driveline as it really is."""
         instances, structure = [], self.structure
-        for role in (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.LOAD, parts.LOSS):
+        for role in (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.MASS, parts.LOAD, parts.LOSS):
             instances += map(self._instance, structure.of_role(role))
         if self.config.prescribed is not None and self.config.prescribed.bounded:
             instances.append(self._bounds())
@@ -186,12 +191,13 @@ class _Planner:
         if device.role == parts.OIL:
             start = {"oil_temperature": values.temperature}
         elif part == "dc_motor":
-            turns = self.turns(device.wires["body"])
             derived = {
                 "stiff": float(self.stiff),
                 "inertia": self.reduced(device.wires["body"]),
-                "mobility": float(turns @ self.system.minv @ turns),
+                "mobility": self.mobility(device.wires["body"]),
             }
+        elif device.role == parts.MASS:
+            derived = {"mobility": self.mobility(device.wires["body"])}
         elif device.role == parts.LOSS:
             derived = {"elsewhere": float(bool(self.elsewhere(device))), "steady": values.drag * self.axis(device)}
         elif device.role == parts.VALVE:
@@ -228,6 +234,7 @@ class _Planner:
             "row": lambda: self.losses.index(device),
             "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"],
         }
+        # a wire with a name of the part's own leads to the device that the rig's file names under this key
         return {wire: known[wire]() if wire in known else wires[wire] for wire in parts.part(part).wires}
 
     def _bounds(self) -> Instance:

@@ -170,6 +170,8 @@ class Rig(RigBase):
         devices = {one.name for one in structure.devices}
         # elements of the driveline that are not devices
         self._elements = [name for name in plan.system.elements if name not in devices]
+        # states with the work and the stored energy of each device that stores energy
+        self._stores = [(self.device(one.name), *stores) for one in structure.devices if (stores := parts.part(one.part).stores)]
         self._stored_first = 0.0
         self._stored_first = self._stored()
         self.energies: dict[str, float] = {}  # of the last tick; States.refresh writes them
@@ -684,6 +686,8 @@ class Rig(RigBase):
         motor = float(line["part_work"][0]) if driven else outside
         if self._put_on:  # the energy of the added inertia is not work of the motor
             motor -= 0.5 * self._put_on * float(self.v[self._heavy]) ** 2
+        for me, work, _ in self._stores:  # what stores energy pushes its body, as a motor does
+            motor -= float(me[work])
         out = {"motor": motor}
         if self._loads:
             out["load"] = sum([fric[place[one.name]] for one in self._loads])
@@ -711,12 +715,15 @@ class Rig(RigBase):
         return out
 
     def _stored(self) -> float:
-        """Energy that is stored now in motion, shafts and springs [J]."""
+        """Energy that is stored now in motion, shafts, springs and devices [J]."""
+        held = 0.0
+        for me, _, energy in self._stores:
+            held += float(me[energy])
         if self.world.plan.driven:
             line, count = self.world.line, len(self._system.shafts)
             rows = (self.v, self._twist[:count], line["law_torque"], line["spring"])
-            return float(stored_energy(self._system, *(row[None] for row in rows))[0])
-        stored = float(0.5 * self.v @ self._system.mass @ self.v)
+            return held + float(stored_energy(self._system, *(row[None] for row in rows))[0])
+        stored = held + float(0.5 * self.v @ self._system.mass @ self.v)
         if len(self._twist):
             stored += 0.5 * float(self._system.kc[0] @ self._twist**2)
         return stored
