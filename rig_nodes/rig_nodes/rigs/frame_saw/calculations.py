@@ -1,0 +1,587 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the paper on frame saws computes (A. I. Agapov, Vyatka State University, Kirov 2014), and what follows from its numbers.
+
+Formulas that the rig itself needs are those of its parts: parts.saw_cutting and parts.sash.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import acos, cos, floor, pi, sin
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from rig_nodes.errors import RigError
+from rig_nodes.parts.sash import GRAVITY, motion
+from rig_nodes.parts.saw_cutting import depth_of_cut, feed_per_tooth, force_per_width
+from rig_nodes.testbench.calculations import Table
+
+if TYPE_CHECKING:
+    from rig_nodes.testbench.calculations import Recorded
+    from rig_nodes.testbench.configuration import RigConfig
+
+MM, RPM = 1e-3, pi / 30.0
+MOTOR_SPEED = 980 * RPM  # setpoint of the sequence demo
+OLD_FEED = 15 * MM  # of the frame without swing, as in the sequence demo
+OLD_PRESSURE = 58.9e6  # Pa: with it the frame without swing takes all its 45 kW at this feed
+RATED = (45e3, 65e3, 75e3)  # W, paper, conclusions
+SAVED = 0.37  # of the energy per output, paper p. 2, tests of the frame R63-7
+PLACES = (26, 50, 100, 150, 200, 250, 300, 350, 400)  # mm, paper, table 1: y
+# paper, table 1: by r and S_0 [mm] the feed per tooth [mm] at PLACES
+PRINTED = {
+    (0.0, 30.0): (3.43, 2.06, 1.73, 1.60, 1.64, 1.61, 1.66, 1.83, 3.43),
+    (3.25, 30.0): (0.64, 1.55, 2.09, 2.34, 2.43, 2.41, 2.24, 1.89, 0.65),
+    (3.25, 20.0): (-0.49, 0.86, 1.52, 1.80, 1.90, 1.87, 1.69, 1.28, -0.49),
+    (3.25, 10.0): (-1.64, 0.18, 0.94, 1.25, 1.37, 1.33, 1.13, 0.67, -1.64),
+}
+FINE = 4000  # points over half a turn for means
+NEWTON = 12  # steps of Newton's method
+
+
+class NoSteadyTurn(RigError):
+    """The motor does not keep its speed."""
+
+
+def crank_speed(config: RigConfig) -> float:
+    """Return the speed of the crank at the motor's setpoint [rad/s]."""
+    return MOTOR_SPEED / config.belt.cb
+
+
+def _table_1(config: RigConfig) -> list[tuple[float, float, float, float, float, str]]:
+    """Rows (r, S_0, y, computed, printed, how it is printed) of table 1; lengths in mm."""
+    radius, pitch, rows = config.sash.radius, config.saw.pitch, []
+    for (swing, feed), printed in PRINTED.items():
+        computed = [feed_per_tooth(y * MM, feed * MM, swing * MM, radius, pitch) / MM for y in PLACES]
+        for k, (y, ours, theirs) in enumerate(zip(PLACES, computed, printed)):
+            neighbours = [computed[j] for j in (k - 1, k + 1) if 0 <= j < len(computed)]
+            if abs(ours - theirs) <= 0.005 + 1e-12:
+                how = "rounded"
+            elif abs(int(ours * 100.0) / 100.0 - theirs) < 1e-9:
+                how = "cut off"
+            elif min(abs(other - theirs) for other in neighbours) <= 0.005:
+                how = "swapped"
+            elif min(abs(other - theirs) for other in neighbours) < 0.015:
+                how = "swapped, the last digit one too high"
+            else:
+                how = "not explained"
+            rows.append((swing, feed, float(y), ours, theirs, how))
+    return rows
+
+
+def feed_table(config: RigConfig) -> Table:
+    """Feed per tooth over the stroke by formula (8), beside table 1 of the paper."""
+    return Table(
+        "feed per tooth S_z by (8), also with all digits after the second cut off, beside the printed one, and how the print comes "
+        "from it (paper, table 1)",
+        {"radius": "mm", "feed": "mm", "y": "mm", "feed_per_tooth": "mm", "cut_off": "mm", "printed": "mm", "print": ""},
+        [(r * MM, s * MM, y * MM, a * MM, int(a * 100.0) / 100.0 * MM, b * MM, how) for r, s, y, a, b, how in _table_1(config)],
+    )
+
+
+def print_errors(config: RigConfig) -> Table:
+    """How many numbers of table 1 are rounded, cut off, swapped or not explained, and where the print contradicts itself."""
+    hows = [row[-1] for row in _table_1(config)]
+    kinds = ("rounded", "cut off", "swapped", "swapped, the last digit one too high", "not explained")
+    rows = [(how, float(hows.count(how))) for how in kinds]
+    return Table("numbers of table 1 by the way in which they are printed", {"print": "", "count": "-"}, rows)
+
+
+def stroke_ends(config: RigConfig) -> Table:
+    """Feed per tooth at both ends of the stroke, which formula (8) has equal and table 1 prints as 0.64 and 0.65."""
+    radius, pitch = config.sash.radius, config.saw.pitch
+    rows = []
+    for swing, feed in PRINTED:
+        ends = [feed_per_tooth(y, feed * MM, swing * MM, radius, pitch) for y in (pitch, 2.0 * radius)]
+        rows.append((swing * MM, feed * MM, *ends, ends[1] - ends[0]))
+    return Table(
+        "feed per tooth by (8) at y = t_3 and y = 2 R; they are equal at every S_0 and r, as arc and sin 2a go alike from either "
+        "dead centre",
+        {"radius": "mm", "feed": "mm", "begin": "mm", "end": "mm", "difference": "mm"},
+        rows,
+    )
+
+
+def eccentric_turns(config: RigConfig) -> Table:
+    """Turns of the eccentric in a turn of the crank, and the swing it gives, from the path of a tooth by (3)."""
+    path = np.array([row[:4] for row in tooth_path(config).rows])
+    swing = path[:, 2] - path[:, 3]  # r sin 2a
+    rising = int(np.sum((swing[:-1] <= 1e-12) & (swing[1:] > 1e-12)))
+    return Table(
+        "swings of the sash per turn of the crank, angle of the eccentric in that turn, and swing over the eccentric's radius",
+        {"swings": "-", "angle": "deg", "lever_ratio": "-"},
+        [(float(rising), 2.0 * pi * rising, float(np.ptp(swing)) / 2.0 / config.saw.eccentric_radius)],
+    )
+
+
+def eccentric(config: RigConfig) -> Table:
+    """Radius of the eccentric by formula (10), for several feeds per tooth at the end of the stroke."""
+    radius, pitch, feed = config.sash.radius, config.saw.pitch, 30 * MM
+    mean = feed * pitch / (2.0 * radius)
+    before = acos((pitch - radius) / radius)  # of the last tooth but one, (9)
+    rows = []
+    for rule, end in (
+        ("half of the mean", 0.5 * mean),
+        ("a third of the mean", mean / 3.0),
+        ("0.65 mm, as table 1 has it", 0.65 * MM),
+        ("0, where scraping would begin", 0.0),
+    ):
+        swing = (0.5 * feed / pi * (pi - before) + 0.5 * mean - end) / -sin(2.0 * before)
+        rows.append((rule, end, swing))
+    return Table(
+        "radius r of the eccentric by (9) and (10) for S_0 = 30 mm; the text says half of the mean and prints 3.25 mm",
+        {"end_feed": "", "feed_per_tooth": "mm", "radius": "mm"},
+        rows,
+    )
+
+
+def stroke_lost(config: RigConfig) -> Table:
+    """Share of the stroke without cutting, and what the teeth take away per turn, by formula (8) and by all teeth that passed."""
+    radius, share = config.sash.radius, 0.5 * config.saw.pitch / config.sash.radius
+    travel = (np.arange(FINE) + 0.5) / FINE * 2.0 * radius
+    later = travel > config.saw.pitch
+    rows = []
+    for swing, feed in (*PRINTED, (0.0, 15.0), (config.saw.eccentric_radius / MM, 15.0)):
+        by_8 = np.array([feed_per_tooth(y, feed * MM, swing * MM, radius, config.saw.pitch) for y in travel[later]])
+        turns = np.arccos(1.0 - travel / radius)
+        down = np.array([depth_of_cut(angle, feed * MM, swing * MM, share) for angle in turns])
+        # on the way up, from the bottom
+        first, second = (
+            max(depth_of_cut(angle, feed * MM, swing * MM, share) for angle in np.linspace(a, b, FINE // 4)[1:-1])
+            for a, b in ((pi, 1.5 * pi), (1.5 * pi, 2.0 * pi))
+        )
+        rows.append(
+            (
+                swing * MM,
+                feed * MM,
+                float((by_8 <= 0.0).mean()),
+                float(np.maximum(by_8, 0.0).sum()) / FINE / share,
+                float((down <= 0.0).mean()),
+                float(np.maximum(down, 0.0).mean()) / share,
+                float(down.max()),
+                max(first, 0.0),
+                max(second, 0.0),
+            )
+        )
+    return Table(
+        "share of the working stroke in which the teeth do not cut and depth that they take away per turn, by (8) from y = t_3 on "
+        "and by all teeth; thickest chip; deepest scraping in the first and second half of the idle stroke",
+        {
+            "radius": "mm",
+            "feed": "mm",
+            "lost_by_8": "%",
+            "removed_by_8": "mm",
+            "lost": "%",
+            "removed": "mm",
+            "thickest": "mm",
+            "scraping_first": "mm",
+            "scraping_second": "mm",
+        },
+        rows,
+    )
+
+
+def over_stroke(config: RigConfig) -> Table:
+    """Feed per tooth over the stroke by formula (8) and by all teeth that passed, with the rig's eccentric and without."""
+    radius, pitch = config.sash.radius, config.saw.pitch
+    rows = []
+    for k in range(1, 200):
+        y = k / 200 * 2.0 * radius
+        angle = acos(1.0 - y / radius)
+        cells = [
+            value
+            for swing in (0.0, config.saw.eccentric_radius)
+            for value in (
+                feed_per_tooth(y, 30 * MM, swing, radius, pitch) if y >= pitch else None,
+                depth_of_cut(angle, 30 * MM, swing, 0.5 * pitch / radius),
+            )
+        ]
+        rows.append((y, *cells))
+    return Table(
+        "feed per tooth at S_0 = 30 mm by (8) and by all teeth that passed, without and with the eccentric of the rig",
+        {"y": "mm", "without_by_8": "mm", "without": "mm", "swing_by_8": "mm", "swing": "mm"},
+        rows,
+    )
+
+
+def tooth_path(config: RigConfig) -> Table:
+    """Path of a tooth in the kerf over a turn, and that of its upper neighbour, by (1) to (7)."""
+    radius, pitch, feed = config.sash.radius, config.saw.pitch, 30 * MM
+    rows = []
+    for k in range(361):
+        angle = k * pi / 180.0
+        y = radius * (1.0 - cos(angle))
+        cells = [0.5 * feed * angle / pi - swing * sin(2.0 * angle) for swing in (0.0, config.saw.eccentric_radius)]
+        rows.append((angle, y, *cells, y - pitch, *(x + 0.5 * pitch * feed / (2.0 * radius) for x in cells)))
+    return Table(
+        "path of a tooth against a log that is fed by S_0 = 30 mm per turn: travel y downwards, x into the wood, without and with "
+        "the eccentric, by (4); the tooth above stands forward by the overhang (6)",
+        {"angle": "deg", "y": "mm", "without": "mm", "swing": "mm", "y_above": "mm", "without_above": "mm", "swing_above": "mm"},
+        rows,
+    )
+
+
+def cutting_angle(_config: RigConfig) -> Table:
+    """Cutting angle of the blades by their clearance angle; the sharpness of the tooth stays."""
+    sharpness = 65.0 - 18.0
+    return Table(
+        "cutting angle = sharpness + clearance; the sharpness is that of 65 deg at 18 deg (paper p. 2)",
+        {"clearance": "deg", "sharpness": "deg", "cutting_angle": "deg"},
+        [(a * pi / 180.0, sharpness * pi / 180.0, (sharpness + a) * pi / 180.0) for a in (18.0, 28.0)],
+    )
+
+
+def motor_power(_config: RigConfig) -> Table:
+    """Motor that the printed numbers ask for: 45 kW, times the output, times the energy that is left of 37 % less."""
+    rows = []
+    for case, output, left in (
+        ("R63-7 as tested", 1.5, 1.0 - SAVED),
+        ("new frame, least", 2.0, 1.0 - SAVED),
+        ("new frame, most", 2.2, 1.0 - SAVED),
+        ("without the saving, least", 2.0, 1.0),
+        ("without the saving, most", 2.2, 1.0),
+    ):
+        power = RATED[0] * output * left
+        rows.append((case, output, left, power, *(float(rated / RATED[0] / left) for rated in RATED)))
+    return Table(
+        "power for an output, if the frame without swing takes all its 45 kW, and the outputs that 45, 65 and 75 kW would give",
+        {"case": "", "output": "-", "energy": "%", "power": "kW", "with_45": "-", "with_65": "-", "with_75": "-"},
+        rows,
+    )
+
+
+def _teeth_torque(config: RigConfig, angle: float, feed: float, swing: float, pressure: float) -> float:
+    """Torque of the teeth on the crank [Nm]."""
+    saw, radius = config.saw, config.sash.radius
+    if feed <= 0.0:
+        return 0.0
+    angle -= 2.0 * pi * floor(0.5 * angle / pi)
+    depth = depth_of_cut(angle, feed, swing, 0.5 * saw.pitch / radius)
+    values = saw if pressure == saw.cutting_pressure else _Edge(pressure, saw.edge_force, saw.scraping_force, saw.edge_depth)
+    force = force_per_width.py_func(depth, angle < pi, values)
+    return force * saw.kerf * saw.blades * saw.height / saw.pitch * radius * abs(sin(angle))
+
+
+class _Edge:
+    """The wood's values of a saw with another cutting pressure."""
+
+    def __init__(self, pressure: float, edge: float, scraping: float, depth: float) -> None:
+        self.cutting_pressure, self.edge_force, self.scraping_force, self.edge_depth = pressure, edge, scraping, depth
+
+
+def sawing_power(config: RigConfig) -> Table:
+    """Mean power of the teeth and of the motor at a constant speed of the crank, for the frame without swing and with it."""
+    saw, speed, rows = config.saw, crank_speed(config), []
+    angles = (np.arange(4 * FINE) + 0.5) / (4 * FINE) * 2.0 * pi
+    bearings = config.bearings.drag * speed**2
+    for frame, swing, pressure, output in (
+        ("without swing", 0.0, OLD_PRESSURE, 1.0),
+        ("with swing", saw.eccentric_radius, saw.cutting_pressure, 1.0),
+        ("with swing", saw.eccentric_radius, saw.cutting_pressure, 2.0),
+        ("with swing", saw.eccentric_radius, saw.cutting_pressure, 2.1),
+        ("with swing", saw.eccentric_radius, saw.cutting_pressure, 2.2),
+    ):
+        feed = output * OLD_FEED
+        torque = np.array([_teeth_torque(config, angle, feed, swing, pressure) for angle in angles])
+        work, back = torque.mean() * speed, torque[angles > pi].sum() / torque.sum()
+        wood = feed * 0.5 * speed / pi * saw.kerf * saw.blades * saw.height
+        rows.append((frame, output, feed, work, float(back), bearings, work + bearings, work / wood))
+    return Table(
+        "mean power at a constant speed: of the teeth, share of it on the way up, of the bearings, of the motor; energy per volume "
+        "of sawdust",
+        {
+            "frame": "",
+            "output": "-",
+            "feed": "mm",
+            "teeth": "kW",
+            "scraping": "%",
+            "bearings": "kW",
+            "motor": "kW",
+            "energy": "MPa",
+        },
+        rows,
+    )
+
+
+def energy_saved(config: RigConfig) -> Table:
+    """How much less energy the teeth need with swing than without, and what thicker chips and less scraping have in it."""
+    rows = sawing_power(config).rows
+    old, new = rows[0], rows[2]
+    saw, speed = config.saw, crank_speed(config)
+    angles = (np.arange(4 * FINE) + 0.5) / (4 * FINE) * 2.0 * pi
+    torque = np.mean([_teeth_torque(config, angle, 2.0 * OLD_FEED, saw.eccentric_radius, OLD_PRESSURE) for angle in angles])
+    wood = 2.0 * OLD_FEED * 0.5 * speed / pi * saw.kerf * saw.blades * saw.height
+    same_wood = float(torque) * speed / wood
+    return Table(
+        "energy per volume of the teeth at twice the feed with swing, less than that of the frame without swing (printed 37 %)",
+        {"what": "", "saved": "%"},
+        [
+            ("in all", 1.0 - new[-1] / old[-1]),
+            ("by thicker chips and less scraping", 1.0 - same_wood / old[-1]),
+            ("by the cutting pressure, which stands for the sharper angle of 65 deg and all else", (same_wood - new[-1]) / old[-1]),
+        ],
+    )
+
+
+def balance(config: RigConfig) -> Table:
+    """Largest inertia forces on the frame over a turn by the counterweight, and what is left of those without one."""
+    sash, speed = config.sash, crank_speed(config)
+    angles = np.linspace(0.0, 2.0 * pi, 2881)
+    rows = []
+    for rod in dict.fromkeys((sash.rod_ratio, 0.2)):
+        along = np.array([-sash.mass * motion(angle, sash.radius, rod)[2] * speed**2 for angle in angles])
+        turning = sash.mass * sash.radius * speed**2
+        for share in dict.fromkeys((0.0, 0.25, sash.counterweight / sash.mass, 0.5, 0.75, 1.0)):
+            down, across = along + share * turning * np.cos(angles), -share * turning * np.sin(angles)
+            largest = float(np.hypot(down, across).max())
+            rows.append(
+                (
+                    rod,
+                    share,
+                    float(np.abs(down).max()),
+                    float(np.abs(across).max()),
+                    largest,
+                    float(np.abs(down).max() / np.abs(along).max()),
+                    largest / float(np.abs(along).max()),
+                )
+            )
+    return Table(
+        "largest vertical, horizontal and whole force on the frame at the speed of the sequence demo, and shares of that without a "
+        "counterweight; a rod_ratio of 0.2 has a force of the second order that no counterweight on the crank takes off",
+        {
+            "rod_ratio": "-",
+            "counterweight": "%",
+            "vertical": "kN",
+            "horizontal": "kN",
+            "whole": "kN",
+            "vertical_left": "%",
+            "whole_left": "%",
+        },
+        rows,
+    )
+
+
+def swing_forces(config: RigConfig) -> Table:
+    """Inertia force and kinetic energy of the swing itself, which the rig leaves out, beside those of the stroke."""
+    sash, swing, speed = config.sash, config.saw.eccentric_radius, crank_speed(config)
+    rows = [
+        ("stroke", sash.mass * sash.radius * speed**2, 0.5 * sash.mass * (sash.radius * speed) ** 2),
+        ("swing", sash.mass * swing * (2.0 * speed) ** 2, 0.5 * sash.mass * (2.0 * swing * speed) ** 2),
+    ]
+    return Table(
+        "largest inertia force and kinetic energy of the sash by its stroke (1) and its swing (3), which turns twice as fast",
+        {"motion": "", "force": "kN", "energy": "kJ"},
+        rows,
+    )
+
+
+def _turn(config: RigConfig, feed: float, stiff: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return one turn in the steady state, found by scipy.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    feed : float
+        Feed per turn [m].
+    stiff : bool
+        Whether the belt is stiff and the motor's torque follows at once, as in a quasi-static calculation.
+
+    Returns
+    -------
+    tuple of (n,) array
+        Angle of the crank [rad], its speed [rad/s], power of the motor and of the teeth [W].
+
+    Raises
+    ------
+    NoSteadyTurn
+        When there is no such turn, because the motor is too weak.
+    """
+    motor, sash, belt = config.motor_drive, config.sash, config.belt
+    ratio, swing, pressure = belt.cb, config.saw.eccentric_radius, config.saw.cutting_pressure
+
+    def asked(speed: float, integral: float, limit: float) -> float:
+        """Torque that the motor's speed loop asks for, by the motor's speed and the limit of its power."""
+        highest = min(motor.torque_limit, limit / speed)
+        return min(max(motor.speed_gain * (MOTOR_SPEED - speed) + integral, -motor.braking_limit), highest)
+
+    def slope(angle: float, state: np.ndarray, limit: float) -> list[float]:
+        speed, integral = state[:2]
+        driving = ratio * speed if stiff else state[2]
+        on_belt = asked(driving, integral, limit) if stiff else belt.stiffness * state[3] + belt.damping * (driving - ratio * speed)
+        _, first, second = motion(angle, sash.radius, sash.rod_ratio)
+        weight = GRAVITY * sash.weight * (sash.mass * first - sash.counterweight * sash.radius * sin(angle))
+        torque = ratio * on_belt - config.bearings.drag * speed - _teeth_torque(config, angle, feed, swing, pressure) + weight
+        inertia = config.crank.inertia + sash.mass * first**2 + (ratio**2 * config.motor.inertia if stiff else 0.0)
+        out = [(torque - sash.mass * first * second * speed**2) / inertia, motor.speed_gain_integral * (MOTOR_SPEED - driving)]
+        if not stiff:
+            out += [
+                (state[4] - on_belt) / config.motor.inertia,
+                driving - ratio * speed,
+                (asked(driving, integral, limit) - state[4]) / motor.torque_time,
+            ]
+        return [one / speed for one in out]
+
+    angles = np.linspace(0.0, 2.0 * pi, 1441)
+
+    def turned(start: np.ndarray, limit: float) -> np.ndarray:
+        """Speed and the other states at the angles of a turn."""
+        return solve_ivp(slope, (0.0, 2.0 * pi), start, t_eval=angles, rtol=1e-7, atol=1e-9, max_step=0.03, args=(limit,)).y
+
+    torque = 50.0 + 16000.0 * feed
+    start = np.array([MOTOR_SPEED / ratio, torque, MOTOR_SPEED, torque / belt.stiffness, torque][: 2 if stiff else 5])
+    states, scale = np.zeros((len(start), len(angles))), np.abs(start)
+    steps = np.diag(scale * np.array([1e-3, 1e-2, 1e-3, 1e-1, 1e-2][: len(start)]))
+    # Newton's method for a turn that ends as it begins, with steps that are coarse against the tolerance of solve_ivp; first with a
+    # motor that is strong enough, from where the turn of the limited one is soon found
+    for limit in (4.0 * motor.power_limit, motor.power_limit):
+        for _ in range(NEWTON):
+            states = turned(start, limit)
+            missed = states[:, -1] - start
+            if np.all(np.abs(missed) <= 1e-5 * scale):
+                break
+            slopes = [(turned(start + step, limit)[:, -1] - states[:, -1]) / step.sum() for step in steps]
+            start = start - np.linalg.lstsq(np.transpose(slopes) - np.eye(len(start)), missed)[0]
+    held = (
+        np.allclose(states[:, -1] / scale, states[:, 0] / scale, atol=1e-4)
+        and abs(states[0].mean() * ratio / MOTOR_SPEED - 1.0) < 0.01
+    )
+    if not held:
+        raise NoSteadyTurn(
+            f"the saw has no steady turn at a feed of {feed / MM:g} mm and {motor.power_limit / 1e3:g} kW; it slows down"
+        )
+    speed = states[0]
+    power = np.array([asked(ratio * w, i, motor.power_limit) * ratio * w for w, i in states.T]) if stiff else states[4] * states[2]
+    teeth = np.array([_teeth_torque(config, angle, feed, swing, pressure) for angle in angles])
+    return angles, speed, power, teeth * speed
+
+
+def over_turn(config: RigConfig) -> Table:
+    """Speed and power over a turn at 2.1 times the old feed, by an integration that knows nothing of the rig's step."""
+    angles, speed, motor, teeth = _turn(config, 2.1 * OLD_FEED, stiff=False)
+    return Table(
+        "one turn in the steady state by scipy: speed of the crank, power of the motor and of the teeth",
+        {"angle": "deg", "speed": "rpm", "motor": "kW", "teeth": "kW"},
+        [tuple(map(float, row)) for row in zip(angles[::8], speed[::8], motor[::8], teeth[::8])],
+    )
+
+
+_RIPPLE = {
+    "phase": "",
+    "feed": "mm",
+    "speed": "rpm",
+    "ripple": "%",
+    "motor": "kW",
+    "motor_least": "kW",
+    "motor_most": "kW",
+    "teeth": "kW",
+    "teeth_most": "kW",
+    "output": "-",
+}
+
+
+def _ripple(phase: str, feed: float, t: np.ndarray, speed: np.ndarray, motor: np.ndarray, teeth: np.ndarray, whole: float) -> tuple:
+    """One row with the columns of _RIPPLE, from a whole number of turns; ``whole`` is the speed without a load."""
+    span = t[-1] - t[0]
+    means = [float(np.trapezoid(one, t) / span) for one in (speed, motor, teeth)]
+    return (
+        phase,
+        feed,
+        means[0],
+        float(np.ptp(speed)) / means[0],
+        means[1],
+        float(motor.min()),
+        float(motor.max()),
+        means[2],
+        float(teeth.max()),
+        feed * means[0] / (OLD_FEED * whole),
+    )
+
+
+def quasi_static(config: RigConfig) -> Table:
+    """Speed and power in a steady turn by scipy with a stiff belt and a motor without delay, at the feeds of the demo."""
+    return _steady(config, stiff=True)
+
+
+def steady_turn(config: RigConfig) -> Table:
+    """Speed and power in a steady turn by scipy with the belt and the motor's delay, at the feeds of the demo."""
+    return _steady(config, stiff=False)
+
+
+def _steady(config: RigConfig, stiff: bool) -> Table:
+    rows = []
+    for phase, feed in (("no log", 0.0), ("old feed", OLD_FEED), ("new feed", 2.1 * OLD_FEED)):
+        try:
+            angles, speed, motor, teeth = _turn(config, feed, stiff)
+        except NoSteadyTurn:
+            rows.append((phase, feed, *(None for _ in list(_RIPPLE)[2:])))
+            continue
+        t = np.concatenate([[0.0], np.cumsum(np.diff(angles) * 0.5 * (1.0 / speed[1:] + 1.0 / speed[:-1]))])
+        rows.append(_ripple(phase, feed, t, speed, motor, teeth, crank_speed(config)))
+    text = "means, ripple (highest less lowest speed over the mean), extremes over a turn, by scipy; none where the saw slows down"
+    return Table(text, _RIPPLE, rows)
+
+
+def ripple(config: RigConfig, recording: Recorded) -> Table:
+    """Speed and power over the last turns of each feed in a recording of the sequence demo."""
+    t, feeds, speed = recording.t, recording["S_0"], recording["n_crank"]
+    motor, teeth = recording["M_motor"] * recording["n_motor"], recording["M_saw"] * speed
+    steps = np.round(feeds / (0.5 * MM))
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(steps)) + 1, [len(t)]])
+    rows = []
+    for first, last in pairwise(starts):
+        if t[last - 1] - t[first] < 1.5 or len(rows) == 3:
+            continue
+        # the last whole turns, at most ten
+        turned = np.cumsum(speed[first:last]) * (t[1] - t[0])
+        turns = min(10, int((turned[-1] - turned[0]) / (2.0 * pi)))
+        if turns < 1:
+            continue
+        begin = first + int(np.searchsorted(turned, turned[-1] - 2.0 * pi * turns))
+        part = slice(begin, last)
+        phase = ("no log", "old feed", "new feed")[len(rows)]
+        feed = float(feeds[part].mean())
+        rows.append(_ripple(phase, feed, t[part], speed[part], motor[part], teeth[part], crank_speed(config)))
+    if len(rows) < 3:
+        raise RigError("the recording has no three steady feeds, of none, the old and the new one; take one of the sequence demo")
+    text = "means, ripple (highest less lowest speed over the mean) and extremes over the last turns of each feed"
+    return Table(text, _RIPPLE, rows)
+
+
+def forces(config: RigConfig, recording: Recorded) -> Table:
+    """Inertia forces on the frame in a recording, largest values after the run up."""
+    steady = recording["n_crank"] > 0.9 * crank_speed(config)
+    if not steady.any():
+        raise RigError("the crank does not reach its speed in this recording")
+    down, across = recording["F_along"][steady], recording["F_across"][steady]
+    return Table(
+        "largest vertical, horizontal and whole inertia force on the frame at speed",
+        {"vertical": "kN", "horizontal": "kN", "whole": "kN"},
+        [(float(np.abs(down).max()), float(np.abs(across).max()), float(np.hypot(down, across).max()))],
+    )
+
+
+CALCULATIONS = {
+    "feed_table": feed_table,
+    "print_errors": print_errors,
+    "stroke_ends": stroke_ends,
+    "eccentric_turns": eccentric_turns,
+    "eccentric": eccentric,
+    "stroke_lost": stroke_lost,
+    "over_stroke": over_stroke,
+    "tooth_path": tooth_path,
+    "cutting_angle": cutting_angle,
+    "motor_power": motor_power,
+    "sawing_power": sawing_power,
+    "energy_saved": energy_saved,
+    "balance": balance,
+    "swing_forces": swing_forces,
+    "over_turn": over_turn,
+    "quasi_static": quasi_static,
+    "steady_turn": steady_turn,
+    "ripple": ripple,
+    "forces": forces,
+}
