@@ -188,9 +188,9 @@ def over_stroke(config: RigConfig) -> Table:
     """Feed per tooth over the stroke by formula (8) and by all teeth that passed, with the rig's eccentric and without."""
     radius, pitch = config.sash.radius, config.saw.pitch
     rows = []
-    for k in range(1, 200):
-        y = k / 200 * 2.0 * radius
-        angle = acos(1.0 - y / radius)
+    for k in range(1, 361):
+        angle = min(k / 360.0 * pi, pi - 1e-9)
+        y = radius * (1.0 - cos(angle))
         cells = [
             value
             for swing in (0.0, config.saw.eccentric_radius)
@@ -231,6 +231,16 @@ def cutting_angle(_config: RigConfig) -> Table:
         "cutting angle = sharpness + clearance; the sharpness is that of 65 deg at 18 deg (paper p. 2)",
         {"clearance": "deg", "sharpness": "deg", "cutting_angle": "deg"},
         [(a * pi / 180.0, sharpness * pi / 180.0, (sharpness + a) * pi / 180.0) for a in (18.0, 28.0)],
+    )
+
+
+def feed_steps(_config: RigConfig) -> Table:
+    """Feeds per turn of table 1 over each other."""
+    feeds = [feed for _, feed in PRINTED][1:]
+    return Table(
+        "ratio of the feeds per turn in the rows of table 1 with r = 3.25 mm",
+        {"rows": "", "ratio": "-"},
+        [("second over third", feeds[0] / feeds[1]), ("third over fourth", feeds[1] / feeds[2])],
     )
 
 
@@ -443,7 +453,8 @@ def _turn(config: RigConfig, feed: float, stiff: bool) -> tuple[np.ndarray, np.n
             missed = states[:, -1] - start
             if np.all(np.abs(missed) <= 1e-5 * scale):
                 break
-            slopes = [(turned(start + step, limit)[:, -1] - states[:, -1]) / step.sum() for step in steps]
+            ends = [turned(start + step, limit)[:, -1] for step in steps]
+            slopes = [(end - states[:, -1]) / step.sum() for end, step in zip(ends, steps)]
             start = start - np.linalg.lstsq(np.transpose(slopes) - np.eye(len(start)), missed)[0]
     held = (
         np.allclose(states[:, -1] / scale, states[:, 0] / scale, atol=1e-4)
@@ -574,6 +585,7 @@ CALCULATIONS = {
     "over_stroke": over_stroke,
     "tooth_path": tooth_path,
     "cutting_angle": cutting_angle,
+    "feed_steps": feed_steps,
     "motor_power": motor_power,
     "sawing_power": sawing_power,
     "energy_saved": energy_saved,
