@@ -50,12 +50,12 @@ parts:
     seed: [1 -, "assumed"]
 transducers:
   n: {type: speed, shows: crank.speed, at: engine, range: [0 rad/s, 1000 rad/s], text: Speed of the engine.}
-  throttle: {type: opening, shows: engine.throttle, at: engine, range: [0 %, 100 %], text: Opening of the throttle.}
+  throttle: {type: ratio, shows: engine.throttle, at: engine, range: [0 %, 100 %], text: Opening of the throttle.}
   torque: {type: torque, shows: engine.torque, at: engine, range: [-500 Nm, 500 Nm], text: Torque of the engine.}
 instruments:
   speed_range: [1000 rad/s, "assumed"]
   speed_gate: [2 ms, "assumed"]
-  opening_range: [100 %, "assumed"]
+  ratio_range: [100 %, "assumed"]
   torque_range: [500 Nm, "assumed"]
   hum_frequency: [50 Hz, "assumed"]
 effects:
@@ -218,7 +218,7 @@ def test_its_work_is_in_what_turns_and_a_stop_takes_its_torque(rig):
     [
         ("[2 -,", "[0 -,", r"rig.yaml:\d+: engine.firings is 0 -, outside 0.125 to 24"),
         ("throttle_time: [200 ms,", "throttle_time: [200 Nm,", r"rig.yaml:\d+: engine.throttle_time: .200 Nm. is a torque"),
-        ("type: opening, ", "type: travel, ", r"rig.yaml:\d+: transducers.throttle.range: '0 %' is a ratio, expected a length"),
+        ("type: ratio, ", "type: travel, ", r"rig.yaml:\d+: transducers.throttle.range: '0 %' is a ratio, expected a length"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(tmp_path, old, new, sentence):
