@@ -34,6 +34,7 @@ VERBS = {
     "sweep": "run a sequence for many values of its parameters, on all cores or a cluster",
     "tune": "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use",
     "check": "check the folder of a rig and draw its driveline",
+    "modes": "natural frequencies, critical speeds and responses of a rig's driveline; detuning",
     "new": "write the folder of a rig of your own to begin with",
     "controller": "check a shift controller of your own, or start one from a template",
     "device": "start a device of its own, for a rig with source: topic",

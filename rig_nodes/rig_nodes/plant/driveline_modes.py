@@ -74,6 +74,167 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     RigError
         When there is no friction element of a name.
     """
+    found = _found(system, locked)
+    if found is None:
+        return Modes(system.bodies, np.zeros(0), np.zeros(0), np.zeros((0, len(system.bodies))))
+    shapes = found.shapes @ found.at_bodies.T
+    shapes = shapes / np.take_along_axis(shapes, np.abs(shapes).argmax(axis=1)[:, None], 1)
+    return Modes(system.bodies, found.frequencies / (2.0 * math.pi), found.damping, shapes)
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """How each of the k modes of a driveline depends on its inertias and stiffnesses.
+
+    Parameters
+    ----------
+    bodies, shafts : tuple of str
+        Names of the bodies with inertia (b) and of the shafts with stiffness (s).
+    inertia : (k, b) array of float
+        d ln f / d ln J; not a number for modes at 0 Hz.
+    stiffness : (k, s) array of float
+        d ln f / d ln k; not a number for modes at 0 Hz.
+    """
+
+    bodies: tuple[str, ...]
+    shafts: tuple[str, ...]
+    inertia: np.ndarray
+    stiffness: np.ndarray
+
+
+def sensitivities(system: System, locked: Sequence[str] = ()) -> Sensitivities:
+    """Return by how many per cent each natural frequency changes with one per cent of an inertia or a stiffness.
+
+    With a pole p of (p^2 M + p D + K) x = 0 and its left and right shapes y and x,
+    d p = -y (p^2 dM + p dD + dK) x / y (2 p M + D) x, and the frequency is |p|. Without damping these are -J x_J^2 / 2 and
+    k x_k^2 / (2 p^2) of a shape with the modal mass 1.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    locked : sequence of str
+        Names of what is locked, as for :func:`modes`, whose order the modes have.
+
+    Returns
+    -------
+    Sensitivities
+        The sensitivities, of the inertias of bodies and of the stiffnesses of shafts.
+
+    Raises
+    ------
+    RigError
+        When there is no friction element of a name.
+    """
+    found = _found(system, locked)
+    heavy = [i for i, j in enumerate(system.inertia) if j > 0.0]
+    stiff = [i for i, k in enumerate(system.kc[0]) if k > 0.0]
+    names = tuple(system.bodies[i] for i in heavy), tuple(system.shafts[i] for i in stiff)
+    if found is None:
+        return Sensitivities(*names, np.zeros((0, len(heavy))), np.zeros((0, len(stiff))))
+    by_inertia, by_stiffness = (np.full((len(found.frequencies), len(one)), np.nan) for one in (heavy, stiff))
+    twists = system.sh @ found.free
+    for k, (w, damping, right) in enumerate(zip(found.frequencies, found.damping, found.shapes)):
+        if w == 0.0:
+            continue
+        pole = w * (-damping + 1j * math.sqrt(max(0.0, 1.0 - damping**2)))
+        left = right
+        if not (all(np.allclose(one, one.T, rtol=1e-12, atol=1e-12 * np.abs(one).max()) for one in (found.stiffness, found.drag))):
+            left = np.linalg.svd((pole**2 * found.mass + pole * found.drag + found.stiffness).T)[2][-1].conj()
+        slope = left @ (2.0 * pole * found.mass + found.drag) @ right * pole
+        for i, body in enumerate(heavy):
+            row = found.at_bodies[body]
+            by_inertia[k, i] = (-(pole**2) * system.inertia[body] * (left @ row) * (row @ right) / slope).real
+        for i, shaft in enumerate(stiff):
+            by_stiffness[k, i] = (-system.kc[0, shaft] * (left @ twists[shaft]) * (twists[shaft] @ right) / slope).real
+    return Sensitivities(*names, by_inertia, by_stiffness)
+
+
+@dataclass(frozen=True)
+class Response:
+    """Steady response of a driveline to a harmonic torque of 1 Nm on one body, at n frequencies.
+
+    Parameters
+    ----------
+    bodies, shafts : tuple of str
+        Names of the bodies (b) and of the shafts (s).
+    frequencies : (n,) array of float
+        Frequencies of the torque [Hz].
+    speeds : (n, b) array of complex
+        Amplitudes of the bodies' speeds [rad/s per Nm].
+    torques : (n, s) array of complex
+        Amplitudes of the shafts' torques [Nm per Nm].
+    """
+
+    bodies: tuple[str, ...]
+    shafts: tuple[str, ...]
+    frequencies: np.ndarray
+    speeds: np.ndarray
+    torques: np.ndarray
+
+
+def response(system: System, body: str, frequencies: Floats, locked: Sequence[str] = ()) -> Response:
+    """Return the steady response to a harmonic torque of 1 Nm on a body: (K - w^2 M + i w D) x = torque.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    body : str
+        The body on which the torque acts.
+    frequencies : (n,) array of float
+        Frequencies of the torque [Hz], above 0.
+    locked : sequence of str
+        Names of what is locked, as for :func:`modes`.
+
+    Returns
+    -------
+    Response
+        The response; all 0 where nothing can turn.
+
+    Raises
+    ------
+    RigError
+        When there is no body or no friction element of a name, or a frequency is not above 0.
+    """
+    frequencies = np.asarray(frequencies, float)
+    if body not in system.bodies:
+        raise RigError(f"driveline: there is no body '{body}'; there are: {', '.join(system.bodies)}")
+    if not np.all(frequencies > 0.0) or not np.isfinite(frequencies).all():
+        raise RigError("driveline: frequencies of a response are to be above 0 Hz")
+    found = _found(system, locked)
+    speeds = np.zeros((len(frequencies), len(system.bodies)), complex)
+    torques = np.zeros((len(frequencies), len(system.shafts)), complex)
+    if found is None:
+        return Response(system.bodies, system.shafts, frequencies, speeds, torques)
+    acts, twists = found.at_bodies[system.bodies.index(body)], system.sh @ found.free
+    for k, w in enumerate(2.0 * math.pi * frequencies):
+        x = np.linalg.solve(found.stiffness - w**2 * found.mass + 1j * w * found.drag, acts.astype(complex))
+        speeds[k] = 1j * w * (found.at_bodies @ x)
+        torques[k] = (system.kc[0] + 1j * w * system.kc[1]) * (twists @ x)
+    return Response(system.bodies, system.shafts, frequencies, speeds, torques)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Matrices and modes of what can turn: r speeds, the free ones of the system's n, b bodies, k modes.
+
+    ``free`` (n, r) gives the system's speeds and ``at_bodies`` (b, r) those of the bodies; mass, stiffness and drag are (r, r),
+    frequencies [rad/s] and damping (k,), shapes (k, r), slowest first.
+    """
+
+    free: np.ndarray
+    at_bodies: np.ndarray
+    mass: np.ndarray
+    stiffness: np.ndarray
+    drag: np.ndarray
+    frequencies: np.ndarray
+    damping: np.ndarray
+    shapes: np.ndarray
+
+
+def _found(system: System, locked: Sequence[str]) -> _Found | None:
+    """The matrices and modes with these elements locked; None when nothing can turn. RigError as of :func:`modes`."""
     check_built(system)
     if isinstance(locked, str):
         raise RigError(f"driveline: locked is {locked!r}; a list of names is needed")
@@ -86,12 +247,11 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     still = [system.w[held], *(law.on[None] for law in system.laws if law.kind == MOTION)]
     free = linalg.null_space(np.concatenate(still)) if held.any() or len(still) > 1 else np.eye(len(system.speeds))
     if free.shape[1] == 0:
-        return Modes(system.bodies, np.zeros(0), np.zeros(0), np.zeros((0, len(system.bodies))))
+        return None
     w, sh = system.w[~held], system.sh
     mass, stiffness, drag = _of_laws(system)
-    pushes = (
-        stiffness.any()
-    )  # a torque over an angle may push away from it, or act on another body than the one whose angle it reads
+    # a torque over an angle may push away from it, or act on another body than the one whose angle it reads
+    pushes = stiffness.any()
     mass = free.T @ (mass + system.mass) @ free
     stiffness = free.T @ (stiffness + sh.T @ (system.kc[0][:, None] * sh)) @ free
     drag = free.T @ (drag + sh.T @ (system.kc[1][:, None] * sh) + w.T @ (system.drag[~held][:, None] * w)) @ free
@@ -101,10 +261,9 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
         squares, shapes = linalg.eigh(stiffness, mass)
         squares[np.abs(squares) <= _STILL**2 * max(squares.max(), np.finfo(float).tiny)] = 0.0
         frequencies, damping, shapes = np.sqrt(squares), np.zeros(len(squares)), shapes.T
-    shapes = shapes @ (system.bodies_from_speeds @ free).T
-    shapes = shapes / np.take_along_axis(shapes, np.abs(shapes).argmax(axis=1)[:, None], 1)
     order = np.argsort(frequencies, kind="stable")
-    return Modes(system.bodies, frequencies[order] / (2.0 * math.pi), damping[order], shapes[order])
+    at_bodies = system.bodies_from_speeds @ free
+    return _Found(free, at_bodies, mass, stiffness, drag, frequencies[order], damping[order], shapes[order])
 
 
 def _of_laws(system: System) -> tuple[Floats, Floats, Floats]:
