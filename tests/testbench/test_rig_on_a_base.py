@@ -92,3 +92,33 @@ def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_a
     path.write_text(CHAPTER9.replace("output_speed: bounded", "output_speed: free", 1))
     _, free = shift_up(Rig(load_rig(path)))
     assert free[0] == pytest.approx(driven[0]) and min(free) < 0.9 * free[0]
+
+
+# ---- a variant leaves out and replaces
+
+
+def variant(tmp_path, text: str):
+    """Returns the rig three_speed with something else in it."""
+    (tmp_path / "rig.yaml").write_text(f"description: a variant\nbase: three_speed\n{text}")
+    return load_rig(tmp_path)
+
+
+def test_a_variant_leaves_out_what_it_names_with_nothing(tmp_path):
+    """Without its transducer, the temperature of the oil is no signal; all else stays."""
+    base, other = (
+        load_rig("three_speed"),
+        variant(
+            tmp_path, "transducers: {T_oil: ~}\ninstruments: {temperature_range: ~, temperature_offset: ~, temperature_gain: ~}\n"
+        ),
+    )
+    assert set(base.catalogue.signals) - set(other.catalogue.signals) == {"T_oil"} and other.motor == base.motor
+
+
+def test_a_device_of_another_type_takes_nothing_from_the_one_that_it_replaces(tmp_path):
+    text = "parts:\n  ring_stop: {part: freewheel, joins: [ground, ring]}\n  loss_out: {part: freewheel, joins: [output, ring]}\n"
+    assert variant(tmp_path, text).structure.device("loss_out").part == "freewheel"
+
+
+def test_what_the_base_has_not_cannot_be_left_out(tmp_path):
+    with pytest.raises(RigError, match=r"rig\.yaml:3: parts\.ring_stop must be a map"):
+        variant(tmp_path, "parts: {ring_stop: ~}\n")

@@ -97,7 +97,8 @@ def stamped(node: Any, path: str | Path) -> Any:
 def merged(base: Map, node: Map) -> Map:
     """Return the map ``base`` with the values that another file has in their place.
 
-    A map in both is merged in turn; everything else, including a list, is replaced as a whole.
+    A map in both is merged in turn; everything else, including a list, is replaced as a whole. So is a map whose ``part`` is
+    another, because the values of one type of device are none of another's. A key with nothing (``~``) leaves out what the base has.
 
     Parameters
     ----------
@@ -115,7 +116,10 @@ def merged(base: Map, node: Map) -> Map:
     out.files[None] = node.files[None]
     for key in [*base, *(key for key in node if key not in base)]:
         owner = node if key in node else base
+        if key in base and owner[key] is None:
+            continue
         both = key in node and isinstance(node[key], Map) and isinstance(base.get(key), Map)
+        both = both and node[key].get("part", base[key].get("part")) == base[key].get("part")
         out[key] = merged(base[key], node[key]) if both else owner[key]
         out.lines[key], out.files[key] = owner.lines[key], file_of(None, owner, key)
     return out
