@@ -98,7 +98,7 @@ def merged(base: Map, node: Map) -> Map:
     """Return the map ``base`` with the values that another file has in their place.
 
     A map in both is merged in turn; everything else, including a list, is replaced as a whole. So is a map whose ``part`` is
-    another, because the values of one type of device are none of another's. A key with nothing (``~``) leaves out what the base has.
+    another, because the values of one type of device are none of another's. A key with nothing (``~``) leaves out the base's.
 
     Parameters
     ----------

@@ -74,7 +74,8 @@ def _attached(structure: Structure) -> dict[str, list[str]]:
     for device in structure.devices:
         if device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER):
             type_of = device.part.replace("_", " ")
-            out[device.wires["body"]].append(f"{device.called}: {type_of}" if device.called != device.part else type_of)
+            for body in (device.wires[end] for end in ("body", "driving", "driven") if device.wires.get(end) in out):
+                out[body].append(f"{device.called}: {type_of}" if device.called != device.part else type_of)
     for one in structure.of_kind("torque", "varying_inertia", "slider_crank", "motion"):
         if len(one.bodies) == 1:
             out[one.bodies[0]].append(f"{one.name}: {one.kind.replace('_', ' ')}")

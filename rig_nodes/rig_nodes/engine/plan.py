@@ -82,7 +82,7 @@ class Meter:
 class Plan:
     """A rig in the form that the engine needs.
 
-    The wires of an instance have keys: "body", "braked" and those that a part joins to a body name one of ``bodies``, "element" one
+    The wires of an instance have keys: "body", "braked", "driving", "driven" and those that a part joins to a body name one of ``bodies``, "element" one
     of the driveline's friction elements, "line" and "supply" one of ``oil_lines``, "beside" a channel, "valve" and "oil" another
     instance; other wires are numbers.
 
@@ -342,7 +342,7 @@ class World:
         if isinstance(to, int):
             return to
         plan, joined = self.plan, kind.joined.get(key)
-        if key in ("body", "braked") or (joined and joined.to == BODY):
+        if key in ("body", "braked", "driving", "driven") or (joined and joined.to == BODY):
             return plan.bodies.index(to)
         if key == "element":
             return plan.system.elements.index(to)

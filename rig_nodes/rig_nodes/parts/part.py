@@ -188,6 +188,9 @@ class Part:
     stores : tuple of str
         States with the work that it has put on its body and with the energy that it stores [J]; empty for a part that stores none
         beside the driveline.
+    account : str
+        State with the work [J] that it has taken since time 0 from the bodies that it pushes, for a device that pushes and is not
+        what drives the rig; as a load it pushes in place of braking by its friction alone.
     """
 
     name: str
@@ -207,6 +210,7 @@ class Part:
     takes: tuple[Command, ...] = ()
     inertia: Callable[[Any], float] | None = None
     stores: tuple[str, ...] = ()
+    account: str = ""
 
     def state_dtype(self) -> np.dtype:
         """Return the type of its states: one float64 for each."""

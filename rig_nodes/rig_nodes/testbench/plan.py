@@ -17,6 +17,7 @@ from ..description.driveline import build_driveline, inertias_of, inputs_of
 from ..description.read import CLUTCHES
 from ..description.structure import Device
 from ..engine.plan import Instance, Meter, Plan
+from ..errors import RigError
 from ..parts import part as parts
 from ..parts import plates
 from ..plant import driveline_losses as losses
@@ -67,10 +68,15 @@ class _Planner:
             return "curve_clutch"
         return device.part
 
+    def _wired(self, device: Device) -> tuple[str, ...]:
+        return parts.part(self._part(device)).wires
+
     def _bodies(self) -> tuple[str, ...]:
         """The bodies whose speed is needed by a transducer, a device, the input or the output."""
         used = {one.shows.removesuffix(".speed") for one in self.structure.transducers}
         used |= {body for device in self.structure.devices for body in parts.bodies_of(device.part, device.wires)}
+        ends = ("driving", "driven")  # of a device between two bodies that pushes both
+        used |= {device.wires[end] for device in self.structure.devices for end in ends if end in self._wired(device)}
         used |= {end.body for end in (self.structure.input, self.structure.output) if end}
         return tuple(body for body in self.structure.bodies if body in used)
 
@@ -89,6 +95,12 @@ class _Planner:
         turns = self.turns(body)
         return float(turns @ self.system.minv @ turns)
 
+    def ratio(self, body: str, of: str) -> float:
+        """Return the speed of a body divided by that of another one; 0 where gears do not tie them together."""
+        own, other = self.turns(body), self.turns(of)
+        j = np.abs(other).argmax()
+        return float(own[j] / other[j]) if np.allclose(own * other[j], other * own[j]) else 0.0
+
     def column(self, body: str) -> int:
         """Return the index of the driveline's speed that is this body's own."""
         return int(np.abs(self.turns(body)).argmax())
@@ -98,7 +110,11 @@ class _Planner:
         values, body = self.values[device.name], device.wires["body"]
         if "load" in device.wires:
             beyond = values.inertia if values.side == "beyond" else self.reduced(body) - values.inertia
-            return Meter(device.name, friction={device.wires["load"]: 1.0}, rate={body: beyond})
+            load = self.structure.device(device.wires["load"])
+            on = load.wires["body"]
+            ratio = self.ratio(on, body)
+            pushed = {on: -ratio} if parts.part(load.part).account else {}
+            return Meter(device.name, friction={load.name: ratio}, push=pushed, rate={body: beyond})
         whole = getattr(self.values[body], "inertia", None) if body not in self.structure.massless else None
         whole = self.reduced(body) if whole is None else whole
         beyond = values.inertia if values.side == "beyond" else whole - values.inertia
@@ -128,10 +144,20 @@ class _Planner:
                 out[k, : losses.OWN] = 0.0
                 continue
             if device.wires["torque"] == CLUTCHES:
+                body = device.wires["body"]
+                # a clutch brakes what drives it and drives what is behind it; both are counted as the torque that it passes on
+                behind = self.structure.output is not None and self.ratio(body, self.structure.output.body) != 0.0
+                j = self.column(body)
+                counted = (-1.0 if behind else 1.0) * float(self.turns(body)[j])
                 for clutch in (*self.structure.clutches, *self.structure.freewheels):
-                    weights[place(clutch.name)] = system.w[place(clutch.name), self.column(device.wires["body"])]
+                    weights[place(clutch.name)] = system.w[place(clutch.name), j] / counted
                 continue
             meter = self.meters[device.wires["torque"]]
+            if "load" in self.structure.device(meter.name).wires and meter.push:
+                raise RigError(
+                    f"'{self.config.name}': parts.{device.name}.torque names {meter.name}, whose load pushes; a loss "
+                    f"by torque can follow friction torques only, so name '{CLUTCHES}'"
+                )
             for name, weight in meter.friction.items():
                 weights[place(name)] = weight
             for body, weight in meter.rate.items():
@@ -231,6 +257,8 @@ class _Planner:
             "valve": lambda: valve.name,
             "output": lambda: self.config.wiring[structure.valves.index(driven)],
             "beside": lambda: wires.get("beside", parts.NOWHERE),
+            "driving": lambda: wires["driving"],
+            "driven": lambda: wires["driven"],
             "row": lambda: self.losses.index(device),
             "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"],
         }

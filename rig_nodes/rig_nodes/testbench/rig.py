@@ -172,6 +172,12 @@ class Rig(RigBase):
         self._elements = [name for name in plan.system.elements if name not in devices]
         # states with the work and the stored energy of each device that stores energy
         self._stores = [(self.device(one.name), *stores) for one in structure.devices if (stores := parts.part(one.part).stores)]
+        # devices that push bodies and do not drive the rig: the state with the work that each has taken
+        self.accounts = {
+            one.name: (self.device(one.name), parts.part(one.part).account)
+            for one in structure.devices
+            if parts.part(one.part).account
+        }
         self._stored_first = 0.0
         self._stored_first = self._stored()
         self.energies: dict[str, float] = {}  # of the last tick; States.refresh writes them
@@ -689,8 +695,12 @@ class Rig(RigBase):
         for me, work, _ in self._stores:  # what stores energy pushes its body, as a motor does
             motor -= float(me[work])
         out = {"motor": motor}
+        taken = {name: float(me[state]) for name, (me, state) in self.accounts.items()}
+        for work in taken.values():  # what pushes from outside do is the work of the motor less what these devices take
+            out["motor"] += work
         if self._loads:
-            out["load"] = sum([fric[place[one.name]] for one in self._loads])
+            out["load"] = sum([fric[place[one.name]] + taken.pop(one.name, 0.0) for one in self._loads])
+        out |= taken
         for name in self.clutch_names:
             out[self.heat_of(name)] = fric[place[name]] + visc[place[name]]
         for name in self.losses:

@@ -212,10 +212,15 @@ class States:
             name: int(rig.wire(name, "body") != into.body) for name in rig.losses
         }  # 0: at the input's side, 1: at all others
 
+        loads = {one.name for one in rig.config.structure.of_role(parts.LOAD)}
+        between = [name for name in rig.accounts if name not in loads]
+
         def fields() -> tuple:
             torques, lost = [0.0, 0.0], 0.0
             for name, side in lost_at.items():
                 torques[side] += float(rig.losses[name]["torque"])
+                lost += rig.energies[name]
+            for name in between:
                 lost += rig.energies[name]
             return (rig.locked_gear(), *rig.world.numbers[ends].tolist(), *torques, lost)
 
