@@ -448,8 +448,9 @@ def _setting(setting: Setting) -> Callable[[Any, str | Path, str, RigConfig], li
         value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
         by_torque = choices[key] == "torque"
         high = config.catalogue.signals[config.structure.output.torque].high if by_torque else setting.high
-        if not 0.0 <= value <= high:
-            raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(0.0, high, body[key])}")
+        low = 0.0 if by_torque else setting.low
+        if not low <= value <= high:
+            raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(low, high, body[key])}")
         return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=by_torque)]
 
     return read
