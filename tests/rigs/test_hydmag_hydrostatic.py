@@ -120,7 +120,7 @@ def test_gear_1_is_engaged_without_slip_from_the_hydrostatic_drive(config):
 @pytest.mark.parametrize(
     "old, new, sentence",
     [
-        ("swivel_time: [500 ms", "swivel_time: [500 mm", r"rig\.yaml:\d+: hydrostatic\.swivel_time.* expected a time"),
+        ("pump_time: [500 ms", "pump_time: [500 mm", r"rig\.yaml:\d+: hydrostatic\.pump_time.* expected a time"),
         (
             "relief_pressure: [35 MPa",
             "relief_pressure: [-35 MPa",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 EMPTY = -101325.0  # Pa, gauge: pressure of a line that is drawn empty
 TURNS = 1.0  # rad/s at which three quarters of the constant friction act
+LEAST = 0.05  # swivel of the motor below which no speed is asked of it
 ROUNDS = 6  # most changes of open valves in a step
 
 
@@ -34,7 +35,8 @@ class HydrostaticConfig:
 
     pump_displacement: float = param("displacement", 1e-8, 1e-3, "Displacement of the pump at its whole swivel")
     motor_displacement: float = param("displacement", 1e-8, 1e-3, "Displacement of the motor at its whole swivel")
-    swivel_time: float = param("time", 1e-3, 10.0, "Time in which a swivel goes from 0 to 100 %")
+    pump_time: float = param("time", 1e-3, 10.0, "Time in which the pump's swivel goes from 0 to 100 %")
+    motor_time: float = param("time", 1e-3, 10.0, "Time in which the motor's swivel goes from 0 to 100 %")
     line_volume: float = param("volume", 1e-6, 1e-1, "Volume of the oil in each of the two lines")
     bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with the give of hoses")
     leak_across: float = param(
@@ -57,9 +59,9 @@ class HydrostaticConfig:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def moved(swivel: float, target: float, low: float, h: float, branch: Record) -> float:
-    """Return a swivel after h: it moves at its rate towards a target between ``low`` and 1."""
-    change = h / branch.swivel_time
+def moved(swivel: float, target: float, low: float, h: float, time: float) -> float:
+    """Return a swivel after h: it moves towards a target between ``low`` and 1, by 1 in a time [s]."""
+    change = h / time
     return swivel + min(max(min(max(target, low), 1.0) - swivel, -change), change)
 
 
@@ -144,8 +146,8 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     me, my, line = world.parts.hydrostatic_branch[k], world.values.hydrostatic_branch[k], world.driveline
     safe = world.safe > 0.0
     pump, motor = line.middle[my.driving], line.middle[my.driven]
-    me.swivel_pump = moved(me.swivel_pump, me.pump if me.pump_on > 0.0 and not safe else 0.0, -1.0, h, my)
-    me.swivel_motor = moved(me.swivel_motor, me.motor if me.motor_on > 0.0 and not safe else 0.0, 0.0, h, my)
+    me.swivel_pump = moved(me.swivel_pump, me.pump if me.pump_on > 0.0 and not safe else 0.0, -1.0, h, my.pump_time)
+    me.swivel_motor = moved(me.swivel_motor, me.motor if me.motor_on > 0.0 and not safe else 0.0, 0.0, h, my.motor_time)
     volume_pump, volume_motor = me.swivel_pump * my.pump_displacement, me.swivel_motor * my.motor_displacement
     high, low = me.high, me.low
     boost = my.boost_pressure * min(1.0, abs(pump) / my.boost_speed)
@@ -166,7 +168,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     line.push[0, my.driven] += me.torque_motor
     line.push[1, my.driven] += me.torque_motor
     me.flow = volume_motor * motor
-    me.asked = volume_pump * pump / volume_motor if volume_motor > 0.0 else 0.0
+    me.asked = volume_pump * pump / volume_motor if me.swivel_motor > LEAST else 0.0
     me.let_off = through
     leak = (me.high - me.low) * between / my.leak_across + (me.high * mean_high + me.low * mean_low) / my.leak_out
     me.heat_leak += h * leak
