@@ -82,7 +82,7 @@ def curve(config: RigConfig) -> Table:
         torque = full_torque.py_func(rpm * RPM, config.motor)
         rows.append((rpm * RPM, torque, torque * rpm * RPM))
     return Table(
-        "The engine at full throttle: 271 Nm, 50 kW and 1000 to 2400 rpm of thesis 3.1, a parabola on each side of the largest torque.",
+        "The engine at full throttle: 271 Nm, 50 kW, 1000 to 2400 rpm of thesis 3.1; one parabola on each side of 271 Nm.",
         {"n_wej": "rpm", "torque": "Nm", "power": "kW"},
         rows,
     )
@@ -117,18 +117,9 @@ def grid(config: RigConfig) -> Table:
                 most = full_torque.py_func(speed, config.motor)
                 rows.append((shift, speed, load, grade_for(config, velocity, load), needed, most, needed / most, then))
     return Table(
-        "The laboratory's shifts (thesis 7.1.3.5) on the road: the grade for M_wyj, M_wej of steady travel before the shift, the torque "
-        "of the engine at full throttle, and the speed to which the vehicle takes the engine.",
-        {
-            "shift": "",
-            "n_wej": "rpm",
-            "M_wyj": "Nm",
-            "grade": "%",
-            "M_wej": "Nm",
-            "curve": "Nm",
-            "share": "%",
-            "n_after": "rpm",
-        },
+        "The laboratory's shifts (thesis 7.1.3.5) on the road: the grade for M_wyj, M_wej of steady travel before the shift, the "
+        "torque of the engine at full throttle, and the speed to which the vehicle takes the engine.",
+        {"shift": "", "n_wej": "rpm", "M_wyj": "Nm", "grade": "%", "M_wej": "Nm", "curve": "Nm", "share": "%", "n_after": "rpm"},
         rows,
     )
 
@@ -148,8 +139,8 @@ def climb(config: RigConfig) -> Table:
         power = full_torque.py_func(speed, config.motor) * speed
         rows.append((grade, speed, velocity * slip, power, force * velocity * slip / power))
     return Table(
-        "Gear II on a grade at full throttle: speeds at which the engine's curve meets what road, axle and gearbox take, the vehicle's "
-        "speed with the slip of its tyres, the engine's power and the share of it that moves the vehicle.",
+        "Gear II on a grade at full throttle: speeds at which the engine's curve meets what road, axle and gearbox take, the "
+        "vehicle's speed with the slip of its tyres, the engine's power and the share of it that moves the vehicle.",
         {"grade": "%", "n_wej": "rpm", "velocity": "km/h", "power": "kW", "efficiency": "%"},
         rows,
     )
@@ -165,7 +156,7 @@ def coast_down(config: RigConfig) -> Table:
         reach = sqrt(air / steady) * start
         rows.append((start, mass / sqrt(steady * air) * atan(reach), 0.5 * mass / air * log1p(reach**2)))
     return Table(
-        "Coasting on the level, axle and gearbox free of losses: time and way to a standstill by the closed form of m dv/dt = -F - c v^2.",
+        "Coasting on the level, axle and gearbox free of losses: time and way to a standstill, m dv/dt = -F - c v^2.",
         {"from": "km/h", "time": "s", "way": "m"},
         rows,
     )
@@ -216,11 +207,4 @@ def survival(config: RigConfig, recording: Recorded) -> Table:
     )
 
 
-CALCULATIONS = {
-    "curve": curve,
-    "largest": largest,
-    "grid": grid,
-    "climb": climb,
-    "coast_down": coast_down,
-    "survival": survival,
-}
+CALCULATIONS = {"curve": curve, "largest": largest, "grid": grid, "climb": climb, "coast_down": coast_down, "survival": survival}
