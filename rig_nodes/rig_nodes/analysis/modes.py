@@ -355,7 +355,7 @@ def recorded(bag: Bag, name: str, window: tuple[float, float] | None = None) -> 
     shown = bag.catalogue.signals
     if name not in shown:
         raise RigError(f"--signal {name}: {unknown('signal', name, shown)}")
-    if name in bag.catalogue.logger_channels():
+    if shown[name].logger is not None:
         logged = bag.logger()
         times, values = logged.time(), logged.channels[name]
     else:
