@@ -58,7 +58,7 @@ class ShaftConfig:
     """A compliant shaft."""
 
     stiffness: float = param(
-        "torque per angle", 1e2, 1e8, "Torque of the shaft per angle of twist; one with a table has none", None
+        "torque per angle", 0.1, 1e8, "Torque of the shaft per angle of twist; one with a table has none", None
     )
     damping: float = param("torque per speed", 0.0, 1e5, "Torque of the shaft per difference of its ends' speeds")
     ca: float = _coefficient("first")
