@@ -1,0 +1,525 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Calculations of the paper on the MP-5 Ural-2: its matrix and spectra, identification, folding of the full chain, coupling.
+
+Keller, Lesnoj Zhurnal 1990 (received 6 February 1989), reference/002. It prints spectra but no inertias and stiffnesses: these are
+identified here, and rig.yaml has the result.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import optimize
+
+from rig_nodes.analysis.modes import spectrum, system_of
+from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.testbench.calculations import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rig_nodes.testbench.calculations import Recorded
+    from rig_nodes.testbench.configuration import RigConfig
+
+TURN = 2.0 * np.pi
+NEW_FLYWHEEL = 20e-4  # kg m2, p. 3
+C_2, C_2_SERIAL = 3.6e3, 1e4  # Nm/rad, p. 3; the paper prints kN m/rad, see `coupling`
+SHARE = C_2 / C_2_SERIAL
+# printed spectra [1/s] by variant and regime, p. 3; two digits, so half a unit of the last one is 5 1/s
+PRINTED = {
+    ("flywheel", "idle"): (620.0, 1310.0),
+    ("flywheel", "work"): (170.0, 520.0, 560.0, 1190.0),
+    ("shaft", "idle"): (650.0, 1050.0),
+    ("shaft", "work"): (180.0, 520.0, 550.0, 1030.0),
+}
+HALF = 5.0
+LOWEST, MIDDLE, HIGHEST = (164.0, 184.0), (523.0, 1746.0), (2.24e4, 3.30e4)  # of the serial saw, p. 1
+NAMES = ("I_1", "I_2", "I_3", "I_d", "I_4", "I_5", "c_1", "c_2", "c_3", "c_4")
+SETTINGS = (
+    *(f"{body}.inertia" for body in ("flywheel", "crank", "shoes", "drum", "gearbox", "cutting")),
+    *(f"shaft_{k}.stiffness" for k in (1, 2, 3, 4)),
+)
+BOX = (np.log([1e-5] * 6 + [1.0] * 4), np.log([1.0] * 6 + [1e6] * 4))  # kg m2, Nm/rad: beyond them nothing is looked for
+STARTS = (np.log([3e-4] * 6 + [20.0, 500.0, 20.0, 20.0]), np.log([5e-3] * 6 + [2e3, 1e4, 1e3, 1e3]))
+EVEN = 0.1  # weight of the evenness of the inertias among all that meet the print
+RINGS = (2e-3, 1.4)  # s after the ignition is off, in which the ringing is taken
+WITHIN = 0.9  # of half a unit, within which the chosen values keep
+
+
+# ---- the chain
+
+
+def chain(inertias: np.ndarray, stiffnesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return natural frequencies above 0 (n - 1,) [1/s] of a free chain, and d ln f / d ln of (n inertias, n - 1 stiffnesses)."""
+    inertias, stiffnesses = np.asarray(inertias, float), np.asarray(stiffnesses, float)
+    n = len(inertias)
+    d = np.diff(np.eye(n), axis=0)  # twists by angles
+    root = 1.0 / np.sqrt(inertias)
+    squares, vectors = np.linalg.eigh(root[:, None] * (d.T * stiffnesses @ d) * root)
+    shapes = (root[:, None] * vectors)[:, 1:]
+    slopes = np.hstack([-0.5 * inertias * shapes.T**2, 0.5 * stiffnesses * (d @ shapes).T ** 2 / squares[1:, None]])
+    return np.sqrt(np.maximum(squares[1:], 0.0)), slopes
+
+
+def spectra_of(x: np.ndarray, shaft: float | None = None, serial: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the 12 printed frequencies and the 6 of the serial saw [1/s], with slopes by the logarithms x (10,) of the parameters.
+
+    The order is idle and work with the new flywheel, with the new shaft and of the serial saw. The driven half of the clutch, I_d,
+    turns with the driving one at work only. ``shaft`` and ``serial`` are c_2 and c_2' [Nm/rad]; without them c_2' is x[7] and
+    c_2 its printed share.
+    """
+    p = np.exp(x)
+    made = p[7] if serial is None else serial
+    soft = SHARE * made if shaft is None else shaft
+    found, slopes = [], []
+    for first, second in ((NEW_FLYWHEEL, made), (p[0], soft), (p[0], made)):
+        own = float(first == p[0])
+        for work in (False, True):
+            i = [first, p[1], p[2] + p[3] * work, *(p[4:6] if work else ())]
+            f, s = chain(i, [p[6], second, *(p[8:10] if work else ())])
+            n, jac = len(i), np.zeros((len(f), 10))
+            jac[:, 0], jac[:, 1] = own * s[:, 0], s[:, 1]
+            jac[:, 2], jac[:, 3] = s[:, 2] * p[2] / i[2], s[:, 2] * p[3] * work / i[2]
+            jac[:, 6], jac[:, 7] = s[:, n], s[:, n + 1] * (serial is None)
+            if work:
+                jac[:, 4:6], jac[:, 8:10] = s[:, 3:5], s[:, n + 2 :]
+            found.append(f)
+            slopes.append(f[:, None] * jac)
+    return np.concatenate(found), np.vstack(slopes)
+
+
+WANTED = np.array([f for those in PRINTED.values() for f in those])
+# rows of spectra_of that the print fixes, with the middle and the half width of what it accepts: the two-digit numbers, the lowest
+# frequency of the serial saw at work and its next one, which is the lowest of the middle ones
+ROWS = np.array([*range(12), 14, 15])
+MEAN = np.array([*WANTED, 0.5 * sum(LOWEST), MIDDLE[0]])
+WIDTH = np.array([HALF] * 12 + [0.5 * (LOWEST[1] - LOWEST[0]), 0.5])
+
+
+def misses(x: np.ndarray, **given: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far the 14 printed frequencies are missed, 1 at the edge of what is accepted, with slopes (14, 10)."""
+    f, slopes = spectra_of(x, **given)
+    return (f[ROWS] - MEAN) / WIDTH, slopes[ROWS] / WIDTH[:, None]
+
+
+def _lacks(x: np.ndarray, even: float, within: float) -> np.ndarray:
+    miss, _ = misses(x)
+    over = np.sign(miss) * np.maximum(np.abs(miss) - within, 0.0)
+    return np.concatenate([over / (1.0 - within) * 3.0, even * (x[:6] - x[:6].mean())])
+
+
+def _lacks_by(x: np.ndarray, even: float, within: float) -> np.ndarray:
+    miss, slopes = misses(x)
+    over = np.where(np.abs(miss) > within, 3.0 / (1.0 - within), 0.0)
+    evened = np.zeros((6, 10))
+    evened[:, :6] = even * (np.eye(6) - 1.0 / 6.0)
+    return np.vstack([over[:, None] * slopes, evened])
+
+
+@lru_cache(maxsize=1)
+def identified() -> np.ndarray:
+    """Return the chosen parameters (10,), the best of 24 drawn starts.
+
+    Of all parameters that keep within 0.9 of every printed digit's half unit, those are chosen whose inertias are most alike.
+    """
+    random, found = np.random.default_rng(1), []
+    for _ in range(24):
+        start = random.uniform(*STARTS)
+        one = optimize.least_squares(_lacks, start, _lacks_by, bounds=BOX, args=(EVEN, WITHIN), max_nfev=400)
+        found.append((one.cost, tuple(one.x)))
+    return np.exp(min(found)[1])
+
+
+@lru_cache
+def alike(count: int) -> tuple[np.ndarray, ...]:
+    """Return ``count`` other sets of parameters (10,) that meet the print as well, from drawn starts."""
+    random, out = np.random.default_rng(3), []
+    while len(out) < count:
+        start = random.uniform(*STARTS)
+        one = optimize.least_squares(_lacks, start, _lacks_by, bounds=BOX, args=(0.0, 0.99), max_nfev=400)
+        if np.abs(misses(one.x)[0]).max() <= 1.0:
+            out.append(np.exp(one.x))
+    return tuple(out)
+
+
+@lru_cache(maxsize=1)
+def _intervals() -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest value of each parameter with which the others can still meet the print (10,)."""
+    best = identified()
+    starts = [np.log(one) for one in (best, *alike(3))]
+    ends = np.log(best) * np.ones((2, 1))
+    for k in range(10):
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            for start in starts:
+                end = _pushed(lambda x, k=k, sign=sign: (sign * x[k], sign * np.eye(10)[k]), start)
+                if end is not None:
+                    ends[side, k] = (min if side == 0 else max)(ends[side, k], end[k])
+    return np.exp(ends[0]), np.exp(ends[1])
+
+
+def _pushed(aim: Callable[[np.ndarray], tuple], start: np.ndarray) -> np.ndarray | None:
+    """Parameters that meet the print and minimise ``aim``, which returns value and slopes; None where none was found."""
+    found = optimize.minimize(
+        aim,
+        start,
+        jac=True,
+        method="SLSQP",
+        bounds=np.transpose(BOX),
+        constraints=[
+            {"type": "ineq", "fun": lambda x: 1.0 - misses(x)[0], "jac": lambda x: -misses(x)[1]},
+            {"type": "ineq", "fun": lambda x: 1.0 + misses(x)[0], "jac": lambda x: misses(x)[1]},
+        ],
+        options={"maxiter": 200, "ftol": 1e-7},
+    )
+    return found.x if np.abs(misses(found.x)[0]).max() <= 1.0 + 1e-6 else None
+
+
+def _values(config: RigConfig) -> np.ndarray:
+    """The rig's values in the order of NAMES [SI]."""
+    return np.array([float(getattr(getattr(config, name.partition(".")[0]), name.partition(".")[2])) for name in SETTINGS])
+
+
+# ---- tables
+
+
+def matrix(config: RigConfig) -> Table:
+    """Elements of the matrix A of the paper, c - I w^2 + j w h, of the locked five-mass chain."""
+    p = _values(config)
+    c, h = p[6:], [getattr(config, f"shaft_{k}").damping for k in (1, 2, 3, 4)]
+    i = [p[0], p[1], p[2] + p[3], p[4], p[5]]
+    rows = []
+    for k in range(5):
+        around = [k - 1, k]
+        of = [q for q in around if 0 <= q < 4]
+        rows.append((f"a{k + 1}{k + 1}", float(sum(c[q] for q in of)), i[k], float(sum(h[q] for q in of))))
+        if k < 4:
+            rows.append((f"a{k + 1}{k + 2}", -float(c[k]), 0.0, -float(h[k])))
+    return Table(
+        "elements of A, p. 2; its a33 is printed with h_2 where h_3 is meant",
+        {"element": "", "stiffness": "Nm/rad", "inertia": "kg m2", "damping": "Nm s/rad"},
+        rows,
+    )
+
+
+def spectra(config: RigConfig) -> Table:
+    """Natural frequencies of the rig in the paper's variants, beside the printed ones."""
+    variants = {
+        "flywheel": config.with_values({"flywheel.inertia": NEW_FLYWHEEL}),
+        "shaft": config.with_values({"shaft_2.stiffness": SHARE * config.shaft_2.stiffness}),
+        "serial": config,
+    }
+    rows = []
+    for name, one in variants.items():
+        system = system_of(one)
+        for regime, locked in (("idle", ()), ("work", ("clutch",))):
+            # at idle the drum side is no part of the paper's chain: only modes that move the flywheel count
+            found = modes(system, locked)
+            at = found.bodies.index("flywheel")
+            own = [f for f, shape in zip(found.frequencies, found.shapes) if f > 0.0 and abs(shape[at]) > 1e-9]
+            for k, f in enumerate(own):
+                printed = PRINTED.get((name, regime))
+                rows.append((name, regime, k + 1.0, float(TURN * f), printed[k] if printed else None))
+    return Table(
+        "spectra, p. 1 and 3; shaft: c_2 at 0.36 of the serial one, as 3.6e3 is of 1e4",
+        {"variant": "", "regime": "", "mode": "-", "frequency": "rad/s", "printed": "rad/s"},
+        rows,
+    )
+
+
+def identification(config: RigConfig) -> Table:
+    """Inertias and stiffnesses from the printed spectra: what is chosen, and from where to where each could lie."""
+    best = identified()
+    low, high = _intervals()
+    spread = np.std(np.log([best, *alike(20)]), axis=0)
+    inside = [bool(a > 1.01 * lo and b < 0.99 * hi) for a, b, lo, hi in zip(low, high, *np.exp(BOX))]
+    rows = [
+        (name, unit, float(v), float(r), float(a), float(b), float(s), "bounded" if ok else "not bounded by the print")
+        for name, unit, v, r, a, b, s, ok in zip(
+            NAMES, ["kg m2"] * 6 + ["Nm/rad"] * 4, best, _values(config), low, high, spread, inside
+        )
+    ]
+    return Table(
+        "from all frequencies of two digits, the serial 523 and 164..184 1/s; the scale is that of I_1 = 20e-4 kg m2",
+        {"parameter": "", "unit": "", "value": "-", "rig": "-", "low": "-", "high": "-", "spread_of_ln": "-", "says": ""},
+        rows,
+    )
+
+
+def directions(config: RigConfig) -> Table:
+    """How well the spectra determine combinations of the parameters: singular values of d ln f / d ln parameter."""
+    x = np.log(_values(config))
+    f, slopes = spectra_of(x)
+    _, sizes, right = np.linalg.svd(slopes[ROWS] / f[ROWS, None])
+    rows = []
+    for k, size in enumerate(sizes):
+        way = right[k] * np.sign(right[k][np.abs(right[k]).argmax()])
+        most = sorted(range(10), key=lambda q: -abs(way[q]))[:4]
+        words = " ".join(f"{way[q]:+.2f} ln {NAMES[q]}" for q in most)
+        rows.append((k + 1.0, float(size), float(HALF / 600.0 / size), words))
+    return Table(
+        "combinations of parameters, best determined first; uncertainty: what half a unit of the print at 600 1/s leaves of it",
+        {"combination": "-", "singular_value": "-", "uncertainty": "-", "mostly": ""},
+        rows,
+    )
+
+
+def monotony(config: RigConfig) -> Table:
+    """The paper's matrix cannot give its spectra: at work no frequency lies below the one of the same rank at idle.
+
+    With c_3 = h_3 = 0 the five-mass chain falls apart into the idle one and a pair of masses. No frequency of
+    a rank rises with less stiffness (Courant-Fischer), so idle 0, 0, w_1, w_2 and that of the pair are bounds from below for 0
+    and the four at work.
+    """
+    rows = []
+    for name in ("flywheel", "shaft"):
+        idle, work = PRINTED[name, "idle"], PRINTED[name, "work"]
+        # the pair's frequency, wherever it lies, only moves the idle ones up in rank: the highest two are at least w_1 and w_2
+        for k, f in ((4, idle[1]), (3, idle[0])):
+            rows.append((name, float(k), f, work[k - 1], 0.5 * max(0.0, f - work[k - 1]), 0.5 * max(0.0, f - work[k - 1]) / HALF))
+    return Table(
+        "least frequency at work by the idle one of the same rank, the printed one, and by how much one of both must be wrong",
+        {"variant": "", "mode": "-", "least": "rad/s", "printed": "rad/s", "wrong_by": "rad/s", "half_units": "-"},
+        rows,
+    )
+
+
+def printed_stiffness(config: RigConfig) -> Table:
+    """How near the spectra can be met with c_2' = 1e4, c_2 = 3.6e3 Nm/rad and I_1 = 20e-4 kg m2, whatever the rest is."""
+    given = {"shaft": C_2, "serial": C_2_SERIAL}
+    random = np.random.default_rng(2)
+    worst, best = np.inf, None
+    for _ in range(12):
+        start = optimize.least_squares(
+            lambda x: misses(x, **given)[0][:12], random.uniform(*STARTS), lambda x: misses(x, **given)[1][:12], bounds=BOX
+        ).x
+        found = optimize.minimize(
+            lambda y: (y[10], np.eye(11)[10]),
+            [*start, np.abs(misses(start, **given)[0][:12]).max()],
+            jac=True,
+            method="SLSQP",
+            bounds=[*np.transpose(BOX), (0.0, 1e4)],
+            constraints=[
+                {
+                    "type": "ineq",
+                    "fun": lambda y, s=s: y[10] - s * misses(y[:10], **given)[0][:12],
+                    "jac": lambda y, s=s: np.hstack([-s * misses(y[:10], **given)[1][:12], np.ones((12, 1))]),
+                }
+                for s in (1.0, -1.0)
+            ],
+            options={"maxiter": 300, "ftol": 1e-8},
+        )
+        reached = float(np.abs(misses(found.x[:10], **given)[0][:12]).max())
+        if reached < worst:
+            worst, best = reached, found.x[:10]
+    f = spectra_of(best, **given)[0][:12]
+    keys = [(variant, regime, k + 1.0) for (variant, regime), those in PRINTED.items() for k in range(len(those))]
+    rows = [(*key, float(one), float(wanted), float(abs(one - wanted) / HALF)) for key, one, wanted in zip(keys, f, WANTED)]
+    rows.append(("all", "", 0.0, None, None, worst))
+    return Table(
+        "spectra nearest to the print with both stiffnesses as printed; off: in half units of the last printed digit",
+        {"variant": "", "regime": "", "mode": "-", "frequency": "rad/s", "printed": "rad/s", "off": "-"},
+        rows,
+    )
+
+
+def highest_middle(config: RigConfig) -> Table:
+    """The highest frequency of the serial saw that the printed spectra of its variants allow, beside the printed 1746 1/s."""
+    rows = []
+    for regime, row in (("idle", 13), ("work", 17)):
+        top = 0.0
+        for start in (identified(), *alike(5)):
+            found = _pushed(lambda x, row=row: tuple(-1e-2 * one[row] for one in spectra_of(x)), np.log(start))
+            if found is not None:
+                top = max(top, float(spectra_of(found)[0][row]))
+        rows.append((regime, top, MIDDLE[1], MIDDLE[1] / top - 1.0))
+    return Table(
+        "highest frequency of the serial saw under all parameters that meet the spectra of p. 3; p. 1 prints 1746 1/s",
+        {"regime": "", "highest": "rad/s", "printed": "rad/s", "beyond": "%"},
+        rows,
+    )
+
+
+# ---- folding
+
+
+def full_chain(folded: np.ndarray, oiler: float, wedge: float, inline: bool) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
+    """Return masses and links of the chain of seven that the folded one (10,) stands for, and its parameters.
+
+    The figure is lost. By the printed formulas I_7 lies between 4 and 5, and I_6 at 4 behind c_7, beside the chain or in it. The
+    shares ``oiler`` of I_6 and ``wedge`` of I_7 in I_4 are assumed. c_7 gives I_4 and I_6 the partial frequency 2.24e4 1/s.
+    """
+    i1, i2, i3, drum, i4n, i5n, c1, c2, c3n, c4n = folded
+    i7 = wedge * i4n
+    c4 = c5 = 2.0 * c4n
+    i4 = i4n - i7 * c4 / (c4 + c5)
+    i6, i4 = oiler * i4, (1.0 - oiler) * i4
+    i5 = i5n - i7 * c5 / (c4 + c5)
+    c7 = HIGHEST[0] ** 2 * i4 * i6 / (i4 + i6)
+    c3 = c3n
+    if inline:  # the shares of 1 / c_7 that its sides get are no part of c_3 and c_4
+        c3 = 1.0 / (1.0 / c3n - oiler / c7)
+        c4 = 1.0 / (1.0 / c4n - (1.0 - oiler) / c7) * 2.0
+        c5 = c4
+    given = {"I_4": i4, "I_5": i5, "I_6": i6, "I_7": i7, "c_3": c3, "c_4": c4, "c_5": c5, "c_7": c7}
+    masses = np.array([i1, i2, i3 + drum, i4, i6, i7, i5])  # 1 2 3 4 6 7 5
+    ends = [(0, 1, c1), (1, 2, c2), (2, 3, c3), (3, 4, c7), (4 if inline else 3, 5, c4), (5, 6, c5)]
+    return masses, np.array(ends), given
+
+
+def _frequencies(masses: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Natural frequencies above 0 [1/s] of masses with links (from, to, stiffness)."""
+    k = np.zeros((len(masses), len(masses)))
+    for a, b, c in ends:
+        row = np.zeros(len(masses))
+        row[int(a)], row[int(b)] = 1.0, -1.0
+        k += c * np.outer(row, row)
+    root = 1.0 / np.sqrt(masses)
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(root[:, None] * k * root), 0.0))[1:]
+
+
+def _simplified(folded: np.ndarray, given: dict[str, float], rule: str) -> np.ndarray:
+    """Frequencies of the five masses by the derived or the printed rule."""
+    g = given
+    if rule == "printed":
+        i4 = g["I_4"] + g["I_6"] + g["I_7"] * (g["c_4"] + g["c_5"]) / g["c_5"]
+        i5 = g["I_5"] + g["I_7"] * (g["c_4"] + g["c_5"]) / g["c_4"]
+        c7 = g["I_6"] * g["c_7"] / (g["I_4"] + g["I_6"])
+        c3, c4 = g["c_3"] * c7 / (g["c_3"] + c7), g["c_4"] * g["c_5"] / (g["c_4"] + g["c_5"])
+    else:
+        i4, i5, c3, c4 = folded[4], folded[5], folded[8], folded[9]
+    return chain([folded[0], folded[1], folded[2] + folded[3], i4, i5], [folded[6], folded[7], c3, c4])[0]
+
+
+def folding(config: RigConfig) -> Table:
+    """Factors of the folding, derived and printed: a mass between two links, and two masses with a link between them.
+
+    A mass between two links turns, slowly, by the twist's shares: its angle is (c_4 x_4 + c_5 x_5) / (c_4 + c_5), and its momentum
+    goes to the two sides by these shares, whose sum is 1. Of two masses on a link the outer one accelerates behind it with I_6 of
+    I_4 + I_6 of the torque, so the link's compliance counts with that share: c_7' = c_7 (I_4 + I_6) / I_6.
+    """
+    _, _, g = full_chain(_values(config), 0.02, 0.02, False)
+    both = g["c_4"] + g["c_5"]
+    share = g["I_6"] / (g["I_4"] + g["I_6"])
+    rows = [
+        ("I_7 to I_4", g["c_4"] / both, both / g["c_5"]),
+        ("I_7 to I_5", g["c_5"] / both, both / g["c_4"]),
+        ("I_7 in all", 1.0, both / g["c_5"] + both / g["c_4"]),
+        ("c_7' over c_7", 1.0 / share, share),
+    ]
+    return Table(
+        "factors of the folding with c_4 = c_5 and I_6 at 2 % of I_4 + I_6; printed ones, p. 2, add I_7 four times or more",
+        {"factor": "", "derived": "-", "printed": "-"},
+        rows,
+    )
+
+
+def folding_error(config: RigConfig) -> Table:
+    """Largest error of the simplified chain in 500..2000 1/s against the full one, by derived and by printed factors."""
+    folded = _values(config)
+    rows = []
+    for place, inline in (("beside", False), ("in line", True)):
+        for oiler in (0.01, 0.02, 0.05, 0.2):
+            for wedge in (0.001, 0.02, 0.1):
+                masses, ends, given = full_chain(folded, oiler, wedge, inline)
+                full = _frequencies(masses, ends)
+                errors = []
+                for rule in ("derived", "printed"):
+                    simple = _simplified(folded, given, rule)
+                    inside = [(s, f) for s, f in zip(simple, full) if 500.0 <= f <= 2000.0]
+                    errors.append(max(abs(s / f - 1.0) for s, f in inside))
+                rows.append((place, oiler, wedge, float(full[-1]), *errors))
+    return Table(
+        "shares of I_6 and I_7 in I_4 are assumed, as is the place of I_6; the paper states at most 12 %",
+        {"oiler": "", "oiler_share": "%", "wedge_share": "%", "highest": "rad/s", "derived": "%", "printed": "%"},
+        rows,
+    )
+
+
+def ringing(config: RigConfig, recording: Recorded) -> Table:
+    """Frequencies at which the shafts ring after the ignition ends at work, by the averaged spectrum of their torques."""
+    off = next(t for t, _, text, _ in recording.events if text.endswith("off"))
+    inside = (recording.t >= off + RINGS[0]) & (recording.t < off + RINGS[1])
+    peaks = {
+        name: spectrum(recording[name][inside], float(recording.t[1] - recording.t[0]), highest=300.0).peaks
+        for name in ("M_1", "M_4")
+    }
+    found = modes(system_of(config), ("clutch",)).frequencies
+    rows = []
+    for mode, name in ((1, "M_4"), (2, "M_4"), (3, "M_1"), (4, "M_1")):  # the shaft in which this mode is seen best
+        at = min((one for one, _ in peaks[name]), key=lambda one: abs(one - found[mode]), default=0.0)
+        rows.append((float(mode), name, float(TURN * found[mode]), float(TURN * at), float(at / found[mode] - 1.0)))
+    return Table(
+        "natural frequencies at work, computed and in the spectrum of the run",
+        {"mode": "-", "signal": "", "computed": "rad/s", "measured": "rad/s", "off": "%"},
+        rows,
+    )
+
+
+def high_frequencies(config: RigConfig) -> Table:
+    """Frequencies of the full chain with an oiler and a wedge that meet the printed high ones, 2.24e4 and 3.30e4 1/s."""
+    folded = _values(config)
+
+    def off(y: np.ndarray) -> np.ndarray:
+        masses, ends, _ = full_chain(folded, 0.02, float(np.exp(y[0])), False)
+        return np.array([_frequencies(masses, ends)[-1] / HIGHEST[1] - 1.0])
+
+    wedge = float(np.exp(optimize.least_squares(off, [np.log(3e-4)]).x[0]))
+    masses, ends, given = full_chain(folded, 0.02, wedge, False)
+    full = _frequencies(masses, ends)
+    rows = [(k + 1.0, float(f)) for k, f in enumerate(full)]
+    return Table(
+        f"full chain with I_6 {given['I_6']:.3g}, I_7 {given['I_7']:.3g} kg m2, c_7 {given['c_7']:.3g} Nm/rad, for the highest two",
+        {"mode": "-", "frequency": "rad/s"},
+        rows,
+    )
+
+
+# ---- coupling
+
+DISC = {"d_n": 0.01, "D_1": 0.039, "D_2": 0.09, "D": 0.064, "h": 0.0385, "A_c": 0.4, "A_s": 12.0, "safety": 1.35}  # p. 4
+RUBBER = (1e6, 2e7)  # Pa, from the softest to the hardest rubber: Young's modulus
+
+
+def coupling(config: RigConfig) -> Table:
+    """Stiffness of the coupling in series, modulus of its disc, and stress per torque, p. 3 and 4."""
+    c_m = C_2 * C_2_SERIAL / (C_2_SERIAL - C_2)
+    b = 0.5 * (DISC["D_2"] - DISC["D_1"])
+
+    def modulus(stiffness: float) -> float:
+        return 4.0 * DISC["A_c"] * stiffness / (3.0 * np.pi * DISC["h"] * DISC["D"] ** 2)
+
+    e = modulus(c_m)
+    stress = DISC["A_s"] / (4.0 * b * DISC["h"] * DISC["D"])
+    rows = [
+        ("c_m [Nm/rad]", c_m),
+        ("b [m]", b),
+        ("d_n / b", DISC["d_n"] / b),
+        ("E of the disc, c_m in Nm/rad [MPa]", e * 1e-6),
+        ("E of the disc, c_m in kN m/rad [MPa]", modulus(1e3 * c_m) * 1e-6),
+        ("h with that E [m]", 4.0 * DISC["A_c"] * c_m / (3.0 * np.pi * e * DISC["D"] ** 2)),
+        ("c_m unit over that of the hardest rubber", modulus(1e3 * c_m) / RUBBER[1]),
+        ("stress per torque [Pa/Nm]", stress),
+        ("strength per torque with the safety 1.35 [Pa/Nm]", DISC["safety"] * stress),
+        ("c_m of the rig [Nm/rad]", SHARE / (1.0 - SHARE) * config.shaft_2.stiffness),
+    ]
+    return Table("coupling by the formulas of p. 3 and 4", {"what": "", "value": "-"}, [(n, float(v)) for n, v in rows])
+
+
+CALCULATIONS = {
+    "matrix": matrix,
+    "spectra": spectra,
+    "identification": identification,
+    "directions": directions,
+    "monotony": monotony,
+    "printed_stiffness": printed_stiffness,
+    "highest_middle": highest_middle,
+    "folding": folding,
+    "folding_error": folding_error,
+    "high_frequencies": high_frequencies,
+    "ringing": ringing,
+    "coupling": coupling,
+}

@@ -1,0 +1,113 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The drive of the chain saw Ural-2: its rows, its matrix, its resonances, and a detuned design that is run."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from rig_nodes.analysis.modes import system_of
+from rig_nodes.cli.main import main
+from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.record import record
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.sequence import load_sequence
+
+TRUE = {"effects.transducers": "off"}
+RPM = math.pi / 30.0
+
+
+def calculated(capsys, name, *arguments):
+    """Returns the rows of a calculation as maps of column and value."""
+    assert main(["calculate", name, "--rig", "ural2", *arguments, "--json", "-"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def peak(name, start, **settings):
+    """Returns the largest torque of a shaft at work from a time on [Nm], with settings of the rig."""
+    config = load_rig("ural2", TRUE | settings)
+    run = record(config, load_sequence("work", {"hold": "1 s"}, "ural2"), rows_per_second=2000)
+    assert run.end["state"] == "ended", run.end
+    values = run.recording.channels[name]
+    return float(np.abs(values[-round(start * 2000) :]).max())
+
+
+def test_every_printed_number_is_met_or_shown_to_be_inconsistent(capsys):
+    assert main(["validate", "--rig", "ural2", "--jobs", "1"]) == 0
+    assert "calibrated inside 16 of 16; predicted inside 20 of 20" in capsys.readouterr().out
+
+
+def test_the_verb_has_the_frequencies_of_the_papers_matrix():
+    config = load_rig("ural2", {f"shaft_{k}.damping": "0 Nm s/rad" for k in (1, 2, 3, 4)})
+    values = {name: config.sections[name] for name in ("flywheel", "crank", "shoes", "drum", "gearbox", "cutting")}
+    c = [config.sections[f"shaft_{k}"].stiffness for k in (1, 2, 3, 4)]
+    i = [one.inertia for one in values.values()]
+    masses = [i[0], i[1], i[2] + i[3], i[4], i[5]]
+    stiffness = np.diag([c[0], c[0] + c[1], c[1] + c[2], c[2] + c[3], c[3]]) - np.diag(c, 1) - np.diag(c, -1)
+    exact = np.sqrt(np.sort(np.linalg.eigvals(stiffness / np.array(masses)[:, None]).real)[1:]) / (2 * math.pi)
+    assert modes(system_of(config), ["clutch"]).frequencies[1:] == pytest.approx(exact, rel=1e-9)
+
+
+def test_the_flywheel_has_the_largest_amplitude_and_shaft_2_the_largest_twist_as_the_paper_says():
+    found = modes(system_of(load_rig("ural2")), ["clutch"])
+    third = dict(zip(found.bodies, np.abs(found.shapes[3])))
+    assert max(third, key=third.get) == "flywheel"
+    fourth = dict(zip(found.bodies, found.shapes[4]))
+    assert abs(fourth["crank"] - fourth["shoes"]) > 1.2 * abs(third["crank"] - third["shoes"])
+
+
+def test_the_calculation_identifies_what_the_rig_has():
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    from rig_nodes.config import RIGS_DIR
+
+    spec = spec_from_file_location("ural2_calculations", RIGS_DIR / "ural2" / "calculations.py")
+    calculations = module_from_spec(spec)
+    spec.loader.exec_module(calculations)
+    rig = calculations._values(load_rig("ural2"))
+    assert rig == pytest.approx(calculations.identified(), rel=1e-3)
+    # its slopes against differences
+    x = np.log(rig)
+    slopes = calculations.spectra_of(x)[1]
+    for k, one in enumerate(1e-6 * np.eye(10)):
+        difference = (calculations.spectra_of(x + one)[0] - calculations.spectra_of(x - one)[0]) / 2e-6
+        assert slopes[:, k] == pytest.approx(difference, rel=1e-4, abs=1e-2)
+
+
+def test_at_idle_the_clutch_is_open_and_at_work_it_is_locked():
+    one = Rig(load_rig("ural2", TRUE))
+    one.set("motor", 2600.0 * RPM, True)
+    one.advance(2.0)
+    assert one.true("drum.speed") == pytest.approx(0.0, abs=0.1) and one.true("crank.speed") == pytest.approx(2600 * RPM, rel=0.1)
+    one.set("motor", 6000.0 * RPM, True)
+    one.advance(5.0)
+    assert one.clutch_mode("clutch") == 2
+    energies = one.energy()
+    assert abs(energies["residual"]) < 1e-6 * energies["motor"]
+
+
+def test_the_papers_flywheel_takes_the_resonance_out_of_work():
+    serial, new = peak("M_2", 0.5), peak("M_2", 0.5, **{"flywheel.inertia": "20e-4 kg m2"})
+    assert serial > 60.0 and new < 0.5 * serial
+
+
+def test_a_detuned_design_is_run_and_its_peak_is_lower(capsys):
+    assert main(["modes", "ural2", "--detune", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)["detuning"]
+    before, after = found["smallest_margin"]
+    assert before < 0.0 and after == pytest.approx(0.08, abs=2e-3)
+    assert peak("M_2", 0.5, **found["new"]) < 0.5 * peak("M_2", 0.5)
+
+
+def test_the_spectrum_of_a_recorded_run_has_the_peak_of_the_order_that_meets_a_frequency(tmp_path, capsys):
+    assert main(["simulate", "work", "--rig", "ural2", "--with", "hold=1 s", "--out", str(tmp_path / "run")]) == 0
+    capsys.readouterr()
+    words = ["--run", str(tmp_path / "run"), "--signal", "M_2", "--window", "5.4 s", "6.4 s", "--json", "-"]
+    assert main(["modes", "ural2", *words]) == 0
+    first = json.loads(capsys.readouterr().out)["spectrum"]["peaks"][0]
+    assert first["frequency_hz"] == pytest.approx(7300.0 / 60.0, rel=0.01) and first["amplitude"] > 40.0
+    assert first["computed_hz"] == pytest.approx(122.07, abs=0.1)
