@@ -82,9 +82,9 @@ class Meter:
 class Plan:
     """A rig in the form that the engine needs.
 
-    The wires of an instance have keys: "body", "braked", "driving", "driven" and those that a part joins to a body name one of ``bodies``, "element" one
-    of the driveline's friction elements, "line" and "supply" one of ``oil_lines``, "beside" a channel, "valve" and "oil" another
-    instance; other wires are numbers.
+    The wires of an instance have keys: "body", "braked", "driving", "driven" and those that a part joins to a body name one of
+    ``bodies``, "element" one of the driveline's friction elements, "line" and "supply" one of ``oil_lines``, "beside" a channel,
+    "valve" and "oil" another instance; other wires are numbers.
 
     Parameters
     ----------
