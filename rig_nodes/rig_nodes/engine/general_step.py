@@ -17,6 +17,7 @@ from numba.extending import intrinsic
 from ..plant.driveline_calls import ARGUMENTS, BARE, address_of, array_types, bare_address, call_at
 from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS, driven_step
 from ..plant.driveline_laws import settled_address
+from ..plant.driveline_quick import QUICK, quick_address
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -28,10 +29,10 @@ if TYPE_CHECKING:
 
 DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # arrays of the driveline's record, after the addresses and times in the call
 _DRIVEN = (types.int64, types.int64, types.float64, types.float64, *array_types(DRIVEN, WHOLE_NUMBERS))
-NONE = (0, 0, 0)
+NONE = (0, 0, 0, 0)
 
 
-def addresses(driven: bool = False) -> tuple[int, int, int]:
+def addresses(driven: bool = False) -> tuple[int, int, int, int]:
     """Return the addresses at which compiled steps begin in this process; the steps are compiled or read from the cache.
 
     Parameters
@@ -42,11 +43,11 @@ def addresses(driven: bool = False) -> tuple[int, int, int]:
     Returns
     -------
     tuple of int
-        Addresses of the bare, the settled and the driven step; the last two are 0 for a driveline that is not driven.
+        Addresses of the bare, the settled, the driven and the quick step; all but the first are 0 for one that is not driven.
     """
     if not driven:
-        return bare_address(), 0, 0
-    return bare_address(), settled_address(), address_of(driven_step, _DRIVEN)
+        return bare_address(), 0, 0, 0
+    return bare_address(), settled_address(), address_of(driven_step, _DRIVEN), quick_address()
 
 
 def _fields(
@@ -84,3 +85,19 @@ def driven_step_at(
         return context.get_dummy_value()
 
     return types.void(at, h, t, line), build
+
+
+@intrinsic
+def quick_step_at(
+    context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
+) -> tuple[Signature, Callable]:
+    """Move a driveline's record from t over h by the quick step, and return whether that has done it."""
+
+    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
+        at, h, t, line = given
+        base = builder.ptrtoint(line, context.get_value_type(types.int64))
+        values = [base, *_fields(context, builder, signature.args[3], line, ["layout"]), h, t]
+        done = call_at(context, builder, builder.extract_value(at, 3), QUICK, values)
+        return builder.icmp_signed("!=", done, done.type(0))
+
+    return types.boolean(at, h, t, line), build

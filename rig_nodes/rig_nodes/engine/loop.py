@@ -159,7 +159,7 @@ def advance(
     steps_per_sample: int,
     h: float,
     drive: int,
-    addresses: tuple[int, int, int],
+    addresses: tuple[int, int, int, int],
     worlds: Record,
     numbers: Floats,
     showns: Record,

@@ -21,6 +21,7 @@ from ..plant.driveline import State, System
 from ..plant.driveline_driven import driven_arrays
 from ..plant.driveline_laws import MOTION, TORQUE
 from ..plant.driveline_losses import ON, OWN
+from ..plant.driveline_quick import layout_of
 from ..plant.driveline_tables import Table
 from .world import Sizes, places, world_dtype
 
@@ -202,6 +203,8 @@ class World:
         self._fill_driveline(system, start)
         for name, array in driven.items():
             self.line[name] = array
+        if driven:
+            self.line["layout"] = layout_of(self.line.dtype)
         for instance in plan.instances:
             self._fill_instance(instance)
         self.record["channel"] = NOWHERE

@@ -21,7 +21,7 @@ from ..compiled import INLINED
 from ..plant.driveline_algebra import LAM, TAU, VISC
 from ..plant.driveline_quiet import quiet_step
 from ..plant.small_vectors import add, dot, product, put, scaled, vector
-from .general_step import driven_step_at, general_step
+from .general_step import driven_step_at, general_step, quick_step_at
 from .stages import after, before, bound
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @njit(**INLINED)
-def plant_step(world: Record, addresses: tuple[int, int, int], h: float, t: float) -> None:
+def plant_step(world: Record, addresses: tuple[int, int, int, int], h: float, t: float) -> None:
     """Move the plant from t to t + h.
 
     Parameters
@@ -73,7 +73,7 @@ def is_driven(line: types.Record) -> bool:
     return "begun" in line.fields
 
 
-def move_driveline(line: Record, addresses: tuple[int, int, int], h: float, t: float) -> None:
+def move_driveline(line: Record, addresses: tuple[int, int, int, int], h: float, t: float) -> None:
     """Move the driveline's record from t over h, by the step that its type needs."""
     raise TypeError("the driveline is moved from compiled code only")
 
@@ -83,7 +83,12 @@ def move_driveline(line: Record, addresses: tuple[int, int, int], h: float, t: f
 @overload(move_driveline, jit_options=INLINED)
 def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN001, see above
     if is_driven(line):
-        return lambda line, addresses, h, t: driven_step_at(addresses, h, t, line)
+
+        def driven(line, addresses, h, t) -> None:  # noqa: ANN001, see above
+            if not quick_step_at(addresses, h, t, line):
+                driven_step_at(addresses, h, t, line)
+
+        return driven
 
     def moved(line, addresses, h, t) -> None:  # noqa: ANN001, see above
         if not quiet_step(h, line):

@@ -20,6 +20,7 @@ from ..parts.part import part
 from ..plant.driveline_algebra import work_size
 from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS
 from ..plant.driveline_losses import loss_width
+from ..plant.driveline_quick import FIELDS, SIZES, quick_arrays
 
 EVENTS = 256  # number of the driveline's events that are kept
 # pressure: pressure in a line [Pa]; rise: its rise in the last step; drawn: flow taken since its supply last read it [m3/s]
@@ -83,6 +84,7 @@ def driveline_dtype(n: Sizes) -> np.dtype:
         [(name, "i8" if name in WHOLE_NUMBERS else "f8", n.driven[name]) for name in names if n.driven]
         for names in (KEPT, {**LAWS, **INPUTS})
     )
+    quick = quick_arrays(s, m, n.shafts, n.driven["kind"][0], n.driven["given_kind"][0], n.driven["default"][0]) if n.driven else {}
     return np.dtype(
         [
             ("v", "f8", (s,)),
@@ -113,6 +115,8 @@ def driveline_dtype(n: Sizes) -> np.dtype:
             ("count", "i8", (2,)),
             ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
             *fixed,
+            *[(name, "f8", shape) for name, shape in quick.items()],
+            *[("layout", "i8", (SIZES + len(FIELDS),))] * bool(quick),
         ]
     )
 

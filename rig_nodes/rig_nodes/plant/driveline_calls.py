@@ -108,11 +108,11 @@ def bare_address() -> int:
     return address_of(driveline_step, BARE)
 
 
-def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> None:
-    """Build, for an intrinsic, the call of the function that begins at an address."""
+def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> ir.Value:
+    """Build, for an intrinsic, the call of the function that begins at an address, and return what it returns."""
     convention = context.call_conv
     function = builder.inttoptr(address, convention.get_function_type(RESULT, signature).as_pointer())
-    convention.call_function(builder, function, RESULT, signature, values)
+    return convention.call_function(builder, function, RESULT, signature, values)[1]
 
 
 def calling(signature: tuple) -> tuple:

@@ -1,0 +1,87 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Steps of a rig with laws in which nothing happens go the quick way, and give what the other way gives."""
+
+import numpy as np
+import pytest
+
+from rig_nodes.plant.driveline_run import Run
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.plan import plan_of
+from rig_nodes.testbench.rig import Rig
+
+COMMON = """description: what depends on the motion
+step: [100 us, "assumed"]
+parts:
+  motor: {part: dc_motor, body: engine, torque_limit: [50 Nm, x], braking_limit: [20 Nm, x], power_limit: [10 kW, x],
+    torque_time: [3.3 ms, x], speed_gain: [1 Nm s/rad, x], speed_gain_integral: [20 Nm/rad, x], ramp: [5000 rpm/s, x]}
+transducers:
+  n_in: {type: speed, shows: engine.speed, at: motor, range: [0 rpm, 9000 rpm], text: Speed of the engine.}
+instruments: {speed_noise: [0.01 rad/s, x], speed_range: [9000 rpm, x], speed_gate: [2 ms, x], hum_frequency: [50 Hz, x]}
+bodies:
+  engine: {inertia: [0.3 kg m2, x], speed: [100 rad/s, x]}
+  saw: {inertia: [0.1 kg m2, x]}
+  fan: {inertia: [0.4 kg m2, x]}
+"""
+LAWS = """
+  sun: {inertia: [0.6 kg m2, x], speed: [90 rad/s, x]}
+  crank: {inertia: [0.05 kg m2, x], speed: [50 rad/s, x]}
+  swing: {inertia: [0.8 kg m2, x], speed: [3 rad/s, x]}
+shafts:
+  coupling: {joins: [saw, fan], table: [[[-1 rad, -900 Nm], [1 rad, 900 Nm]], x], damping: [0.3 Nm s/rad, x],
+    hysteresis: [[[200 Nm/rad, 1 Nm]], x]}
+clutches:
+  shoes: {joins: [engine, saw], capacity: {of: engine, table: [[[0 rad/s, 0 Nm], [60 rad/s, 1 Nm], [120 rad/s, 40 Nm]], x]},
+    stick: [1.2 -, x]}
+brakes:
+  low: {body: sun, drag: [0.02 Nm s/rad, x], friction: [[[0 rad/s, 1 -], [30 rad/s, 0.8 -], [200 rad/s, 0.6 -]], x]}
+torques:
+  air: {body: fan, table: [[[0 rad/s, 0 Nm], [20 rad/s, -1 Nm], [40 rad/s, -3 Nm], [200 rad/s, -40 Nm]], x]}
+  tyre: {body: saw, of: shoes, by: speed, table: [[[-100 rad/s, 2 Nm], [100 rad/s, -6 Nm]], x]}
+  gravity: {body: swing, by: angle, period: [360 deg, x], angle: [0.5 rad, x],
+    table: [[[0 deg, 0 Nm], [90 deg, -20 Nm], [180 deg, 0 Nm], [270 deg, 20 Nm], [360 deg, 0 Nm]], x]}
+slider_cranks:
+  piston: {body: crank, mass: [2 kg, x], radius: [80 mm, x], rod: [200 mm, x], angle: [0.4 rad, x]}
+inputs:
+  engine: [[[0 s, 10 Nm], [0.1 s, 25 Nm], [0.1 s, 15 Nm]], x]
+  low: [[[0.02 s, 3 Nm], [0.25 s, 30 Nm]], x]
+  tyre: [[[0 s, 1 -], [0.2 s, 2 -]], x]
+"""
+WORM = """
+shafts:
+  coupling: {joins: [saw, fan], stiffness: [900 Nm/rad, x], damping: [0.3 Nm s/rad, x]}
+meshes:
+  - {name: worm, bodies: [engine, saw], teeth: [20, 40], efficiency: [60 %, x], back: [30 %, x], source: x}
+torques:
+  air: {body: fan, table: [[[0 rad/s, 0 Nm], [20 rad/s, -1 Nm], [200 rad/s, -40 Nm]], x]}
+inputs:
+  engine: [[[0 s, 10 Nm], [0.1 s, 25 Nm], [0.2 s, -15 Nm]], x]
+"""
+
+
+@pytest.mark.parametrize("more", [LAWS, WORM], ids=["laws", "mesh"])
+def test_a_step_without_an_event_is_quick_and_agrees_with_python_alone(tmp_path, more):
+    text = (COMMON + more.lstrip("\n")).replace("engine: {inertia: [0.3 kg m2, x], speed: [100 rad/s, x]}", "ENGINE")
+    start = "" if more is WORM else ", speed: [100 rad/s, x]"
+    text = text.replace("ENGINE", "engine: {inertia: [0.3 kg m2, x]" + start + "}")
+    (tmp_path / "rig.yaml").write_text(text.replace(" x]", ' "assumed"]').replace("source: x", 'source: "assumed"'))
+    config = load_rig(tmp_path, {"effects.transducers": "off"})
+    plan = plan_of(config).plan
+    rig, run = Rig(config), Run(plan.system, 1e-4, {name: (table.x, table.y) for name, table in plan.inputs.items()})
+    quick, missed = 0, 0.0
+    for k in range(1, 301):
+        rig.advance(0.001)
+        quick += rig.world.line["made"][0] == 1.0
+        missed = max(missed, np.abs(rig.world.plan.system.bodies_from_speeds @ rig.v - run.to(0.001 * k).speeds).max())
+    result, energy = run.result(), rig.energy()
+    assert missed < 1e-9 and result.capped == 0 and rig.reason == ""
+    assert quick > 240, "most steps are quick"
+    assert abs(energy["residual"]) < 1e-9 * abs(energy["torques"])
+    assert energy["torques"] == pytest.approx(-result.e_in[-1], rel=1e-9)
+    assert energy["elements"] == pytest.approx((result.e_fric + result.e_visc)[-1].sum(), rel=1e-9)
+    assert energy["shafts"] == pytest.approx(result.e_shaft[-1].sum(), rel=1e-9)
+    for name in [law.name for law in plan.system.laws if law.name in ("coupling", "shoes", "low", "air", "tyre", "gravity")]:
+        assert rig.true(f"{name}.torque") == pytest.approx(result.torque(name)[-1], rel=1e-9, abs=1e-8), name
+    rates = plan.system.bodies_from_speeds @ rig.world.line["accel"]
+    assert rates == pytest.approx(result.accelerations()[-1], rel=1e-6, abs=1e-6)
