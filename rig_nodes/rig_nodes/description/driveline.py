@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,6 +80,16 @@ def has_element(device: Device) -> bool:
     return "element" in parts.part(device.part).wires
 
 
+def shaft_of(device: Device) -> str:
+    """Return the name of the driveline's shaft that a device owns, which is not one of the rig's names."""
+    return f"{device.name} shaft"
+
+
+def owns_shaft(device: Device) -> bool:
+    """Say whether a device has a compliant shaft of its own between the bodies that it joins."""
+    return "shaft" in parts.part(device.part).wires
+
+
 def build_driveline(structure: Structure, inertias: Mapping[str, float], values: Mapping, lossless: bool = False) -> System:
     """Build the whole driveline; an element has the name of its device.
 
@@ -106,6 +117,10 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
     out = _frame(structure, inertias, values, lossless)
     for shaft in structure.shafts:
         out.shaft(shaft.name, *shaft.bodies, **_given(values[shaft.name]), table=_columns(shaft.table), hysteresis=shaft.hysteresis)
+    for device in filter(owns_shaft, structure.devices):
+        given = values[device.name]
+        stiffness, damping = parts.part(device.part).shaft(SimpleNamespace(**given) if isinstance(given, Mapping) else given)
+        out.shaft(shaft_of(device), *device.wires["joins"], stiffness=stiffness, damping=damping)
     for device in structure.devices:
         if device.role == parts.FREEWHEEL:
             out.freewheel(device.name, *device.wires["joins"])

@@ -52,6 +52,7 @@ def _links(structure: Structure, config: object) -> list[Link]:
     for device in structure.clutches:
         if "joins" in device.wires:
             out.append((*device.wires["joins"], "clutch", _clutch(structure, device)))
+    out += [(*device.wires["joins"], "shaft", device.called) for device in structure.of_role(parts.COUPLING)]
     out += [
         (*device.wires["joins"], "freewheel", f"{device.called}: {device.wires['joins'][0]} not faster")
         for device in structure.freewheels

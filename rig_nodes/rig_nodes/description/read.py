@@ -338,6 +338,8 @@ class _Reader:
             return value
         if to == parts.TRANSDUCER:
             known = list(self.map_of("transducers"))
+        elif to == parts.DRIVES:
+            known = [name for name, part in self.part_of_device.items() if part.role in (parts.SOURCE, parts.COUPLING)]
         elif to == parts.TORQUE:
             known = [CLUTCHES, *(name for name, part in self.part_of_device.items() if part.role == parts.METER)]
         else:
@@ -554,6 +556,7 @@ def meaning(to: str) -> str:
         parts.BODY: "a body",
         parts.BODIES: "two bodies",
         parts.ONE_WAY: f"two bodies, one of which may be '{GROUND}'",
+        parts.DRIVES: "a source or a coupling",
         parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
         parts.TRANSDUCER: "a transducer",
         parts.OUTPUT: "an output of the controller",

@@ -32,6 +32,7 @@ LOOP = 0.35  # limit of the speed loop's crossover times the tick: 0.3 changes a
 NOT_CUT = {
     parts.CLUTCH: "clutches that lock are solved together with the shafts in every step, and a friction torque that is a tick "
     "old would chatter at standstill",
+    parts.COUPLING: "its torque follows its twist within every step, and one that is a tick old would swing by itself",
     parts.FREEWHEEL: "it holds and lets go within a step, together with all that it holds",
     parts.OIL: "all valves draw on its stiff pressure in every step, so it is no single device's port",
     parts.LOSS: "it brakes a shaft by a torque of the same instant, and one that is a tick old cannot",

@@ -67,6 +67,8 @@ class Meter:
         Name of the meter.
     friction : mapping of str to float
         Weights of friction torques, by element.
+    shaft : mapping of str to float
+        Weights of the torques of compliant shafts, by shaft.
     push : mapping of str to float
         Weights of pushes, by body.
     rate : mapping of str to float
@@ -77,6 +79,7 @@ class Meter:
     friction: Mapping[str, float] = field(default_factory=dict)
     push: Mapping[str, float] = field(default_factory=dict)
     rate: Mapping[str, float] = field(default_factory=dict)
+    shaft: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,8 @@ class Plan:
     """A rig in the form that the engine needs.
 
     The wires of an instance have keys: "body", "braked", "driving", "driven" and those that a part joins to a body name one of
-    ``bodies``, "element" one of the driveline's friction elements, "line" and "supply" one of ``oil_lines``, "beside" a channel,
+    ``bodies``, "element" one of the driveline's friction elements, "shaft" one of its shafts, "line" and "supply" one of ``oil_lines``,
+    "beside" a channel,
     "valve" and "oil" another instance; other wires are numbers.
 
     Parameters
@@ -321,13 +325,15 @@ class World:
         line["speed"] = rows @ start.v if len(rows) else 0.0
         for k, meter in enumerate(plan.meters):
             weights = line["meter_of"][k]
-            m, b = len(system.elements), len(plan.bodies)
+            m, b, s = len(system.elements), len(plan.bodies), len(system.slots)
             for name, weight in meter.friction.items():
                 weights[system.elements.index(name)] = weight
             for name, weight in meter.push.items():
                 weights[m + plan.bodies.index(name)] = weight
+            for name, weight in meter.shaft.items():
+                weights[m + b + system.shafts.index(name)] = weight
             for name, weight in meter.rate.items():
-                weights[m + b :] += weight * system.bodies_from_speeds[system.bodies.index(name)]
+                weights[m + b + s :] += weight * system.bodies_from_speeds[system.bodies.index(name)]
 
     def _fill_instance(self, instance: Instance) -> None:
         values, state = self.values(instance.name), self.state(instance.name)
@@ -349,6 +355,8 @@ class World:
             return plan.bodies.index(to)
         if key == "element":
             return plan.system.elements.index(to)
+        if key == "shaft":
+            return plan.system.shafts.index(to)
         if key in ("line", "supply"):
             return plan.oil_lines.index(to)
         if key == "beside":

@@ -127,6 +127,7 @@ def measure_driveline(line: Record) -> None:
     """Compute speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
     v, el, own = line.v, line.el, line.speed.shape[0]
     m, n = line.w.shape
+    shafts = line.sh.shape[0]
     speeds = vector(v, 0, v)
     rates = accelerations(line)
     for b in range(own):
@@ -141,4 +142,6 @@ def measure_driveline(line: Record) -> None:
             friction += line.meter_of[k, f] * el[LAM, f]
         for b in range(own):
             pushed += line.meter_of[k, m + b] * line.push[1, b]
-        line.meter[k] = friction + pushed + dot(vector(line.meter_of, k * (m + own + n) + m + own, v), rates)
+        for a in range(shafts):
+            pushed += line.meter_of[k, m + own + a] * line.shaft[TAU, a]
+        line.meter[k] = friction + pushed + dot(vector(line.meter_of, k * (m + own + shafts + n) + m + own + shafts, v), rates)

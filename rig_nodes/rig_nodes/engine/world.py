@@ -66,8 +66,8 @@ def driveline_dtype(n: Sizes) -> np.dtype:
     Arguments that a step changes come first. The other fields are: gain: change of the speeds in the last step; speed, gained,
     rate: of the bodies with a port the speed, its change in the last step [rad/s] and the acceleration at its end [rad/s2]; middle:
     speed that is expected in the middle of the step; push: torque of parts on these bodies at both ends of the step; bodies: speeds
-    of these bodies by those of the driveline; meter: torque between bodies, by the weights meter_of of friction torques, pushes and
-    accelerations; own: empty, but its shape tells the compiler which elements the losses own.
+    of these bodies by those of the driveline; meter: torque between bodies, by the weights meter_of of friction torques, pushes,
+    torques of shafts and accelerations; own: empty, but its shape tells the compiler which elements the losses own.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def driveline_dtype(n: Sizes) -> np.dtype:
             ("middle", "f8", (n.bodies,)),
             ("push", "f8", (2, n.bodies)),
             ("bodies", "f8", (n.bodies, s)),
-            ("meter_of", "f8", (n.meters, m + n.bodies + s)),
+            ("meter_of", "f8", (n.meters, m + n.bodies + n.shafts + s)),
             ("events", "f8", (EVENTS, 3)),
             ("count", "i8", (2,)),
             ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),

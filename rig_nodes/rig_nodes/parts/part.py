@@ -24,12 +24,15 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 # What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one of them may be
-# the ground), "torque" (a torque meter, or "clutches" for all torque that the body gives to clutches), "transducer", "output" (an
-# output of the controller, from 1), "line" (the oil line that begins here), or a role of devices.
+# the ground), "drives" (a source or a coupling), "torque" (a torque meter, or "clutches" for all torque that the body gives to
+# clutches), "transducer", "output" (an output of the controller, from 1), "line" (the oil line that begins here), or a role of
+# devices.
 BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = ("body", "bodies", "one_way", "torque", "transducer", "output", "line")
+DRIVES = "drives"  # what drives a shaft from one end: a source or a coupling
 # Roles of devices, by which a rig finds its devices. ``values`` are shared by devices and are not a device.
-SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS, VALUES = (
+SOURCE, COUPLING, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS, VALUES = (
     "source",
+    "coupling",
     "load",
     "clutch",
     "freewheel",
@@ -147,6 +150,11 @@ def no_values(_rig: ShownRig, _name: str) -> tuple[()]:
     return ()
 
 
+def no_shaft(_values: object) -> tuple[float, float]:
+    """Return stiffness and damping of the shaft of a part that owns none."""
+    return 0.0, 0.0
+
+
 @dataclass(frozen=True)
 class Part:
     """A type of device.
@@ -191,6 +199,12 @@ class Part:
     account : str
         State with the work [J] that it has taken since time 0 from the bodies that it pushes, for a device that pushes and is not
         what drives the rig; as a load it pushes in place of braking by its friction alone.
+    shaft : function
+        shaft(values) returns the stiffness [Nm/rad] and the damping [Nm s/rad] of a compliant shaft between the two bodies that it
+        joins, which the part owns by its wire "shaft". The kernel moves this shaft, and a stage ``before`` may give it another
+        stiffness, damping and twist for its step. The part's state "stored" is the energy in it [J].
+    check : function, optional
+        check(values) returns the name of a value and the rest of a sentence where values contradict each other, otherwise None.
     """
 
     name: str
@@ -211,6 +225,8 @@ class Part:
     inertia: Callable[[Any], float] | None = None
     stores: tuple[str, ...] = ()
     account: str = ""
+    shaft: Callable[[Any], tuple[float, float]] = no_shaft
+    check: Callable[[Any], tuple[str, str] | None] | None = None
 
     def state_dtype(self) -> np.dtype:
         """Return the type of its states: one float64 for each."""

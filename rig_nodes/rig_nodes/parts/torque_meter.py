@@ -29,5 +29,5 @@ PART = Part(
     0,
     (TorqueMeterConfig,),
     role=METER,
-    joined={"body": Wire("body"), "source": Wire("source", needed=False), "load": Wire("load", needed=False)},
+    joined={"body": Wire("body"), "source": Wire("drives", needed=False), "load": Wire("load", needed=False)},
 )

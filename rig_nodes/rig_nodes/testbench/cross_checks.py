@@ -51,6 +51,10 @@ def cross_check(config: RigConfig, where: Where) -> None:
             plates.friction_static,
             "plates that slide hold no more than plates that stick",
         )
+    for device in config.structure.devices:
+        if (check := parts.part(device.part).check) and (wrong := check(getattr(config, device.name))):
+            key = f"{device.name}.{wrong[0]}"
+            raise RigError(f"{where((key,))}{key} {wrong[1]}")
     inertias = inertias_of(config.structure, config.sections)
     for device in config.structure.of_role(parts.METER):
         body, values = device.wires["body"], getattr(config, device.name)

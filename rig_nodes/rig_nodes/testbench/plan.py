@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..alfa46 import law
-from ..description.driveline import build_driveline, inertias_of, inputs_of
+from ..description.driveline import build_driveline, inertias_of, inputs_of, shaft_of
 from ..description.read import CLUTCHES
 from ..description.structure import Device
 from ..engine.plan import Instance, Meter, Plan
@@ -53,7 +53,7 @@ class _Planner:
         self.tied = build_driveline(self.structure, inertias, self.values, lossless=True) if self.true.meshes else self.true
         self.stiff = not self.effects.motor_speed and self.structure.input is not None
         if self.stiff:
-            heavy = {**inertias, self.structure.input.body: UNMOVED}
+            heavy = {**inertias, self.structure.of_role(parts.SOURCE)[0].wires["body"]: UNMOVED}
             self.system = build_driveline(self.structure, heavy, self.values)
         self.losses = self.structure.of_role(parts.LOSS)
         self.bodies = self._bodies()
@@ -115,14 +115,27 @@ class _Planner:
             ratio = self.ratio(on, body)
             pushed = {on: -ratio} if parts.part(load.part).account else {}
             return Meter(device.name, friction={load.name: ratio}, push=pushed, rate={body: beyond})
-        whole = getattr(self.values[body], "inertia", None) if body not in self.structure.massless else None
-        whole = self.reduced(body) if whole is None else whole
+        if self.structure.device(device.wires["source"]).role == parts.COUPLING:
+            return self._behind_coupling(device, self.structure.device(device.wires["source"]))
+        whole = self.own_inertia(body)
         beyond = values.inertia if values.side == "beyond" else whole - values.inertia
         if self.stiff:  # (6.82): what the gears take, as no torque of the drive is known
             j = self.column(body)
             taken = {name: float(self.system.w[f, j]) for f, name in enumerate(self.system.elements) if self.system.w[f, j]}
             return Meter(device.name, friction=taken, rate={body: whole - beyond})
         return Meter(device.name, push={body: 1.0}, rate={body: -beyond})
+
+    def _behind_coupling(self, device: Device, coupling: Device) -> Meter:
+        """A torque meter behind a coupling: what that one gives to its body, minus what the inertia between them takes."""
+        values, body = self.values[device.name], device.wires["body"]
+        way = 1.0 if body == coupling.wires["joins"][1] else -1.0
+        beyond = values.inertia if values.side == "beyond" else self.own_inertia(body) - values.inertia
+        return Meter(device.name, friction={coupling.name: way}, rate={body: -beyond}, shaft={shaft_of(coupling): way})
+
+    def own_inertia(self, body: str) -> float:
+        """Return the inertia of a body by its values, or for a massless one all that is felt at it [kg m2]."""
+        whole = getattr(self.values[body], "inertia", None) if body not in self.structure.massless else None
+        return self.reduced(body) if whole is None else whole
 
     def _loss_rows(self) -> np.ndarray:
         """The losses by torque for the driveline's step (n, loss_width), Annex D; the step itself sets BASE and FACTOR."""
@@ -180,7 +193,8 @@ class _Planner:
     def planned(self) -> Planned:
         """Return the whole plan, and the driveline as it really is."""
         instances, structure = [], self.structure
-        for role in (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.MASS, parts.LOAD, parts.LOSS):
+        roles = (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.COUPLING, parts.MASS, parts.LOAD, parts.LOSS)
+        for role in roles:
             instances += map(self._instance, structure.of_role(role))
         if self.config.prescribed is not None and self.config.prescribed.bounded:
             instances.append(self._bounds())
@@ -249,6 +263,7 @@ class _Planner:
         driven = valve or (device if device.role == parts.VALVE else None)
         known = {
             "element": lambda: device.name,
+            "shaft": lambda: shaft_of(device),
             "body": lambda: wires["body"],
             "oil": lambda: oil,
             "press": lambda: wires["press"],

@@ -26,6 +26,7 @@ from ..config.schema import SWITCH
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..description.commands import Setpoint
+from ..description.driveline import owns_shaft, shaft_of
 from ..description.settings import CONTROLLER, Setting
 from ..errors import RigError
 from ..parts import part as parts
@@ -144,6 +145,11 @@ class Rig(RigBase):
         # kg m2; 0 unless the input's speed is to stay constant
         self._put_on = float(plan.system.mass[self._heavy, self._heavy] - self._system.mass[self._heavy, self._heavy])
         self._loads, self._sources = structure.of_role(parts.LOAD), structure.of_role(parts.SOURCE)
+        self._couplings = structure.of_role(parts.COUPLING)
+        # shafts that belong to devices, which know the energy in them
+        self._owned = [
+            (plan.system.shafts.index(shaft_of(one)), self.device(one.name)) for one in structure.devices if owns_shaft(one)
+        ]
         self.clutch_names = tuple(one.name for one in structure.clutches)
         self.valve_names = tuple(one.name for one in structure.valves)
         self.motor = self.device(self.drive)
@@ -705,7 +711,7 @@ class Rig(RigBase):
             out[self.heat_of(name)] = fric[place[name]] + visc[place[name]]
         for name in self.losses:
             out[name] = fric[place[name]]
-        if own := [place[one.name] for one in self._sources if one.name in place]:
+        if own := [place[one.name] for one in (*self._sources, *self._couplings) if one.name in place]:
             out["friction"] = sum([fric[f] for f in own])
         if driven:  # work taken by torques, motions and inputs of the description
             out["torques"] = float(line["part_work"][0]) - outside - float(line["law_work"][0])
@@ -732,11 +738,15 @@ class Rig(RigBase):
         if self.world.plan.driven:
             line, count = self.world.line, len(self._system.shafts)
             rows = (self.v, self._twist[:count], line["law_torque"], line["spring"])
-            return held + float(stored_energy(self._system, *(row[None] for row in rows))[0])
+            return held + float(stored_energy(self._system, *(row[None] for row in rows))[0]) + self._stored_by_devices()
         stored = held + float(0.5 * self.v @ self._system.mass @ self.v)
         if len(self._twist):
-            stored += 0.5 * float(self._system.kc[0] @ self._twist**2)
+            stored += 0.5 * float(self._system.kc[0] @ self._twist**2) + self._stored_by_devices()
         return stored
+
+    def _stored_by_devices(self) -> float:
+        """Energy in the shafts that devices own, less what it would be by their first stiffness and their twist alone [J]."""
+        return sum([float(one["stored"]) - 0.5 * float(self._system.kc[0, k] * self._twist[k] ** 2) for k, one in self._owned])
 
     # ---- the state, saved and restored
 
