@@ -43,7 +43,9 @@ def test_it_is_not_written_over_anything(mine, capsys):
     assert (mine / "rig.yaml").read_text() == before
 
 
-@pytest.mark.parametrize("rig", ["three_speed", "hydmag", "clutch_bench", "frame_saw", "hydmag_engine", "hydmag_hydrostatic"])
+@pytest.mark.parametrize(
+    "rig", ["three_speed", "hydmag", "clutch_bench", "frame_saw", "hydmag_coupling", "hydmag_engine", "hydmag_hydrostatic"]
+)
 def test_check_says_what_a_rig_comes_to_and_draws_it(rig, tmp_path, capsys):
     picture = tmp_path / "picture.svg"
     assert main(["check", rig, "--picture", str(picture)]) == 0

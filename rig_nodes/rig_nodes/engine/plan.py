@@ -87,9 +87,8 @@ class Plan:
     """A rig in the form that the engine needs.
 
     The wires of an instance have keys: "body", "braked", "driving", "driven" and those that a part joins to a body name one of
-    ``bodies``, "element" one of the driveline's friction elements, "shaft" one of its shafts, "line" and "supply" one of ``oil_lines``,
-    "beside" a channel,
-    "valve" and "oil" another instance; other wires are numbers.
+    ``bodies``, "element" one of the driveline's friction elements, "shaft" one of its shafts, "line" and "supply" one of
+    ``oil_lines``, "beside" a channel, "valve" and "oil" another instance; other wires are numbers.
 
     Parameters
     ----------
