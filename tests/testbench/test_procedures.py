@@ -26,6 +26,7 @@ from rig_nodes.testbench.sequence import load_sequence
 RPM = math.pi / 30.0
 NAMES = sorted(path.stem for path in RIGS_DIR.glob("*/procedures/*.yaml"))
 COUNTS = {
+    "road_grid": 15,
     "coast_down": 1,
     "delay_series": 19,
     "grid_down": 33,

@@ -193,7 +193,17 @@ class _Planner:
     def planned(self) -> Planned:
         """Return the whole plan, and the driveline as it really is."""
         instances, structure = [], self.structure
-        roles = (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.COUPLING, parts.MASS, parts.LOAD, parts.LOSS)
+        roles = (
+            parts.OIL,
+            parts.CLUTCH,
+            parts.PRESS,
+            parts.VALVE,
+            parts.SOURCE,
+            parts.COUPLING,
+            parts.MASS,
+            parts.LOAD,
+            parts.LOSS,
+        )
         for role in roles:
             instances += map(self._instance, structure.of_role(role))
         if self.config.prescribed is not None and self.config.prescribed.bounded:
