@@ -262,27 +262,29 @@ def command(verb, *options):
 READERS = {"Bag": read_all, "replay": index_all, "report": command("report"), "view": command("view", "--no-open")}
 
 
-def peak_mb():
-    """Returns the highest memory since the last call [MB]."""
+def memory_mb(line_name):
+    """Returns a line of the process's memory: VmRSS is the present one, VmHWM the highest since the last reset [MB]."""
     for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("VmHWM"):
-            peak = int(line.split()[1]) / 1024
-    Path("/proc/self/clear_refs").write_text("5")
-    return peak
+        if line.startswith(line_name):
+            return int(line.split()[1]) / 1024
+    raise AssertionError(f"the kernel tells no {line_name}")
 
 
 def try_out(folder):
     """Tries every reader on every file of a folder."""
     from rig_nodes.cli import report, view  # noqa: F401
     from rig_nodes.errors import RigError
-    from rig_nodes.view import convert  # noqa: F401
+    from rig_nodes.testbench.configuration import load_rig
+    from rig_nodes.view import convert, viewer  # noqa: F401
 
+    load_rig()  # its modules and compiled code are not the memory that a bag takes
     # a reader that takes far too much memory must be stopped, not the machine
     resource.setrlimit(resource.RLIMIT_DATA, (2 << 30, 2 << 30))
     for path in sorted(Path(folder).glob("*/bag.mcap"), key=lambda path: int(path.parent.name)):
         tried = {}
         for name, reader in READERS.items():
-            peak_mb()
+            Path("/proc/self/clear_refs").write_text("5")  # the peak starts from here
+            before = memory_mb("VmRSS")
             began, said = time.process_time(), ""
             try:
                 reader(path)
@@ -290,7 +292,7 @@ def try_out(folder):
                 said = str(error)
             except Exception as error:
                 said = f"TRACEBACK {type(error).__name__}: {error}"[:300]
-            tried[name] = {"said": said, "s": time.process_time() - began, "mb": peak_mb()}
+            tried[name] = {"said": said, "s": time.process_time() - began, "mb": memory_mb("VmHWM") - before}
         print(json.dumps(tried), flush=True)
 
 
