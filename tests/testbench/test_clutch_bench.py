@@ -269,7 +269,6 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
         (["simulate", "clutch_bench", "--level", "duty"], "'clutch_bench' has no valves for a shift controller"),
         (["simulate", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
         (["run", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
-        (["run", "clutch_bench", "--speed", "max"], "--speed: 'clutch_bench' has no shift controller to wait for"),
         (["run", "clutch_bench", "--view"], "--view: the live view shows a rig with gears"),
         (["run", "demo", "--rig", "spring_bench"], "sequence 'demo' is for a rig like hydmag, not for "),
         (["simulate", "clutch_bench", "--set", "alfa46.t12=0 ms"], "setting alfa46.t12=0 ms: there is no value 'alfa46.t12'"),
@@ -278,7 +277,6 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
         (["simulate", "clutch_bench", "--with", "pressures=1 MPa,,2 MPa"], "repeat.each.p_z must be a list of values"),
         (["validate", "--rig", "clutch_bench"], "the rig 'clutch_bench' has no validation.yaml"),
         (["controller", "check", "alfa46", "--rig", "clutch_bench"], "controller check is for a rig with gears"),
-        (["export", "fmu", "--rig", "clutch_bench"], "export fmu is for a rig with gears"),
         (["export", "controller-fmu", "x.c", "--rig", "clutch_bench"], "export controller-fmu is for a rig with gears"),
     ],
 )

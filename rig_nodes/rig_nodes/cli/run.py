@@ -96,11 +96,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         if args.controller or args.level or args.delay != 1:
             check_controller(config)
-        if args.speed is not None:
-            raise RigError(
-                f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
-                "and as fast as it goes with ./rig simulate"
-            )
         if args.view:
             raise RigError(
                 f"--view: the live view shows a rig with gears; look at a run of '{config.name}' afterwards with ./rig view"

@@ -204,11 +204,13 @@ class Supervisor:
 
     def _links(self) -> dict[str, dict[str, socket.socket]]:
         """Return the ends of step handshake and taps, by process and by the name of the process at the other end."""
-        links: dict[str, dict[str, socket.socket]] = {name: {} for name in MODULES}
+        links: dict[str, dict[str, socket.socket]] = {name: {} for name in self.order.processes}
         for name in ("alfa46", "sequencer"):
-            links["container"][name], links[name]["container"] = pair()
+            if name in self.order.processes:
+                links["container"][name], links[name]["container"] = pair()
         for name in ("container", "alfa46"):
-            links[name]["recorder"], links["recorder"][name] = tap_pair()
+            if name in self.order.processes:
+                links[name]["recorder"], links["recorder"][name] = tap_pair()
         return links
 
     def _watch(self) -> None:

@@ -121,7 +121,7 @@ class Lockstep:
     ) -> None:
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
-        self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping)
+        self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping) if rig.shifts else None
         self._sequencer = links["sequencer"]
         self._done = False
         self._needed: list[str] = []
@@ -134,7 +134,7 @@ class Lockstep:
         """Run until ``stop()`` is true at the start of a tick."""
         rig = self.rig
         take_core(0)
-        if self.controller.wait():
+        if self.controller is None or self.controller.wait():
             self._needed = self._hear_sequencer(BEFORE_FIRST)["need"]
         else:  # no step of the sequence will be done
             self._done = True
@@ -158,34 +158,34 @@ class Lockstep:
                 break
             self.commands.apply()
             self._tell_controller()
-            if rig.status == RigStatus.TRIPPED:
+            if self.controller is None or rig.status == RigStatus.TRIPPED:
                 publish()
                 rig.advance_samples(1)
             else:
-                self._sample(publish)
+                self._sample(self.controller, publish)
         self._took = time.monotonic() - began
 
     def _tell_controller(self) -> None:
         now = (self.rig.status, self.rig.reason)
-        if now != self._controller_knows:
+        if self.controller is not None and now != self._controller_knows:
             self._controller_knows = now
             self.controller.send_status(*now)
 
-    def _sample(self, publish: Callable[[], None]) -> None:
+    def _sample(self, controller: RemoteController, publish: Callable[[], None]) -> None:
         """Do one sample: the controller works on it while the messages are sent and the plant moves on."""
         rig = self.rig
         sample = rig.sample
-        self.controller.ask(sample, *rig.seen(), [rig.measurement(name) for name in self.controller.wants])
+        controller.ask(sample, *rig.seen(), [rig.measurement(name) for name in controller.wants])
         publish()
         if rig.delay > 0:
             rig.advance_samples(1)
         try:
-            answer = self.controller.answer()
+            answer = controller.answer()
         except ControllerFailed as failure:
             rig.trip(str(failure))
             answer = None
         if answer is not None:
-            give_answer(rig, self.controller, sample, answer)
+            give_answer(rig, controller, sample, answer)
             if rig.idle_command:
                 self.commands.refuse(CONTROLLER_COMMAND, f"valve command for sample {sample} does not act: {rig.idle_command}")
         if rig.delay == 0:

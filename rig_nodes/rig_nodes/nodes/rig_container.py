@@ -67,8 +67,6 @@ class Container:
         sequence = chosen_sequence(arguments) or BY_HAND
         sequence.check_rig(config)
         record = run_record(config, sequence, arguments.seed)
-        if not config.structure.shifts and arguments.speed is not None:
-            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
         check_delay(arguments.delay, arguments.speed)
         if arguments.status_fd is None:  # otherwise the supervisor has done this
             self._domain = from_environment(keep=True).lead(look=False)
