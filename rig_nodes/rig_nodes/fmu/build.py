@@ -30,7 +30,7 @@ from ..controllers.record import ControllerRecord, record_of
 from ..controllers.record_header import NAME, header_text
 from ..controllers.seam import flat_parameters
 from ..errors import RigError, no_file, printable
-from ..testbench.configuration import RigConfig, load_gearbox_rig
+from ..testbench.configuration import RigConfig, load_rig
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
 
@@ -196,7 +196,7 @@ def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[st
     target : str or Path
         The FMU's file.
     rig, overrides
-        As testbench.configuration.load_rig takes them; the rig needs gears.
+        As testbench.configuration.load_rig takes them.
     fmi : int
         2 or 3.
 
@@ -205,7 +205,7 @@ def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[st
     RigError
         When the rig cannot be an FMU, or as in :func:`write_fmu`.
     """
-    config = load_gearbox_rig(rig, overrides, "export fmu")
+    config = load_rig(rig, overrides)
     if config.cut_out:
         raise RigError(f"{', '.join(config.cut_out)} is cut out of this rig; a rig as an FMU has all devices inside")
     file, files = files_of(rig)

@@ -72,6 +72,12 @@ class Recording:
         for topic, stamp, data in self.outputs.due():
             self._bag.write(topic, self._types[topic], data, stamp, made_here=True)
 
+    def _controller(self) -> dict:
+        """Return what the run's record says about the shift controller, if the rig has one."""
+        if not self.rig.shifts:
+            return {}
+        return {"controller": {"name": "alfa46" if self.rig.embedded else "importer", "level": self.rig.level}}
+
     def close(self) -> None:
         """End the bag and write report.json beside it."""
         from ..analysis.report import build_report, write_report
@@ -89,7 +95,7 @@ class Recording:
         run = {
             **self.record,
             "mode": "fmu",
-            "controller": {"name": "alfa46" if self.rig.embedded else "importer", "level": self.rig.level},
+            **self._controller(),
             "duration_s": self.rig.time,
             "lost": 0,
             "ticks": self.rig.sample // TICK_SAMPLES,
@@ -125,7 +131,7 @@ class RigModel:
         from .rig_variables import CONTROLLERS, Reader, Tunables, with_parameters
 
         values = self.values
-        controller = int(values["controller"])
+        controller = int(values["controller"]) if self.config.structure.shifts else 0
         if controller not in range(len(CONTROLLERS)):
             raise RigError(f"parameter controller is {controller}, expected 0 (embedded), 1 (duty) or 2 (current)")
         config = replace(with_parameters(self.config, values), name=self.config.name)
@@ -161,7 +167,7 @@ class RigModel:
             if self._recording is not None:
                 topic = CONTROLLER_EVENTS if setting.owner == CONTROLLER else "/rig/events"
                 self._recording.outputs.event(topic, CHANGED, setting.sentence(value), value)
-        command = None if self.rig.embedded else self._command()
+        command = self._command() if self.rig.shifts and not self.rig.embedded else None
         first = self.rig.sample
         end = first + samples
         while self.rig.sample < end and not self.rig.reason:
@@ -207,6 +213,8 @@ class RigModel:
 
     def _order(self) -> None:
         """Order the requested gear when no shift runs."""
+        if not self.rig.shifts:
+            return
         request = int(self.values["gear_request"])
         if request == self.rig.gear or self.rig.shifting:
             return
@@ -219,7 +227,7 @@ class RigModel:
 
     def _until_shift_end(self, samples: int) -> int:
         """Return the number of samples, limited to the end of a running shift when another gear is requested."""
-        if int(self.values["gear_request"]) == self.rig.gear or not self.rig.shifting:
+        if not self.rig.shifting or int(self.values["gear_request"]) == self.rig.gear:
             return samples
         return max(1, min(samples, self.rig.shift_end + 1 - self.rig.sample))
 

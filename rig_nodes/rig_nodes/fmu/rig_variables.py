@@ -48,20 +48,21 @@ def rig_variables(config: RigConfig) -> list[Variable]:
 
 
 def _parameters(config: RigConfig) -> list[Variable]:
-    out = [
-        Variable("seed", "integer", "parameter", "Seed of the transducers' noise and errors", 1, low=0, high=2**31 - 1),
-        Variable(
-            "controller",
-            "integer",
-            "parameter",
-            "0: the embedded Alfa46 shifts, by gear_request; 1: command_1 to "
-            "_3 are duties of the coils; 2: they are current setpoints [A]",
-            0,
-            low=0,
-            high=2,
-        ),
-        Variable("record", "string", "parameter", "Folder for the rig's bag and report; none is recorded when empty", ""),
-    ]
+    out = [Variable("seed", "integer", "parameter", "Seed of the transducers' noise and errors", 1, low=0, high=2**31 - 1)]
+    if config.structure.shifts:
+        out.append(
+            Variable(
+                "controller",
+                "integer",
+                "parameter",
+                "0: the embedded Alfa46 shifts, by gear_request; 1: command_1 to "
+                "_3 are duties of the coils; 2: they are current setpoints [A]",
+                0,
+                low=0,
+                high=2,
+            )
+        )
+    out.append(Variable("record", "string", "parameter", "Folder for the rig's bag and report; none is recorded when empty", ""))
     for one in _settings(config):
         value = config.value(one.name)
         if one.dimension == SWITCH:
@@ -82,8 +83,7 @@ def _settings(config: RigConfig) -> list[Setting]:
 
 
 def _inputs(config: RigConfig) -> list[Variable]:
-    out, record = [], record_of(config)
-    outputs, highest = len(record.outputs), max(record.gear_names)
+    out = []
     for one in config.settings.steps.values():
         setpoint, signal = one.setpoint, config.catalogue.signals[one.setpoint.like]
         out += [
@@ -92,18 +92,23 @@ def _inputs(config: RigConfig) -> list[Variable]:
             ),
             Variable(enable_of(setpoint), "boolean", "input", f"{one.text}: on", False),
         ]
-    out.append(
-        Variable(
-            "gear_request",
-            "integer",
-            "input",
-            f"Gear ordered of the embedded Alfa46: {record.gears_told}; one that comes while a shift runs is taken at its end",
-            0,
-            low=0,
-            high=highest,
-        )
+    return [*out, *_controller_inputs(config)] if config.structure.shifts else out
+
+
+def _controller_inputs(config: RigConfig) -> list[Variable]:
+    """Return the gear that is ordered, and the answer of a controller of the importer's."""
+    record = record_of(config)
+    outputs, highest = len(record.outputs), max(record.gear_names)
+    gear_request = Variable(
+        "gear_request",
+        "integer",
+        "input",
+        f"Gear ordered of the embedded Alfa46: {record.gears_told}; one that comes while a shift runs is taken at its end",
+        0,
+        low=0,
+        high=highest,
     )
-    out += [
+    commands = [
         Variable(
             f"command_{k}",
             "real",
@@ -115,7 +120,8 @@ def _inputs(config: RigConfig) -> list[Variable]:
         for k in range(1, outputs + 1)
     ]
     return [
-        *out,
+        gear_request,
+        *commands,
         Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0, high=highest),
         Variable("command_shifting", "boolean", "input", "Your controller's shift is still running", False),
         Variable(
@@ -137,7 +143,7 @@ def enable_of(setpoint: Setpoint) -> str:
 
 def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
     """Return the outputs; the rig begins at rest, so that only transducers and the oil's temperature depend on parameters."""
-    out, outputs, known = [], len(record_of(config).outputs), config.catalogue
+    out, known = [], config.catalogue
     oils = {f"{one.name}.oil_temperature": f"{one.name}.temperature" for one in config.structure.of_role(parts.OIL)}
     temperature = {one.name: (oils[one.shows],) for one in config.structure.transducers if one.shows in oils}
     transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers") or name.startswith("instruments."))
@@ -173,16 +179,21 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
                 initial_by=temperature.get(name, ()),
             )
         )
-    currents = (
-        Variable(
-            f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A", initial_by=transducers
-        )
-        for k in range(1, outputs + 1)
-    )
+    if config.structure.shifts:
+        out += [
+            Variable(
+                f"current_{k}",
+                "real",
+                "output",
+                f"Measured coil current at controller output {k}",
+                unit="A",
+                initial_by=transducers,
+            )
+            for k in range(1, len(record_of(config).outputs) + 1)
+        ]
+        out.append(Variable("shifting", "boolean", "output", "A profile of the controller runs"))
     return [
         *out,
-        *currents,
-        Variable("shifting", "boolean", "output", "A profile of the controller runs"),
         Variable("sample", "integer", "output", "Controller samples of 1 ms since the start"),
         Variable("reason", "string", "output", "Why the rig tripped; empty while it has not"),
     ]
@@ -300,7 +311,7 @@ class Reader:
         self._true = [
             (values.place[f"true.{name}"], rig.world.source[rig.channels.index(name)]) for name in known.measured().values()
         ]
-        self._currents = values.place["current_1"]
+        self._currents = values.place["current_1"] if rig.shifts else None
 
     def read(self) -> None:
         """Read all outputs."""
@@ -311,13 +322,15 @@ class Reader:
         self._states.refresh()
         for topic, told in self._states.topics.items():
             fields[topic] = told()
-        fields[CONTROLLER_COMMAND] = self._states.command() if rig.level else (0, 0, False, 0, 0, rig.duty, rig.setpoint)
+        if rig.shifts:
+            fields[CONTROLLER_COMMAND] = self._states.command() if rig.level else (0, 0, False, 0, 0, rig.duty, rig.setpoint)
         for place, name in self._others:
             numbers[place] = self._heard.reading(name)
         for place, true in self._true:
             numbers[place] = rig.world.numbers[true]
-        currents = rig.coil_currents()
-        numbers[self._currents : self._currents + len(currents)] = currents
-        numbers[self.values.place["shifting"]] = rig.shifting
+        if self._currents is not None:
+            currents = rig.coil_currents()
+            numbers[self._currents : self._currents + len(currents)] = currents
+            numbers[self.values.place["shifting"]] = rig.shifting
         numbers[self.values.place["sample"]] = rig.sample
         self.values.set_text("reason", rig.reason)
