@@ -367,8 +367,11 @@ class Records:
         if schema not in self.schemas:
             raise Damage(f"topic {topic} names a message definition that is not there", at)
         name, language, definition = self.schemas[schema]
+        recorded, about = definition, _metadata(content, position, end)
         topic, (definition, convert) = topic_of_today(topic), form_of_today(name, definition)
-        new = Stream(topic, name, f"{encoding}/{language}", definition, _metadata(content, position, end), convert=convert)
+        if definition != recorded:
+            about.pop("topic_type_hash", None)  # it is of the older form
+        new = Stream(topic, name, f"{encoding}/{language}", definition, about, convert=convert)
         known = self.contents.streams.setdefault(number, new)
         if known is not new and (known.topic, known.ros_type, known.encoding) != (topic, name, new.encoding):
             raise Damage(

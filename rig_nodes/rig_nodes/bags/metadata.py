@@ -8,6 +8,7 @@ The writer produces it, without anything that depends on the host or the wall cl
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,7 @@ from . import limits
 
 VERSION = 9
 _CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
+_PLAIN = re.compile(r"\d+|[A-Za-z/][\w/]*")  # text that YAML takes without quotes
 _TOPICS = "TOPICS"  # placeholder until the list of topics is filled in
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
@@ -157,8 +159,9 @@ def _entry_form() -> str:
 
 
 def _entry(topic: dict) -> str:
-    """Return one entry of topics_with_message_count; ROS names, numbers and a digest need no quotes."""
-    return _entry_form().format(**topic)
+    """Return one entry of topics_with_message_count; names of other programs may need quotes, those of ROS do not."""
+    quoted = {key: value if _PLAIN.fullmatch(str(value)) else json.dumps(value) for key, value in topic.items()}
+    return _entry_form().format(**quoted)
 
 
 def metadata_file(information: str) -> str:

@@ -39,12 +39,13 @@ class _Topic:
     """A topic of the bag: channel number, definition, quality-of-service class and the properties of its messages."""
 
     channel: int
-    definition: Definition
+    definition: Definition | None  # None for a topic that was described by another bag
     ros_type: str
     qos: str
     counted: bool
     own: bool  # True for a topic of the catalogue: its messages are stored without padding
     size: int  # bytes of every message, 0 when the size varies
+    hash: str  # RIHS01 of the type, or empty
     count: int = 0  # messages written
 
 
@@ -62,7 +63,9 @@ class BagWriter:
     A recorder that runs slower than real time additionally calls :meth:`flush`. The class is not thread-safe.
     """
 
-    def __init__(self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None) -> None:
+    def __init__(
+        self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None, library: str = LIBRARY
+    ) -> None:
         """Create the file, and the folder when it does not exist.
 
         Parameters
@@ -75,6 +78,8 @@ class BagWriter:
             Number at the end of the file name.
         topics : mapping of str to Topic, optional
             Topics of the run's rig (Catalogue.all_topics); those of the installed rigs when the rig is not known.
+        library : str
+            Name of the program that the file gives.
 
         Raises
         ------
@@ -89,6 +94,7 @@ class BagWriter:
         self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
         self._closed = False
+        self._library = library
         self._failure: tuple[type[RigError], str] | None = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -135,7 +141,7 @@ class BagWriter:
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
         if known.ros_type != ros_type:
             raise MessageRefused(f"topic {topic} holds {known.ros_type}, got a {ros_type}; a topic has one type")
-        if known.own and not made_here and len(data) != known.size:
+        if known.own and known.definition is not None and not made_here and len(data) != known.size:
             try:
                 data = exact(known.definition, data)
             except ValueError as error:
@@ -156,6 +162,33 @@ class BagWriter:
             self._last = log_time_ns
         elif log_time_ns < self._first:
             self._first = log_time_ns
+
+    def describe(self, topic: str, ros_type: str, encoding: str, text: str, about: Mapping[str, str], qos: str) -> None:
+        """Prepare a topic as another bag holds it; its messages are then stored byte by byte, also of types not installed here.
+
+        Parameters
+        ----------
+        topic : str
+            Name of the topic; it must not be known to this bag.
+        ros_type : str
+            Message type.
+        encoding : str
+            Encodings of message and definition, as ``cdr/ros2msg``.
+        text : str
+            The definition.
+        about : mapping of str to str
+            The channel's own metadata.
+        qos : str
+            Class of catalogue.QOS that metadata.yaml names.
+        """
+        self._writable()
+        message, _, language = encoding.partition("/")
+        schema = self._schemas.get(key := f"{ros_type}\n{language}\n{text}")
+        if schema is None:
+            schema = self._schemas[key] = self._writer.register_schema(ros_type, language, text.encode())
+        channel = self._writer.register_channel(topic, message, schema, dict(about))
+        digest = about.get("topic_type_hash", "")
+        self._topics[topic] = _Topic(channel, None, ros_type, qos, False, False, 0, digest)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -212,7 +245,7 @@ class BagWriter:
         return failure
 
     def _begin(self) -> McapWriter:
-        writer = McapWriter(self._file, "ros2", LIBRARY, CHUNK_BYTES)
+        writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES)
         self._file.flush()
         return writer
 
@@ -237,12 +270,13 @@ class BagWriter:
             entry is not None and definition.counted,
             entry is not None,
             definition.size if definition.fixed else 0,
+            definition.type_hash,
         )
         return self._topics[topic]
 
     def _summary(self) -> list[dict]:
         return [
-            {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.definition.type_hash, "count": topic.count}
+            {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": topic.count}
             for name, topic in self._topics.items()
         ]
 

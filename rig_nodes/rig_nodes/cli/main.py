@@ -44,6 +44,7 @@ VERBS = {
     "stop": "end the rig that runs, or with --emergency only stop it",
     "reset": "leave the safe state of the rig that runs",
     "replay": "publish a recorded bag again, with /clock",
+    "bag": "look into bags, check, recover, cut, merge and hash them",
     "view": "show a run or a running rig in Rerun, or make a picture",
     "report": "print the shift metrics of a run and rewrite its report.json",
     "calibrate": "find a rig's unknown parameters on the laboratory's rows, or on its own",

@@ -1,0 +1,133 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Work on whole bags for `rig bag`: count what is there, hash the content, write a part of it or several bags as one."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import struct
+from collections import Counter
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from .. import __version__
+from ..errors import RigError
+from . import limits
+from .opened import OpenedBags, class_of
+from .reader import Bag, Numbers
+from .writer import BagWriter
+
+# not the name of the recorder: its bags begin with their run, these may not
+LIBRARY = f"rig_bag {__version__}"
+_PIECE = 16 << 20  # bytes of messages read at once
+_MESSAGE = struct.Struct("<QQ")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What was read: messages per topic, messages per topic that are known to be lost, and a sentence per fault."""
+
+    counts: dict[str, int]
+    lost: dict[str, int]
+    damage: list[str]
+
+    @property
+    def whole(self) -> bool:
+        """True when nothing was lost."""
+        return not self.lost and not self.damage
+
+
+def count(bags: OpenedBags) -> Kept:
+    """Read every message and return what is there and what is lost."""
+    held = Counter(topic for _, (topic, _) in bags.timeline(bags.types))
+    return _kept(bags, held)
+
+
+def check(bags: OpenedBags) -> Kept:
+    """Do what :func:`count` does, check what lies outside of the chunks too, and count holes in sequence numbers."""
+    kept = count(bags)
+    lost, damage = Counter(kept.lost), list(kept.damage)
+    numbers = Numbers()
+    for piece in bags.pieces:
+        for part in Bag.pieces(piece.path, _PIECE, recover=True):
+            with suppress(RigError):  # messages of types that cannot be decoded have no numbers
+                numbers.add(part)
+            if not piece.damage:
+                damage += part.damage
+    # a bag may begin later than its run; what stops early shows in no number
+    for topic, holes in numbers.gaps(begun_late=True).items():
+        lost[topic] = max(lost[topic], holes)
+    return Kept(kept.counts, dict(lost), damage)
+
+
+def content_hash(bags: OpenedBags) -> tuple[dict[str, str], Kept]:
+    """Return a SHA-256 per topic over type, log times and bytes in order of time, and ``all`` over these; and what was read.
+
+    It depends neither on the container nor on chunks, compression, pieces or the order between topics.
+    """
+    digests = {topic: hashlib.sha256(f"{topic} {bags.types[topic]}\n".encode()) for topic in sorted(bags.types)}
+    held: Counter[str] = Counter()
+    for time, (topic, data) in bags.timeline(bags.types):
+        held[topic] += 1
+        digests[topic].update(_MESSAGE.pack(time, len(data)) + data)
+    hashes = {topic: digest.hexdigest() for topic, digest in digests.items() if held[topic]}
+    text = "".join(f"{topic} {value}\n" for topic, value in hashes.items())
+    return {**hashes, "all": hashlib.sha256(text.encode()).hexdigest()}, _kept(bags, held)
+
+
+def write(
+    bags: OpenedBags, out: Path, topics: Collection[str] | None = None, begin: int = 0, end: int = limits.LAST + 1
+) -> tuple[Path, Kept]:
+    """Write the messages of some topics and times into a new bag, in order of log time.
+
+    Parameters
+    ----------
+    bags : OpenedBags
+        The source.
+    out : Path
+        Folder to make.
+    topics : collection of str, optional
+        Topics to write; all by default.
+    begin, end : int
+        Log times [ns] from ``begin`` to before ``end``.
+
+    Returns
+    -------
+    (Path, Kept)
+        The new file, with the messages written and those lost among all of the source.
+
+    Raises
+    ------
+    RigError
+        When the folder exists or cannot be written; nothing is left of it then.
+    """
+    if out.exists():
+        raise RigError(f"{out}: is there already; name another folder or remove it")
+    part = out.with_name(f".{out.name}.part")
+    held: Counter[str] = Counter()
+    try:
+        with BagWriter(part, out.name, topics={}, library=LIBRARY) as writer:
+            for topic, ros_type in bags.types.items():
+                if topics is None or topic in topics:
+                    encoding, text, about = bags.channel(topic)
+                    writer.describe(topic, ros_type, encoding, text, about, class_of(about))
+            for time, (topic, data) in bags.timeline(bags.types):
+                held[topic] += 1
+                if begin <= time < end and (topics is None or topic in topics):
+                    writer.write(topic, bags.types[topic], data, time)
+        os.replace(part, out)
+    except OSError as error:
+        raise RigError(f"{out}: cannot be made ({error.strerror}); name a folder that can be written") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    kept = _kept(bags, held)
+    return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage)
+
+
+def _kept(bags: OpenedBags, held: Counter[str]) -> Kept:
+    return Kept({topic: held[topic] for topic in bags.types}, bags.lost(held), bags.damage)

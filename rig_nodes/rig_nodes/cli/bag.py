@@ -1,0 +1,165 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`rig bag`: what bags hold, whether they are whole, their hash, and new bags cut, merged or recovered from them."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..bags.copy import Kept
+    from ..bags.opened import OpenedBags
+
+HELP = "look into bags, check, recover, cut, merge and hash them"
+WHOLE, FAILED, LOST = 0, 1, 3  # exit codes
+SHOWN = 10  # faults that are printed
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verbs below the verb."""
+    verbs = parser.add_subparsers(dest="work", required=True, metavar="VERB", parser_class=type(parser))
+    for name, text, several in (
+        ("info", "print topics, types, counts and times", True),
+        ("check", "read everything and count what is lost", True),
+        ("hash", "print a hash of topics, times and data that no chunking changes", True),
+        ("recover", "write what can be read of a damaged bag into a new one", False),
+        ("cut", "write some topics and a span of time into a new bag", False),
+        ("merge", "write several bags into a new one, in order of time", True),
+    ):
+        verb = verbs.add_parser(name, help=text, description=text)
+        verb.add_argument("bags", nargs="+" if several else 1, metavar="BAG", help="folder of a bag or one of its files")
+        if name in ("recover", "cut", "merge"):
+            verb.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the new bag, which is made")
+        if name == "cut":
+            verb.add_argument(
+                "--from", type=_seconds, dest="begin", metavar="S", help="seconds after the first message (default: 0)"
+            )
+            verb.add_argument("--to", type=_seconds, dest="end", metavar="S", help="seconds after the first message, excluded")
+            verb.add_argument("--topics", metavar="A,B", help="only these topics")
+            verb.add_argument("--regex", type=pattern, metavar="R", help="also topics whose whole name this pattern matches")
+            verb.add_argument("--exclude-regex", type=pattern, metavar="R", help="no topics whose whole name this pattern matches")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Do the work; return 0 when all is kept, 3 when some is lost and counted, 1 when it failed."""
+    from ..errors import RigError, printable
+
+    try:
+        if args.work in ("recover", "cut", "merge"):
+            return _write(args)
+        return max([_look(args.work, path) for path in args.bags], key=(WHOLE, LOST, FAILED).index)
+    except RigError as error:
+        sys.stdout.flush()
+        print(f"rig: {printable(error)}", file=sys.stderr)
+        return FAILED
+
+
+def _look(work: str, path: str) -> int:
+    from ..bags.copy import check, content_hash, count
+    from ..bags.opened import OpenedBags
+
+    with OpenedBags([path]) as bags:
+        if work == "hash":
+            hashes, kept = content_hash(bags)
+            print(f"{hashes['all']}  {path}")
+            return _told(path, kept)
+        kept = check(bags) if work == "check" else count(bags)
+        if work == "info":
+            _info(path, bags, kept)
+        held = sum(kept.counts.values())
+        if kept.whole:
+            if work == "check":
+                print(f"{path}: whole, {held} messages of {len(kept.counts)} topics")
+            return WHOLE
+        return _told(path, kept)
+
+
+def _info(path: str, bags: OpenedBags, kept: Kept) -> None:
+    length = (bags.last - bags.first) / 1e9
+    print(f"{path}: {sum(kept.counts.values())} messages, {length:.3f} s from {bags.first / 1e9:.3f} s, {len(bags.pieces)} files")
+    width = max(map(len, kept.counts), default=0)
+    kind = max(map(len, bags.types.values()), default=0)
+    for topic, held in kept.counts.items():
+        print(f"  {topic:<{width}}  {bags.types[topic]:<{kind}} {held:>9}")
+
+
+def _write(args: argparse.Namespace) -> int:
+    from ..bags import limits
+    from ..bags.copy import write
+    from ..bags.opened import OpenedBags
+    from ..errors import RigError
+
+    topics, begin, end = None, 0, limits.LAST + 1
+    with OpenedBags(args.bags) as bags:
+        if args.work == "cut":
+            topics = chosen(bags.types, args.topics, args.regex, args.exclude_regex)
+            begin = bags.first + round((args.begin or 0.0) * 1e9)
+            end = end if args.end is None else bags.first + round(args.end * 1e9)
+            if begin >= end or begin > bags.last:
+                length = (bags.last - bags.first) / 1e9
+                raise RigError(f"--from and --to: nothing lies between them; the bag is {length:.3f} s long")
+        if not any(bags.counts.values()):
+            raise RigError(f"{bags.path}: holds no messages; there is nothing to write")
+        path, kept = write(bags, args.out, topics, begin, end)
+    print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
+    return _told(bags.path, kept)
+
+
+def _told(path: str, kept: Kept) -> int:
+    """Print what is lost and return the exit code."""
+    if kept.whole:
+        return WHOLE
+    for sentence in kept.damage[:SHOWN]:
+        print(f"rig: {path}: {sentence}", file=sys.stderr)
+    if len(kept.damage) > SHOWN:
+        print(f"rig: {path}: {len(kept.damage) - SHOWN} more faults", file=sys.stderr)
+    for topic, lost in kept.lost.items():
+        print(f"rig: {path}: {topic} lost {lost} messages", file=sys.stderr)
+    known = sum(kept.lost.values())
+    held = sum(kept.counts.values())
+    number = f"{known} messages are lost" if known else "the number of lost messages is not known"
+    print(f"rig: {path}: damaged, {held} messages are kept, {number}", file=sys.stderr)
+    return LOST
+
+
+def chosen(held: dict[str, str], names: str | None, regex: re.Pattern | None, exclude: re.Pattern | None) -> list[str]:
+    """Return the topics that a list of names and two patterns choose; RigError when the bag does not hold one or none is left."""
+    from ..config.names import unknown
+    from ..errors import RigError
+
+    wanted = [name.strip() for name in (names or "").split(",") if name.strip()]
+    for name in wanted:
+        if name not in held:
+            raise RigError(f"--topics: {unknown('topic in the bag', name, held)}")
+    found = [
+        topic
+        for topic in held
+        if (topic in wanted or (regex and regex.fullmatch(topic)) or not (wanted or regex))
+        and not (exclude and exclude.fullmatch(topic))
+    ]
+    if not found:
+        raise RigError("the patterns leave no topic of the bag; `rig bag info` lists them")
+    return found
+
+
+def pattern(text: str) -> re.Pattern:
+    """Return a compiled pattern for argparse."""
+    try:
+        return re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text} is no regular expression ({error})") from None
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1e9:
+        raise argparse.ArgumentTypeError(f"{text} is no time; give seconds after the beginning of the bag, e.g. 1.5")
+    return value

@@ -1,0 +1,174 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`rig bag` on the sample and on what other programs make of it: pieces, packed files, sqlite3, damage."""
+
+import re
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as LibraryWriter
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
+FILE = SAMPLE / "sample_0.mcap"
+
+
+@pytest.fixture(scope="module")
+def sample():
+    return Bag(SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def others(sample, tmp_path_factory):
+    """The sample as other programs store it: in one large chunk, in pieces, in a packed file, in sqlite3."""
+    folder = tmp_path_factory.mktemp("others")
+    rows = sample.timeline()
+
+    def library(name, rows):
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        with open(path, "wb") as file:
+            writer = LibraryWriter(file, compression=CompressionType.LZ4, chunk_size=1 << 24)
+            writer.start(profile="ros2")
+            channels = {}
+            for topic, kind in sample.types.items():
+                _, text, about = sample.channel(topic)
+                schema = writer.register_schema(kind, "ros2msg", text.encode())
+                channels[topic] = writer.register_channel(topic, "cdr", schema, about)
+            for time, topic, data in rows:
+                writer.add_message(channels[topic], time, data, time)
+            writer.finish()
+        return path
+
+    half = len(rows) // 2
+    whole = library("whole.mcap", rows)
+    library("pieces/a_0.mcap", rows[:half])
+    library("pieces/a_1.mcap", rows[half:])
+    packed = folder / "packed_0.mcap.zstd"
+    packed.write_bytes(zstandard.compress(FILE.read_bytes()))
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for topic, kind in sample.types.items():
+        store.register(
+            {
+                name: definition
+                for name, definition in get_types_from_msg(sample.channel(topic)[1], kind).items()
+                if name not in store.fielddefs
+            }
+        )
+    with RosbagsWriter(folder / "sqlite", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topics = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in sample.types.items()}
+        for time, topic, data in rows:
+            writer.write(topics[topic], time, data)
+    return [FILE, whole, folder / "pieces", packed, folder / "sqlite"]
+
+
+def rig_bag(capfd, *arguments):
+    code = main(["bag", *map(str, arguments)])
+    said = capfd.readouterr()
+    return code, said.out, said.err
+
+
+def test_the_same_content_has_one_hash_however_it_is_stored_and_other_content_another(others, capfd, tmp_path):
+    code, out, err = rig_bag(capfd, "hash", *others)
+    assert (code, err) == (0, "")
+    assert len(out.splitlines()) == 5 and len({line.split()[0] for line in out.splitlines()}) == 1, out
+    assert rig_bag(capfd, "cut", SAMPLE, "--to", 1, "--out", tmp_path / "cut")[0] == 0
+    assert rig_bag(capfd, "hash", tmp_path / "cut")[1].split()[0] != out.split()[0]
+
+
+def test_info_and_check_count_every_message_of_every_form(others, sample, capfd):
+    held = sum(sample.counts.values())
+    code, out, _ = rig_bag(capfd, "info", *others)
+    assert code == 0 and out.count(f"{held} messages, ") == len(others)
+    assert len(re.findall(r"/motor/state +rig_msgs/msg/MotorState +" + str(sample.counts["/motor/state"]), out)) == len(others)
+    code, out, err = rig_bag(capfd, "check", *others)
+    assert code == 0 and out.count(f"whole, {held} messages of {len(sample.counts)} topics") == len(others), err
+
+
+def test_two_halves_merged_again_are_the_bag_and_other_readers_open_it(sample, capfd, tmp_path):
+    assert rig_bag(capfd, "cut", SAMPLE, "--from", 1, "--out", tmp_path / "late")[0] == 0
+    assert rig_bag(capfd, "cut", SAMPLE, "--to", 1, "--out", tmp_path / "early")[0] == 0
+    code, out, _ = rig_bag(capfd, "merge", tmp_path / "late", tmp_path / "early", "--out", tmp_path / "again")
+    assert code == 0 and f"{sum(sample.counts.values())} messages" in out
+    hashes = rig_bag(capfd, "hash", SAMPLE, tmp_path / "again")[1].split()
+    assert hashes[0] == hashes[2]
+    with open(tmp_path / "again" / "again_0.mcap", "rb") as file:
+        times = [message.log_time for _, _, message in make_reader(file, validate_crcs=True).iter_messages()]
+    assert times == [time for time, _, _ in sample.timeline()]
+    with AnyReader([tmp_path / "again"]) as reader:
+        assert {name: topic.msgcount for name, topic in reader.topics.items()} == sample.counts
+    assert Bag(tmp_path / "early").counts["/motor/state"] == 200
+    assert rig_bag(capfd, "check", tmp_path / "late")[0] == 0
+
+
+def test_topics_are_cut_by_name_by_pattern_and_by_exclusion(capfd, tmp_path):
+    arguments = ["--topics", "/motor/state", "--regex", "/clutch.*", "--exclude-regex", ".*command.*", "--from", 0.5, "--to", 1]
+    assert rig_bag(capfd, "cut", SAMPLE, *arguments, "--out", tmp_path / "cut")[0] == 0
+    bag = Bag(tmp_path / "cut")
+    assert "/motor/state" in bag.counts and len(bag.counts) > 1
+    assert all(topic == "/motor/state" or topic.startswith("/clutch") for topic in bag.counts)
+    times = [time for time, _, _ in bag.timeline()]
+    assert min(times) == 500_000_000 and max(times) < 10**9
+
+
+def test_a_damaged_chunk_is_left_out_and_its_messages_are_counted(sample, capfd, tmp_path):
+    data = bytearray(FILE.read_bytes())
+    with open(FILE, "rb") as file:
+        chunk = make_reader(file).get_summary().chunk_indexes[7]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    code, out, err = rig_bag(capfd, "recover", damaged, "--out", tmp_path / "saved")
+    kept, lost = int(re.search(r"(\d+) messages of", out)[1]), int(re.search(r"(\d+) messages are lost", err)[1])
+    assert code == 3 and lost > 100 and kept + lost == sum(sample.counts.values())
+    assert rig_bag(capfd, "check", damaged)[0] == 3 == rig_bag(capfd, "hash", damaged)[0]
+    saved = Bag(tmp_path / "saved")
+    assert sum(saved.counts.values()) == kept
+    assert set(saved.timeline()) < set(sample.timeline())
+
+
+def test_a_cut_off_bag_is_recovered_and_metadata_beside_it_tells_what_is_lost(sample, capfd, tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "sample_0.mcap").write_bytes(FILE.read_bytes()[: FILE.stat().st_size // 2])
+    code, _, err = rig_bag(capfd, "check", tmp_path / "run")
+    assert code == 3 and "the number of lost messages is not known" in err
+    (tmp_path / "run" / "metadata.yaml").write_bytes((SAMPLE / "metadata.yaml").read_bytes())
+    code, out, err = rig_bag(capfd, "recover", tmp_path / "run", "--out", tmp_path / "saved")
+    kept, lost = int(re.search(r"(\d+) messages of", out)[1]), int(re.search(r"(\d+) messages are lost", err)[1])
+    assert code == 3 and kept > 1000 and kept + lost == sum(sample.counts.values())
+
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["check", __file__], "does not begin as an MCAP file"),
+        (["info", "no_such_bag"], "no_such_bag: there is no such file or folder"),
+        (["hash", Path(__file__).parent], "holds no bag"),
+        (["cut", SAMPLE, "--topics", "/motor/m_we", "--out", "OUT"], "did you mean '/motor/m_wej'"),
+        (["cut", SAMPLE, "--from", "9", "--out", "OUT"], "nothing lies between them; the bag is"),
+        (["cut", SAMPLE, "--regex", "/nothing", "--out", "OUT"], "leave no topic of the bag"),
+        (["merge", SAMPLE, "--out", SAMPLE], "is there already"),
+    ],
+)
+def test_what_fails_is_one_sentence_and_leaves_nothing(arguments, sentence, capfd, tmp_path):
+    out = tmp_path / "out"
+    code, _, err = rig_bag(capfd, *(out if text == "OUT" else text for text in arguments))
+    assert code == 1 and sentence in err and err.count("\n") == 1, err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["broken.db3", "broken_0.mcap.zstd"])
+def test_a_broken_file_of_another_form_is_one_sentence(name, capfd, tmp_path):
+    (tmp_path / name).write_bytes(b"nothing of the kind" * 100)
+    code, _, err = rig_bag(capfd, "check", tmp_path / name)
+    assert code == 1 and "cannot be" in err and err.count("\n") == 1, err
