@@ -29,6 +29,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate, environment
+from rig_nodes.nodes.message_class import message_class
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0
@@ -161,6 +162,10 @@ def user(domain):
     client.close()
 
 
+def type_of(topic):
+    return message_class(Bag(SAMPLE).types[topic])
+
+
 def listen(user, kind, topic, latched=False):
     """Returns a list that grows with the messages of a topic."""
     messages = []
@@ -214,6 +219,35 @@ def test_pause_step_and_resume_by_service(domain, user):
     output = replay.end(128 + signal.SIGTERM)
     sent = int(re.search(r"/motor/state +(\d+)", output).group(1))
     user.until(lambda: len(samples) == sent, "what was sent")
+
+
+def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_in_order(domain, user, tmp_path):
+    assert main(["bag", "cut", str(SAMPLE), "--to", "1", "--out", str(tmp_path / "early")]) == 0
+    assert main(["bag", "cut", str(SAMPLE), "--from", "1", "--out", str(tmp_path / "late")]) == 0
+    named = user.node.create_subscription(type_of("/gearbox/state"), "/again/gearbox", (heard_again := []).append, 1000)
+    replay = Replay(
+        domain,
+        tmp_path / "late",
+        tmp_path / "early",
+        *("--start", 0.5, "--duration", 1, "--regex", "/motor/.*|/gearbox/state", "--exclude-regex", ".*command"),
+        *("--remap", "/gearbox/state:=/again/gearbox", "--delay", 0.2, "--paused", "--wait", 2),
+    )
+    samples = user.listen("/motor/state")
+    replay.until("paused at")
+    assert user.call(Trigger, "/rig_replay/is_paused").success
+    assert user.call(Trigger, "/rig_replay/toggle_paused").success
+    output = replay.end()
+    user.until(lambda: len(samples) == len(heard_again) == 200, "both topics")
+    stamps = [message.header.stamp.sec * 1000 + message.header.stamp.nanosec // 10**6 for message in samples]
+    assert stamps == list(range(500, 1500, 5)) and named is not None
+    assert "/motor/command" not in output
+
+
+def test_stop_ends_it(domain, user):
+    replay = Replay(domain, SAMPLE, "--paused")
+    replay.until("paused at")
+    assert user.call(Trigger, "/rig_replay/stop").success
+    assert "stopped at" in replay.end()
 
 
 def test_a_loop_begins_again_and_ctrl_c_ends_it_with_its_counts(domain, user):

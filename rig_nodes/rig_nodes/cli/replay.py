@@ -8,11 +8,14 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import re
 import sys
 from typing import TYPE_CHECKING
 
+from .bag import chosen, pattern
+
 if TYPE_CHECKING:
-    from ..bags.index import BagIndex
+    from ..bags.opened import OpenedBags
     from ..bags.player import Player
     from ..nodes.replay import Outcome
 
@@ -23,16 +26,24 @@ KEYS = "space: pause and go on, right arrow or s: one step, q: end"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("bag", metavar="BAG", help="folder of a run, or an .mcap file")
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="folder of a run or of another bag, or a file; several are one bag")
     parser.add_argument(
         "--rate", type=_rate, default=1.0, metavar="R", help="recorded seconds per second, 0.01 to 100, or 'max' (default: 1)"
     )
     parser.add_argument(
         "--start", type=_seconds, default=0.0, metavar="S", help="seconds after the beginning of the bag to start at (default: 0)"
     )
+    parser.add_argument("--duration", type=_seconds, metavar="S", help="recorded seconds to replay (default: up to the end)")
+    parser.add_argument("--until", type=_seconds, metavar="S", help="seconds after the beginning of the bag to end before")
+    parser.add_argument("--delay", type=_seconds, default=0.0, metavar="S", help="seconds to wait before the first message")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until stopped")
     parser.add_argument("--paused", action="store_true", help="start paused")
     parser.add_argument("--topics", type=_names, metavar="A,B", help="only these topics")
+    parser.add_argument("--regex", type=pattern, metavar="R", help="also topics whose whole name this pattern matches, no others")
+    parser.add_argument("--exclude-regex", type=pattern, metavar="R", help="no topics whose whole name this pattern matches")
+    parser.add_argument(
+        "--remap", type=_pair, action="append", default=[], metavar="A:=B", help="publish topic A as B; may be given several times"
+    )
     parser.add_argument(
         "--clock",
         type=_frequency,
@@ -62,19 +73,24 @@ def node() -> int:
 
 def main(args: argparse.Namespace) -> int:
     """Check, replay and print what was sent; return 0 at the end and after q, 3 for a damaged bag, 130 after Ctrl-C."""
-    from ..bags.index import BagIndex
+    from ..bags.opened import OpenedBags
 
-    with BagIndex(args.bag) as bag:
+    with OpenedBags(args.bags) as bag:
         return _replay(bag, args)
 
 
-def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
+def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
     from ..bags.player import Player
+    from ..config.names import unknown
     from ..errors import RigError
     from ..graph.domain import environment, from_environment
     from .keyboard import Keyboard
 
-    begin, topics = _chosen(bag, args)
+    begin, end, topics = _chosen(bag, args)
+    names = dict(args.remap)
+    for topic in names:
+        if topic not in bag.types:
+            raise RigError(f"--remap: {unknown('topic in the bag', topic, bag.types)}")
     for sentence in bag.damage:
         _warn_damage(bag, sentence)
     bag.on_damage = lambda sentence: _warn_damage(bag, sentence)
@@ -95,10 +111,10 @@ def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
                 sound.append(topic)
         lasting = {topic for topic in sound if latched(offered(bag, topic))}
         early = list(bag.timeline(lasting, end=begin))
-        if not early and next(bag.timeline(sound, begin), None) is None:
+        if not early and next(bag.timeline(sound, begin, end), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
         player = Player(
-            lambda: bag.timeline(sound, begin),
+            lambda: bag.timeline(sound, begin, end),
             begin,
             rate=args.rate,
             loop=args.loop,
@@ -114,7 +130,7 @@ def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
         with Keyboard() as keys:
             if keys.there:
                 print(KEYS, flush=True)
-            session = Session(lambda text: print(text, flush=True), keys)
+            session = Session(lambda text: print(text, flush=True), keys, names, args.delay)
             outcome = session.run(bag, sound, player, args.wait)
     _tell(outcome, player)
     if outcome.ended_by:
@@ -122,9 +138,8 @@ def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
     return LOST if bag.damage else 0
 
 
-def _chosen(bag: BagIndex, args: argparse.Namespace) -> tuple[int, list[str]]:
-    """Return the time at which the replay begins [ns] and its topics; RigError when the bag does not have them."""
-    from ..config.names import unknown
+def _chosen(bag: OpenedBags, args: argparse.Namespace) -> tuple[int, int, list[str]]:
+    """Return begin and end [ns] of the replay and its topics; RigError when the bag does not have them."""
     from ..errors import RigError
 
     if not any(bag.counts.values()):
@@ -133,10 +148,13 @@ def _chosen(bag: BagIndex, args: argparse.Namespace) -> tuple[int, list[str]]:
     length = (bag.last - bag.first) / 1e9
     if args.start > length:
         raise RigError(f"--start {args.start:g}: the bag is {length:.3f} s long; give a time within it")
-    for topic in args.topics or ():
-        if topic not in bag.counts:
-            raise RigError(f"--topics: {unknown('topic in the bag', topic, bag.counts)}")
-    return bag.first + round(args.start * 1e9), args.topics or list(bag.counts)
+    topics = chosen(bag.types, ",".join(args.topics or ()), args.regex, args.exclude_regex)
+    begin, end = bag.first + round(args.start * 1e9), bag.last + 1
+    if args.duration is not None:
+        end = min(end, begin + round(args.duration * 1e9))
+    if args.until is not None:
+        end = min(end, bag.first + round(args.until * 1e9))
+    return begin, end, topics
 
 
 def _tell(outcome: Outcome, player: Player) -> None:
@@ -153,7 +171,7 @@ def _tell(outcome: Outcome, player: Player) -> None:
         print(f"stalls put the replay back by {player.behind:.2f} s in all")
 
 
-def _warn_damage(bag: BagIndex, sentence: str) -> None:
+def _warn_damage(bag: OpenedBags, sentence: str) -> None:
     _warn(f"{bag.path} is damaged, only what is whole of it is replayed: {sentence}")
 
 
@@ -187,6 +205,13 @@ def _count(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"{text} is no number of subscriptions; give 0 or more")
     return int(text)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    before, sign, after = text.partition(":=")
+    if not sign or not before or not re.fullmatch(r"(/[A-Za-z_]\w*)+", after):
+        raise argparse.ArgumentTypeError(f"{text} is no pair of topics; give old and new name, e.g. /motor/state:=/recorded/motor")
+    return before, after
 
 
 def _names(text: str) -> list[str]:

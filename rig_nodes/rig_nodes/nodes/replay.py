@@ -15,7 +15,7 @@ import struct
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import rclpy
@@ -30,8 +30,8 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from ..bags.definitions import installed, parse
-from ..bags.index import BagIndex
 from ..bags.metadata import read_profile
+from ..bags.opened import OpenedBags
 from ..bags.player import CLOCK, Player
 from ..catalogue import installed_topics
 from ..errors import RigError
@@ -74,14 +74,14 @@ class Outcome:
         return 0.0
 
 
-def offered(bag: BagIndex, topic: str) -> QoSProfile:
+def offered(bag: OpenedBags, topic: str) -> QoSProfile:
     """Return the profile with which a topic is offered: the one of the catalogue, else the recorded one.
 
     A latched topic keeps as many messages as the bag holds of it, so that late receivers get all of them once.
 
     Parameters
     ----------
-    bag : BagIndex
+    bag : OpenedBags
         The bag.
     topic : str
         Name of a topic in it.
@@ -110,7 +110,7 @@ def latched(profile: QoSProfile) -> bool:
     return profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def obstacle(bag: BagIndex, topic: str) -> str:
+def obstacle(bag: OpenedBags, topic: str) -> str:
     """Return why a topic of a bag cannot be published, empty when it can."""
     ros_type = bag.types[topic]
     encoding, text, _ = bag.channel(topic)
@@ -199,7 +199,7 @@ class Replay(Node):
 
     Parameters
     ----------
-    bag : BagIndex
+    bag : OpenedBags
         The bag.
     topics : sequence of str
         Names of the topics that are published.
@@ -209,16 +209,23 @@ class Replay(Node):
         The replay that this node belongs to.
     """
 
-    def __init__(self, bag: BagIndex, topics: Sequence[str], player: Player, session: Session) -> None:
+    def __init__(self, bag: OpenedBags, topics: Sequence[str], player: Player, session: Session) -> None:
         super().__init__(NAME, enable_rosout=False)
-        self.player, self.say = player, session.say
+        self.player, self.say, self._session = player, session.say, session
         self.outputs = {}
         for topic in topics:
             kind, profile = message_class(bag.types[topic]), offered(bag, topic)
-            self.outputs[topic] = Output(self, kind, topic, profile, session)
+            self.outputs[topic] = Output(self, kind, session.names.get(topic, topic), profile, session)
         self.clock = Output(self, Clock, CLOCK_TOPIC, publisher_profile("measurement"), session)
         self._repeat_at = 0.0
-        for name, action in (("pause", self.pause), ("resume", self.resume), ("step", self.step)):
+        for name, action in (
+            ("pause", self.pause),
+            ("resume", self.resume),
+            ("step", self.step),
+            ("toggle_paused", self.toggle),
+            ("is_paused", self.told_paused),
+            ("stop", self.stop),
+        ):
             self.create_service(Trigger, f"~/{name}", self._serve(action))
 
     def _serve(self, action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
@@ -242,6 +249,19 @@ class Replay(Node):
     def step(self) -> str:
         """Publish all messages of the next recorded time; return a sentence about it."""
         return "one step" if self.player.step() else "not paused: pause before stepping"
+
+    def toggle(self) -> str:
+        """Pause, or continue after a pause; return a sentence about it."""
+        return self.resume() if self.player.paused else self.pause()
+
+    def told_paused(self) -> str:
+        """Return whether the replay is paused, in a sentence that begins with "not" when it is not."""
+        return "paused" if self.player.paused else "not paused"
+
+    def stop(self) -> str:
+        """End the replay; return a sentence about it."""
+        self._session.stop()
+        return self._told("stopped")
 
     def _told(self, what: str) -> str:
         text = f"{what} at {self.player.clock / 1e9:.3f} s"
@@ -290,9 +310,9 @@ class Replay(Node):
     def unconnected(self) -> list[str]:
         """Return the topics with a receiver that is seen but not connected, because it asks for another quality of service."""
         return [
-            topic
-            for topic, output in self.outputs.items()
-            if self.count_subscribers(topic) > output.publisher.get_subscription_count()
+            output.topic
+            for output in self.outputs.values()
+            if self.count_subscribers(output.topic) > output.publisher.get_subscription_count()
         ]
 
 
@@ -305,23 +325,29 @@ class Session:
         Prints a sentence.
     keys : callable
         Returns what was pressed since the last call; a space pauses and resumes, s steps, q ends.
+    names : mapping of str to str, optional
+        Topics to publish under another name.
+    delay : float
+        Time between the connection of the receivers and the first message [s].
     """
 
-    def __init__(self, say: Callable[[str], None], keys: Callable[[], str]) -> None:
-        """Keep the two functions."""
-        self.say, self.keys = say, keys
+    def __init__(
+        self, say: Callable[[str], None], keys: Callable[[], str], names: Mapping[str, str] | None = None, delay: float = 0.0
+    ) -> None:
+        """Keep what is given."""
+        self.say, self.keys, self.names, self.delay = say, keys, names or {}, delay
         self.ended_by = 0
         self.hurry_until = 0.0  # set when a receiver was waited for in vain: no receiver is waited for until then
         self.out_of_time = math.inf  # time after which not even receipts are waited for
         self._over = False
         self._executor = None
 
-    def run(self, bag: BagIndex, topics: Sequence[str], player: Player, wait: int = 0) -> Outcome:
+    def run(self, bag: OpenedBags, topics: Sequence[str], player: Player, wait: int = 0) -> Outcome:
         """Replay a bag.
 
         Parameters
         ----------
-        bag : BagIndex
+        bag : OpenedBags
             The bag.
         topics : sequence of str
             Names of the topics that are published.
@@ -363,6 +389,10 @@ class Session:
         outcome.ended_by = self.ended_by
         return outcome
 
+    def stop(self) -> None:
+        """End the replay after what is being sent."""
+        self._over = True
+
     def _on_signal(self, number: int, _frame: object) -> None:
         self.ended_by, self._over = number, True
         self.out_of_time = min(self.out_of_time, time.monotonic() + GRACE)
@@ -389,6 +419,9 @@ class Session:
                 break
         node.refuse_second_clock()
         self.say(f"{known} subscriptions are connected")
+        begin = time.monotonic() + self.delay
+        while not self._over and (left := begin - time.monotonic()) > 0.0:
+            self._listen(node, min(left, LISTEN))
 
     def _play(self, node: Replay, outcome: Outcome) -> None:
         player = node.player
