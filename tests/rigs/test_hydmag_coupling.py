@@ -3,15 +3,19 @@
 
 """The metal coupling of high torsional compliance: alone against closed forms, and between motor and gearbox of the HydmAG."""
 
+import json
 from math import atan, pi, radians, sqrt, tan
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
+ROOT = Path(__file__).resolve().parents[2]
 # a motor winds the coupling against a flywheel; without a word on it the coupling has neither friction nor play
 BENCH = """\
 description: a coupling between a motor and a flywheel
@@ -154,6 +158,22 @@ def test_a_coupling_under_less_than_its_preload_turns_as_one_with_its_stop(bench
     rotor, wheel = rig.world.line["v"]
     assert rotor == pytest.approx(wheel, abs=1e-3)
     assert wheel == pytest.approx(5.0, abs=0.05)
+
+
+# ---- the numbers of the paper
+
+# rows that are not met, each explained on the rig's page
+MISSED = {"constant_1", "ratio_high", "ratio_angle", "ratio_mu", "mu_high", "turn_work_11", "name_40hm_c", "name_h18n10mt_ni"}
+
+
+def test_every_printed_number_is_met_or_explained_on_the_page(tmp_path):
+    file = tmp_path / "rows.json"
+    main(["validate", "--rig", "hydmag_coupling", "--json", str(file)])
+    rows = json.loads(file.read_text())["rows"]
+    assert len(rows) == 109
+    assert {row["id"] for row in rows if row["verdict"] != "inside"} == MISSED
+    page = (ROOT / "docs" / "rigs" / "hydmag_coupling.md").read_text()
+    assert all(f"`{name}`" in page for name in MISSED)
 
 
 # ---- between motor and gearbox

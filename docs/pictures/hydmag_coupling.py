@@ -1,0 +1,101 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Draws the pictures of docs/rigs/hydmag_coupling.md, hydmag_coupling_*.svg, beside itself, from calculations and runs of the rig.
+
+Run `.venv/bin/python docs/pictures/hydmag_coupling.py runs/SWEEP`, with the folder of the page's sweep.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from rig_nodes.testbench.calculations import Recorded, calculations_of, of_run
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.record import record
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.validation.figures import Figure, Series
+
+HERE = Path(__file__).parent
+RIG, POINTS = "hydmag_coupling", 1500  # of a line, about
+HARD = {"coupling.spring_rate": "1600 N/mm", "coupling.knee_rate": "1600 N/mm"}
+ORDERED = "shift_ordered"
+
+
+def demo(rig: str, settings: dict[str, str]) -> Recorded:
+    """A run of the demo without the errors of transducers."""
+    config = load_rig(rig, {"effects.transducers": "off", **settings})
+    return of_run(record(config, load_sequence("demo", rig=rig)), config)
+
+
+def line(name: str, x: np.ndarray, y: np.ndarray, dashed: bool = False) -> Series:
+    """A line with a limited number of points."""
+    every = max(1, len(x) // POINTS)
+    kept = slice(None, None, every)
+    return Series(name, [round(float(v), 4) for v in x[kept]], [round(float(v), 3) for v in y[kept]], marks=False, dashed=dashed)
+
+
+def characteristic() -> Figure:
+    """Torque over twist, both ways, of the rig's straight springs and of the discs."""
+    table = calculations_of(RIG)["characteristic"].table(load_rig(RIG))
+    c = {name: np.array(column) for name, column in zip(table.columns, zip(*table.in_units()))}
+    return Figure(
+        "Characteristic of the coupling: winding above, unwinding below",
+        "twist [turns]",
+        "torque [Nm]",
+        [
+            line("straight, winding", c["turns"], c["winding"]),
+            line("straight, unwinding", c["turns"], c["unwinding"]),
+            line("72 discs, winding", c["turns"], c["discs_winding"], dashed=True),
+            line("72 discs, unwinding", c["turns"], c["discs_unwinding"], dashed=True),
+        ],
+    )
+
+
+def shift(runs: dict[str, Recorded], number: int, title: str, begin: float, end: float) -> Figure:
+    """Torque at the gearbox's input from begin to end [s] after one order of a gear."""
+    series = []
+    for name, run in runs.items():
+        at = [at for at, event, *_ in run.events if event == ORDERED][number]
+        part = (run.t >= at + begin) & (run.t < at + end)
+        series.append(line(name, 1e3 * (run.t[part] - at), run["M_wej"][part]))
+    return Figure(title, "time since the order [ms]", "M_wej [Nm]", series)
+
+
+def sweep(folder: Path) -> Figure:
+    """Largest torque of the upshift and smallest of the downshift over the stiffness of the springs, for each play."""
+    rows = pq.read_table(folder / "results.parquet").to_pylist()
+    series = []
+    for play in sorted({row["coupling.play"] for row in rows}):
+        for way, what in (("I-II", "highest"), ("II-I", "lowest")):
+            own = [row for row in rows if row["coupling.play"] == play and row["table.shift"] == way]
+            series.append(
+                Series(
+                    f"{what} {way}, {play:g} deg",
+                    [float(np.log10(row["coupling.spring_rate"])) for row in own],
+                    [row[f"table.{what}"] for row in own],
+                    dashed=way == "II-I",
+                )
+            )
+    return Figure("M_wej in both shifts over springs and play", "stiffness of the springs [log10 N/mm]", "M_wej [Nm]", series)
+
+
+def draw(folder: Path) -> None:
+    """Write all pictures."""
+    runs = {"without coupling": demo("hydmag", {}), "404 N/mm": demo(RIG, {}), "1600 N/mm": demo(RIG, HARD)}
+    figures = {
+        "characteristic": characteristic(),
+        "up": shift(runs, 1, "Shift I-II of the demo: torque behind the coupling", 0.55, 0.95),
+        "down": shift(runs, 2, "Shift II-I of the demo: torque behind the coupling", 0.35, 0.75),
+        "sweep": sweep(folder),
+    }
+    for name, figure in figures.items():
+        (HERE / f"hydmag_coupling_{name}.svg").write_text(figure.svg(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))
