@@ -11,7 +11,9 @@ import pytest
 
 from rig_nodes.analysis.modes import system_of
 from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.testbench.calculations import Recorded, calculations_of
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
@@ -111,3 +113,12 @@ def test_the_spectrum_of_a_recorded_run_has_the_peak_of_the_order_that_meets_a_f
     first = json.loads(capsys.readouterr().out)["spectrum"]["peaks"][0]
     assert first["frequency_hz"] == pytest.approx(7300.0 / 60.0, rel=0.01) and first["amplitude"] > 40.0
     assert first["computed_hz"] == pytest.approx(122.07, abs=0.1)
+
+
+def test_a_run_that_is_never_switched_off_has_no_ringing_and_says_so():
+    # the sentence names the sequence in which it does ring
+    ringing, config = calculations_of("ural2")["ringing"], load_rig("ural2")
+    with pytest.raises(RigError, match="nothing is switched off; take a run of the sequence step"):
+        ringing.table(config, Recorded(np.arange(10) * 1e-4, [(0.0, "step", "motor 3000 rpm", 1.0)], {}, str))
+    with pytest.raises(RigError, match=r"switched off only 0.5 s before the end; take a run of the sequence step"):
+        ringing.table(config, Recorded(np.arange(11) * 0.1, [(0.5, "step", "motor off", 1.0)], {}, str))

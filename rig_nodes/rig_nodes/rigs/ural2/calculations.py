@@ -16,6 +16,7 @@ import numpy as np
 from scipy import optimize
 
 from rig_nodes.analysis.modes import spectrum, system_of
+from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.testbench.calculations import Table
 
@@ -441,7 +442,12 @@ def folding_error(config: RigConfig) -> Table:
 
 def ringing(config: RigConfig, recording: Recorded) -> Table:
     """Frequencies at which the shafts ring after the ignition ends at work, by the averaged spectrum of their torques."""
-    off = next(t for t, _, text, _ in recording.events if text.endswith("off"))
+    off = next((t for t, _, text, _ in recording.events if text.endswith("off")), None)
+    if off is None or recording.t[-1] < off + RINGS[1]:
+        found = "nothing is switched off"
+        if off is not None:
+            found = f"the engine is switched off only {recording.t[-1] - off:.3g} s before the end"
+        raise RigError(f"in this recording {found}; take a run of the sequence step, whose shafts ring for {RINGS[1]:g} s")
     inside = (recording.t >= off + RINGS[0]) & (recording.t < off + RINGS[1])
     peaks = {
         name: spectrum(recording[name][inside], float(recording.t[1] - recording.t[0]), highest=300.0).peaks
