@@ -44,7 +44,8 @@ def test_it_is_not_written_over_anything(mine, capsys):
 
 
 @pytest.mark.parametrize(
-    "rig", ["three_speed", "hydmag", "clutch_bench", "frame_saw", "hydmag_coupling", "hydmag_engine", "hydmag_hydrostatic"]
+    "rig",
+    ["three_speed", "hydmag", "clutch_bench", "chain_saw", "frame_saw", "hydmag_coupling", "hydmag_engine", "hydmag_hydrostatic"],
 )
 def test_check_says_what_a_rig_comes_to_and_draws_it(rig, tmp_path, capsys):
     picture = tmp_path / "picture.svg"

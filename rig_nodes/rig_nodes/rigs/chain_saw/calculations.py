@@ -1,0 +1,540 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the paper on the chain saw's clutch computes by hand, and the same questions asked of a recording.
+
+Numbers in brackets are the paper's equations. "Static" is the paper's view: the drum follows a prescribed speed of the engine, (6),
+and a cycle slips where the torque that this asks for is above what the clutch transmits, (13).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from rig_nodes.errors import RigError
+from rig_nodes.parts.centrifugal_clutch import clutch_torque
+from rig_nodes.parts.combustion_engine import full_torque
+from rig_nodes.parts.saw_chain import chain_inertia, chain_mass
+from rig_nodes.testbench.calculations import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rig_nodes.parts.centrifugal_clutch import CentrifugalConfig
+    from rig_nodes.testbench.calculations import Recorded
+    from rig_nodes.testbench.configuration import RigConfig
+
+INCH, RPM = 0.0254, np.pi / 30.0
+SPEED = 950.0  # rad/s, p. 5
+DELTA, SCATTER = 0.032, 0.013  # p. 4: mean and standard deviation of the irregularity
+MEAN, SPREAD = 3.20, 0.51  # Nm, p. 5: M_o and s_p
+WORN = 0.04107  # kg, p. 3: a shoe at the end of its life
+HEAVY = 0.063  # kg, p. 7: the shoe that is to prevent slip
+LIMIT = DELTA + 3.0 * SCATTER
+# printed shares of cycles that slip and losses by slip, p. 6 and 7
+SHARES = {("new", 15): 0.038, ("worn", 15): 0.141, ("new", 13): 0.0236}
+LOSSES = {("new", 15): 0.0132, ("worn", 15): 0.0515, ("new", 13): 0.0075, ("new", 20): 0.0414, ("worn", 20): 0.11}
+TURN = np.linspace(0.0, 2.0 * np.pi, 721)
+
+
+def _shoes(config: RigConfig) -> dict[str, CentrifugalConfig]:
+    """Return the clutch with new, worn and heavy shoes; the springs are the same, so that m_s w_0^2 stays (4)."""
+    own = config.clutch
+    return {name: replace(own, shoe_mass=mass) for name, mass in (("new", own.engagement_mass), ("worn", WORN), ("heavy", HEAVY))}
+
+
+def _inertia(config: RigConfig, inches: float) -> float:
+    """Return J_b + m_p r_k^2 for a bar of some inches (11) [kg m2]."""
+    return config.drum.inertia + chain_inertia(replace(config.chain, bar=inches * INCH))
+
+
+def _engagement(clutch: CentrifugalConfig) -> float:
+    return clutch.engagement_speed * float(np.sqrt(clutch.engagement_mass / clutch.shoe_mass))
+
+
+def clutch(config: RigConfig) -> Table:
+    """Torque of the clutch by (5) with new, worn and heavy shoes, beside the engine's and the limit of the inertia torque."""
+    own, rows = config.clutch, []
+    limit = _inertia(config, 15.0) * LIMIT * SPEED**2
+    for name, one in _shoes(config).items():
+        at_peak = clutch_torque(one, 838.0)
+        torque = clutch_torque(one, SPEED)
+        stays = clutch_torque(replace(one, engagement_mass=one.shoe_mass), SPEED)
+        rows.append(
+            (
+                name,
+                one.shoe_mass,
+                one.shoe_mass / own.engagement_mass - 1.0,
+                _engagement(one),
+                torque,
+                stays,
+                at_peak / config.engine.torque_peak,
+                limit,
+                torque / limit,
+            )
+        )
+    return Table(
+        "torque of the clutch at 950 rad/s (5), its share of the engine's largest torque at 838 rad/s, and the limit of (11)",
+        {
+            "shoes": "",
+            "mass": "g",
+            "mass_change": "%",
+            "engagement_speed": "rad/s",
+            "torque": "Nm",
+            "torque_at_347": "Nm",
+            "over_engine": "-",
+            "limit": "Nm",
+            "over_limit": "-",
+        },
+        rows,
+    )
+
+
+def shoes_without_slip(config: RigConfig) -> Table:
+    """Mass of a shoe with which the clutch carries the limit of the inertia torque, by two readings of (4)."""
+    rows, new = [], config.clutch.engagement_mass
+    for bar in (13.0, 15.0, 20.0):
+        limit = _inertia(config, bar) * LIMIT * SPEED**2
+        for reading, of in (
+            ("same springs", lambda mass: replace(config.clutch, shoe_mass=mass)),
+            ("same 347 rad/s", lambda mass: replace(config.clutch, shoe_mass=mass, engagement_mass=mass)),
+        ):
+            mass = brentq(lambda m, of=of, limit=limit: clutch_torque(of(m), SPEED) - limit, 0.02, 0.2)
+            rows.append((bar * INCH, reading, limit, mass, mass / new - 1.0))
+    return Table(
+        "mass of a shoe with which the clutch's torque (5) is the limit of (11) at 950 rad/s",
+        {"bar": "in", "reading": "", "limit": "Nm", "mass": "g", "more": "%"},
+        rows,
+    )
+
+
+def times(config: RigConfig) -> Table:
+    """Time of a turn (14) at some speeds, and the speed at which a turn takes the printed time."""
+    rows = []
+    for rpm, printed in ((8000.0, 0.0075), (10000.0, 0.0061), (8470.0, None)):
+        w = rpm * RPM
+        rows.append((w, w, 2.0 * np.pi / w, printed, 2.0 * np.pi / printed if printed else None))
+    return Table(
+        "time of a turn of the crank (14)",
+        {"speed": "rpm", "angular_speed": "rad/s", "turn": "s", "printed": "s", "speed_of_printed": "rpm"},
+        rows,
+    )
+
+
+def engine(config: RigConfig) -> Table:
+    """Torque of the engine at open throttle over its speed: line 1 of fig. 2 as far as it is printed."""
+    own = config.engine
+    return Table(
+        "torque of the engine on its shaft at open throttle",
+        {"speed": "rad/s", "torque": "Nm", "power": "kW"},
+        [(w, t, w * t) for w in (500.0, 650.0, 838.0, 950.0, 1100.0, 1250.0) for t in (full_torque.py_func(w, own),)],
+    )
+
+
+class _Case(NamedTuple):
+    """A clutch with a bar in the static view: M_s [Nm], J_b + m_p r_k^2 [kg m2], and the paper's delta with its deviation."""
+
+    capacity: float
+    inertia: float
+
+    @property
+    def per_delta(self) -> float:
+        """Largest inertia torque for a delta of 1 [Nm]."""
+        return self.inertia * SPEED**2
+
+    def share(self, mean: float = DELTA, scatter: float = SCATTER) -> float:
+        """Return the share of cycles whose largest torque, that of inertia at the upper dead centre, is above M_s."""
+        return float(norm.sf((self.capacity / self.per_delta - mean) / scatter))
+
+    def over(self, of: Callable[[float], float]) -> float:
+        """Return the mean of a value over all cycles, by the normal law of delta."""
+        return _mean(np.array([of(one) for one in _deltas()]))
+
+    def excess(self, delta: float) -> float:
+        """Return by how much a cycle's largest torque is above M_s [Nm]."""
+        return max(0.0, self.per_delta * delta - self.capacity)
+
+    def excess_over_turn(self, delta: float) -> float:
+        """Return the mean over a turn of what the torque of (13) is above M_s [Nm]."""
+        asked = self.per_delta * delta * np.cos(TURN) + MEAN * (1.0 - np.cos(TURN))
+        return float(np.trapezoid(np.maximum(0.0, np.abs(asked) - self.capacity), TURN) / (2.0 * np.pi))
+
+    def slip_time(self, delta: float) -> float:
+        """Return the share of a turn in which the torque of (13) is above M_s."""
+        if self.excess(delta) == 0.0:
+            return 0.0
+        return float(np.arccos((self.capacity - MEAN) / (self.per_delta * delta - MEAN)) / np.pi)
+
+    def slip_work(self) -> float:
+        """Return the mean work of slip in a turn [J] of a drum that the clutch drives along an engine of prescribed speed.
+
+        Turns of all deltas are integrated side by side, from a third of a turn before the upper dead centre, where none slips.
+        """
+        delta = _deltas()
+        step = (TURN[1] - TURN[0]) / SPEED
+        drum, work = SPEED * (1.0 + delta * np.sin(TURN[480])), np.zeros(len(delta))
+        for angle in np.concatenate([TURN[480:-1] - 2.0 * np.pi, TURN]):
+            crank, ahead = (SPEED * (1.0 + delta * np.sin(one)) for one in (angle, angle + step * SPEED))
+            load = MEAN * (1.0 - np.cos(angle))
+            asked = self.per_delta * delta * np.cos(angle) + load
+            slip = crank - drum
+            locked = np.abs(slip) < 1e-9
+            way = np.where(locked, np.sign(asked), np.sign(slip))
+            after = drum + step * (way * self.capacity - load) / self.inertia
+            holds = locked & (np.abs(asked) <= self.capacity)
+            work += np.where(holds, 0.0, step * self.capacity * np.maximum(0.0, 0.5 * way * (slip + ahead - after)))
+            drum = np.where(holds | (way * (ahead - after) <= 0.0), ahead, after)
+        return _mean(work)
+
+
+def _deltas() -> np.ndarray:
+    return np.linspace(max(0.0, DELTA - 5.0 * SCATTER), DELTA + 6.0 * SCATTER, 401)
+
+
+def _mean(values: np.ndarray) -> float:
+    """Return the mean over all cycles of values at the irregularities of _deltas, by the normal law of delta."""
+    return float(np.trapezoid(values * norm.pdf(_deltas(), DELTA, SCATTER), _deltas()))
+
+
+def slips(config: RigConfig) -> Table:
+    """Share of cycles that slip, and the loss by each sensible definition beside the printed one, by bar and shoes."""
+    rows = []
+    for name, one in _shoes(config).items():
+        for bar in (13, 15, 18, 20):
+            case = _Case(clutch_torque(one, SPEED), _inertia(config, bar))
+            rows.append(
+                (
+                    name,
+                    bar * INCH,
+                    chain_mass(replace(config.chain, bar=bar * INCH)),
+                    case.inertia,
+                    case.per_delta * LIMIT,
+                    case.capacity,
+                    case.share(),
+                    SHARES.get((name, bar)),
+                    LOSSES.get((name, bar)),
+                    case.over(case.excess) / MEAN,
+                    case.over(lambda d, c=case: c.excess(d) / (c.per_delta * d) if d else 0.0),
+                    case.over(case.excess_over_turn) / MEAN,
+                    case.over(case.slip_time),
+                    case.slip_work() / (2.0 * np.pi * MEAN),
+                )
+            )
+    return Table(
+        "the static view at 950 rad/s; losses: excess of the largest torque over M_s, as a share of M_o and of itself; mean excess "
+        "over a turn as a share of M_o; share of the time; work of slip against a prescribed engine as a share of its work",
+        {
+            "shoes": "",
+            "bar": "in",
+            "chain": "kg",
+            "inertia": "kg m2",
+            "limit": "Nm",
+            "clutch": "Nm",
+            "share": "%",
+            "printed_share": "%",
+            "printed_loss": "%",
+            "excess_of_mean": "%",
+            "excess_of_peak": "%",
+            "excess_over_turn": "%",
+            "slip_time": "%",
+            "slip_work": "%",
+        },
+        rows,
+    )
+
+
+def shares_by_rounding(config: RigConfig) -> Table:
+    """Least and most share of cycles that slip with delta, its deviation and the 10 % of the chain all rounded as printed."""
+    rows = []
+    d, s = np.meshgrid(np.linspace(0.0315, 0.0325, 201), np.linspace(0.0125, 0.0135, 201))
+    limit = _inertia(config, 15) * SPEED**2 * (d + 3.0 * s)
+    fits = (limit >= 13.305) & (limit < 13.32)  # printed as 13.31, rounded or cut off
+    chain = chain_inertia(replace(config.chain, bar=15 * INCH))
+    for ((name, bar), printed), half in zip(SHARES.items(), (0.0005, 0.0005, 0.00005)):
+        capacity = clutch_torque(_shoes(config)[name], SPEED)
+        inertias = [config.drum.inertia + chain * of for of in ((0.895, 0.9, 0.905) if bar == 13 else (1.0,))]
+        shares = np.array([norm.sf((capacity / (one * SPEED**2) - d) / s)[fits] for one in inertias])
+        low, high = float(shares.min()), float(shares.max())
+        reached = low <= printed + half and high >= printed - half
+        rows.append((name, bar * INCH, printed, _Case(capacity, inertias[len(inertias) // 2]).share(), low, high, float(reached)))
+    return Table(
+        "share of cycles that slip, for every delta and deviation that print as 0.032 and 0.013 and give the printed 13.31 Nm",
+        {"shoes": "", "bar": "in", "printed": "%", "computed": "%", "least": "%", "most": "%", "reached": "-"},
+        rows,
+    )
+
+
+def losses(config: RigConfig) -> Table:
+    """Printed losses beside those of each definition, each over the loss of new shoes with 15 in by the same definition."""
+    table = slips(config)
+    names = list(table.columns)
+    made = {(row[0], round(row[1] / INCH)): dict(zip(names, row)) for row in table.rows}
+    kinds = ("excess_of_mean", "excess_of_peak", "excess_over_turn", "slip_time", "slip_work")
+    first, rows = made["new", 15], []
+    for (name, bar), printed in LOSSES.items():
+        own = made[name, bar]
+        times_first = [own[kind] / first[kind] for kind in kinds]
+        ratio = printed / LOSSES["new", 15]
+        rows.append((name, bar * INCH, printed, ratio, *times_first, min(times_first), max(times_first)))
+    return Table(
+        "losses by slip as multiples of that of new shoes with 15 in: no definition gives all of the printed ones",
+        {"shoes": "", "bar": "in", "printed_loss": "%", "printed": "-", **dict.fromkeys((*kinds, "least", "most"), "-")},
+        rows,
+    )
+
+
+def bars(config: RigConfig) -> Table:
+    """Chain, inertia and limit of the load by the length of the bar, against the bar of 15 inches."""
+    first, mass = _inertia(config, 15), chain_mass(replace(config.chain, bar=15 * INCH))
+    rows = []
+    for bar in (13, 15, 18, 20):
+        own = _inertia(config, bar)
+        weight = chain_mass(replace(config.chain, bar=bar * INCH))
+        limit = own * LIMIT * SPEED**2
+        rows.append((bar * INCH, weight, weight / mass - 1.0, own, limit, np.floor(100.0 * limit) / 100.0, own / first - 1.0))
+    return Table(
+        "chain, inertia on the drum and limit of the inertia torque (11) at 950 rad/s",
+        {"bar": "in", "chain": "kg", "chain_change": "%", "inertia": "kg m2", "limit": "Nm", "cut_off": "Nm", "load_change": "%"},
+        rows,
+    )
+
+
+def compared(config: RigConfig) -> Table:
+    """Ratios that the paper states in words, and the speed at which a clutch carries the stated multiple of 3.40 Nm."""
+    new, worn, _ = _shoes(config).values()
+    peak, rows = config.engine.torque_peak, []
+    for name, one, stated in (("new clutch over engine", new, 2.0), ("worn clutch over engine", worn, 1.5)):
+        speed = brentq(lambda w, one=one, stated=stated: clutch_torque(one, w) - stated * peak, 400.0, 1500.0)
+        rows.append((name, stated, clutch_torque(one, 838.0) / peak, speed))
+    return Table(
+        "what the paper states in words, from its own numbers; the clutch's torque is that at 838 rad/s",
+        {"what": "", "stated": "-", "value": "-", "speed_of_stated": "rad/s"},
+        [
+            *rows,
+            ("loss with 13 in over 15 in", 0.5, LOSSES["new", 13] / LOSSES["new", 15], None),
+            ("loss with 20 in over 15 in", 3.0, LOSSES["new", 20] / LOSSES["new", 15], None),
+            ("mass that a shoe loses", 0.15, 1.0 - WORN / config.clutch.engagement_mass, None),
+        ],
+    )
+
+
+# ---- the same questions asked of a recording
+
+
+class _Cycles(NamedTuple):
+    """Turns of the crank in a recording, from upper dead centre to upper dead centre.
+
+    Parameters
+    ----------
+    begin, end : (n,) arrays of int
+        First row of each turn, and first row of the next one.
+    angle : (rows,) array
+        Angle of the crank since the start [rad].
+    """
+
+    begin: np.ndarray
+    end: np.ndarray
+    angle: np.ndarray
+
+
+def _cycles(config: RigConfig, recording: Recorded) -> _Cycles:
+    """Return the whole turns in wood, with the clutch's shoes well on the drum; all of the run where nothing is cut."""
+    w, t = np.nan_to_num(recording["n_engine"]), recording.t
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
+    turns = np.floor(angle / (2.0 * np.pi)).astype(int)
+    starts = np.flatnonzero(np.diff(turns) > 0) + 1
+    begin, end = starts[:-1], starts[1:]
+    feed = np.nan_to_num(recording["F_feed"])
+    engaged = 1.3 * _engagement(config.clutch)
+    wanted = np.minimum.reduceat(w, begin) > engaged if len(begin) else np.zeros(0, bool)
+    cutting = np.array([feed[b:e].min() for b, e in zip(begin, end)]) > 0.9 * config.chain.stated_feed
+    # a cut begins with the feed; its first quarter of a second is the start of the cut and not its course
+    settled = np.array([feed[max(0, b - 2500) : b + 1].min() for b in begin]) > 0.9 * config.chain.stated_feed
+    wanted = wanted & cutting & settled if (wanted & cutting & settled).any() else wanted
+    if not wanted.any():
+        raise RigError(f"no turn of the crank stays above {engaged:.0f} rad/s in this recording; take one of the sequence cut")
+    return _Cycles(begin[wanted], end[wanted], angle)
+
+
+def _each(values: np.ndarray, cycles: _Cycles, of: Callable[[np.ndarray], float]) -> np.ndarray:
+    return np.array([of(values[b:e]) for b, e in zip(cycles.begin, cycles.end)])
+
+
+def _irregularity(w: np.ndarray, cycles: _Cycles) -> np.ndarray:
+    """Return delta of each turn by (8) and (9)."""
+    high, low = _each(w, cycles, np.max), _each(w, cycles, np.min)
+    return (high - low) / (high + low)
+
+
+def _slipping(config: RigConfig, recording: Recorded, cycles: _Cycles) -> tuple[np.ndarray, np.ndarray]:
+    """Return the turns in which a slip begins, and the turns in which there is slip, as arrays of bool (turns,).
+
+    There is slip where the speeds of engine and drum differ by more than six times the noise of their meters and 1 rad/s. A slip
+    about the upper dead centre is in two turns but begins in one.
+    """
+    noise = config.instruments.speed_noise if config.effects.transducers else 0.0
+    slip = np.abs(recording["n_engine"] - recording["n_drum"]) > 1.0 + 6.0 * np.sqrt(2.0) * noise
+    onset = slip & ~np.concatenate([[True], slip[:-1]])
+    return _each(onset, cycles, np.any), _each(slip, cycles, np.any)
+
+
+def cut(config: RigConfig, recording: Recorded) -> Table:
+    """What a recorded cut shows: irregularity, load, turns that slip, and the loss by torque times slip."""
+    cycles = _cycles(config, recording)
+    w, drum, torque, chain = (recording[name] for name in ("n_engine", "n_drum", "M_clutch", "M_chain"))
+    delta, (slipped, touched) = _irregularity(w, cycles), _slipping(config, recording, cycles)
+    rows = np.concatenate([np.arange(b, e) for b, e in zip(cycles.begin, cycles.end)])
+    # noise of the meters would add slip where there is none
+    slip = np.where(np.abs(w - drum)[rows] > 1.0 + (4.0 * config.instruments.speed_noise), (w - drum)[rows], 0.0)
+    means = _each(chain, cycles, np.mean)
+    mean = float(w[rows].mean())
+    case = _Case(clutch_torque(config.clutch, mean), config.drum.inertia + chain_inertia(config.chain))
+    measured = norm.sf((case.capacity / (case.inertia * mean**2) - delta.mean()) / delta.std())
+    return Table(
+        "turns of the crank in the cut; slipping: a slip begins in them; touched: they have slip; "
+        "slipping_static: the share that (13) gives for the measured irregularity",
+        {
+            "turns": "-",
+            "speed": "rad/s",
+            "irregularity": "-",
+            "irregularity_scatter": "-",
+            "load": "Nm",
+            "load_scatter": "Nm",
+            "largest_torque": "Nm",
+            "clutch": "Nm",
+            "slipping": "%",
+            "touched": "%",
+            "slipping_static": "%",
+            "loss": "%",
+        },
+        [
+            (
+                float(len(delta)),
+                mean,
+                float(delta.mean()),
+                float(delta.std()),
+                float(means.mean()),
+                float(means.std()),
+                float(np.abs(torque[rows]).max()),
+                case.capacity,
+                float(slipped.mean()),
+                float(touched.mean()),
+                float(measured),
+                float((torque[rows] * slip).sum() / (torque[rows] * w[rows]).sum()),
+            )
+        ],
+    )
+
+
+def static_and_dynamic(config: RigConfig, recording: Recorded) -> Table:
+    """Turn by turn: what (13) says of a turn with its own irregularity, and what the recorded turn did."""
+    cycles = _cycles(config, recording)
+    w, torque = recording["n_engine"], recording["M_clutch"]
+    delta, (slipped, _) = _irregularity(w, cycles), _slipping(config, recording, cycles)
+    mean, largest = _each(w, cycles, np.mean), _each(torque, cycles, np.max)
+    inertia = config.drum.inertia + chain_inertia(config.chain)
+    asked = inertia * delta * mean**2
+    carried = np.array([clutch_torque(config.clutch, one) for one in mean])
+    says = asked > carried
+    rows = []
+    for static, name in ((False, "holds"), (True, "slips")):
+        for dynamic, other in ((False, "holds"), (True, "slips")):
+            these = (says == static) & (slipped == dynamic)
+            some = bool(these.any())
+            rows.append(
+                (
+                    name,
+                    other,
+                    float(these.sum()),
+                    float(these.mean()),
+                    float(delta[these].mean()) if some else None,
+                    float(asked[these].mean()) if some else None,
+                    float(carried[these].mean()) if some else None,
+                    float(largest[these].mean()) if some else None,
+                )
+            )
+    return Table(
+        "turns by what (13) says with their own irregularity and by what they did; asked: J delta w^2; largest: of the clutch",
+        {
+            "static": "",
+            "dynamic": "",
+            "turns": "-",
+            "share": "%",
+            "irregularity": "-",
+            "asked": "Nm",
+            "clutch": "Nm",
+            "largest_torque": "Nm",
+        },
+        rows,
+    )
+
+
+def harmonics(config: RigConfig, recording: Recorded) -> Table:
+    """First harmonic over the crank's angle in turns that hold and in turns that slip, beside the paper's assumption."""
+    cycles = _cycles(config, recording)
+    _, slipped = _slipping(config, recording, cycles)
+    w = recording["n_engine"]
+    delta, mean = _irregularity(w, cycles), _each(w, cycles, np.mean)
+    inertia = config.drum.inertia + chain_inertia(config.chain)
+    rows = []
+    for name, these in (("holding", ~slipped), ("slipping", slipped)):
+        if not these.any():
+            continue
+        unevenness = float((delta * mean)[these].mean())
+        pulse = float((inertia * delta * mean**2)[these].mean())
+        expected = {
+            "n_engine": (unevenness, -90.0, "rad/s"),
+            "n_drum": (unevenness, -90.0, "rad/s"),
+            "M_chain": (MEAN, 180.0, "Nm"),
+            "M_clutch": (pulse - MEAN, 0.0, "Nm"),
+        }
+        for signal, (amplitude, phase, unit) in expected.items():
+            found = []
+            for b, e in zip(cycles.begin[these], cycles.end[these]):
+                angle, value = cycles.angle[b:e], recording[signal][b:e]
+                found.append(2.0 * np.mean((value - value.mean()) * np.exp(-1j * angle)))
+            first = complex(np.mean(found))
+            rows.append((name, signal, unit, abs(first), amplitude, float(np.angle(first)), float(np.radians(phase))))
+    return Table(
+        "first harmonic over the crank's angle, amplitude cos(angle + phase); the paper's is that of (6), (11), (12)",
+        {"turns": "", "signal": "", "unit": "", "amplitude": "-", "paper": "-", "phase": "deg", "paper_phase": "deg"},
+        rows,
+    )
+
+
+def engagement(config: RigConfig, recording: Recorded) -> Table:
+    """Speed at which the shoes touch, and the factor of (5), from the torque of a clutch that slips."""
+    w, torque = recording["n_engine"], recording["M_clutch"]
+    rows = (w - recording["n_drum"] > 15.0) & (torque > 0.5) & (torque < 8.0)
+    if rows.sum() < 10:
+        raise RigError("the clutch never slips between 0.5 and 8 Nm in this recording; take one of the sequence throttle_up")
+    factor, constant = np.polyfit(w[rows] ** 2, torque[rows], 1)
+    own, speed = config.clutch, float(np.sqrt(-constant / factor))
+    stated = clutch_torque(own, 1000.0) / (1000.0**2 - _engagement(own) ** 2)
+    return Table(
+        "straight line through torque over speed squared of the slipping clutch, and the values of (5)",
+        {"rows": "-", "speed": "rad/s", "of_shoes": "rad/s", "torque_at_950": "Nm", "by_formula": "Nm", "factor_ratio": "-"},
+        [(float(rows.sum()), speed, _engagement(own), factor * SPEED**2 + constant, clutch_torque(own, SPEED), factor / stated)],
+    )
+
+
+CALCULATIONS = {
+    "clutch": clutch,
+    "engine": engine,
+    "shoes_without_slip": shoes_without_slip,
+    "times": times,
+    "bars": bars,
+    "slips": slips,
+    "shares_by_rounding": shares_by_rounding,
+    "losses": losses,
+    "compared": compared,
+    "engagement": engagement,
+    "cut": cut,
+    "static_and_dynamic": static_and_dynamic,
+    "harmonics": harmonics,
+}
