@@ -91,6 +91,19 @@ def test_errors_are_those_of_the_rigs_own_instruments():
     assert true["t_dt_s"] == pytest.approx(2.2e-3) and true["t_c_s"] == pytest.approx(1.1e-3)
 
 
+def test_of_two_torque_meters_with_errors_of_their_own_the_worse_counts(tmp_path):
+    (tmp_path / "rig.yaml").write_text(
+        "description: meters of its own\nbase: hydmag\n"
+        "transducers: {M_wej: {like: M_in}, M_wyj: {like: M_out}, n_wyj: {like: n_out}}\n"
+        "instruments: {torque_noise: ~, torque_range: ~, torque_class: ~, torque_hum: ~, M_in_range: [500 Nm, x], "
+        "M_in_class: [0.2 %, x], M_out_range: [500 Nm, x], M_out_class: [1 %, x], n_out_range: [3600 rpm, x], "
+        "n_out_step: [4 rpm, x], n_out_gate: [1 ms, x]}\n"
+    )
+    found = instruments_of(load_rig(tmp_path).as_dict())
+    assert found["torque"].error == pytest.approx(5.01)
+    assert found["speed"].error == pytest.approx(4 * 2 * math.pi / 60)
+
+
 def test_a_sample_of_a_slower_logger_counts_as_such():
     by_default, slow = uncertainty(ROW), uncertainty(ROW, period=10e-3)
     assert slow["t_c_s"] - by_default["t_c_s"] == pytest.approx(9.9e-3)

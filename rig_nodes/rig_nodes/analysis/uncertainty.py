@@ -42,8 +42,8 @@ READABILITY = {"torque": 0.01}  # Nm, tab. 7.1
 def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
     """Return the torque meter, the pressure transducers of the clutches and the encoder of a rig [SI].
 
-    Range, class and the encoder's step are the rig's; the readability of 0.01 Nm is that of tab. 7.1. True values
-    (effects.transducers off) have no error.
+    Range, class and the encoder's step are the rig's; the readability of 0.01 Nm is that of tab. 7.1. Where input and output
+    have instruments of their own, that with the larger error counts. True values (effects.transducers off) have no error.
 
     Parameters
     ----------
@@ -57,15 +57,28 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
     """
     if configuration is None:
         return _default()
-    pressures = [clutch.pressure for clutch in transmission_of(configuration).clutches if clutch.pressure]
+    box = transmission_of(configuration)
+    pressures = [clutch.pressure for clutch in box.clutches if clutch.pressure]
     if not configuration["effects"]["transducers"]:
         return dict.fromkeys(("torque", *pressures, "speed"), Instrument(0.0, 0.0))
     likes = {one["name"]: one["like"] for one in configuration["structure"]["transducers"]}
-    fitted, found = configuration["instruments"], {}
-    for name in ("torque", *pressures):
-        like = likes.get(name, name)
-        found[name] = Instrument(float(fitted[f"{like}_range"]), 100.0 * float(fitted[f"{like}_class"]), READABILITY.get(name, 0.0))
-    return found | {"speed": Instrument(float(fitted["speed_range"]), 0.0, float(fitted["speed_step"]))}
+    fitted = configuration["instruments"]
+
+    def analog(signal: str, readability: float = 0.0) -> Instrument:
+        like = likes.get(signal, signal)
+        return Instrument(float(fitted[f"{like}_range"]), 100.0 * float(fitted[f"{like}_class"]), readability)
+
+    def encoder(signal: str) -> Instrument:
+        like = likes.get(signal, signal)
+        return Instrument(float(fitted[f"{like}_range"]), 0.0, float(fitted[f"{like}_step"]))
+
+    torques = [analog(end.torque, READABILITY["torque"]) for end in (box.input, box.output)]
+    speeds = [encoder(end.speed) for end in (box.input, box.output)]
+    return {
+        "torque": max(torques, key=lambda one: one.error),
+        **{name: analog(name) for name in pressures},
+        "speed": max(speeds, key=lambda one: one.error),
+    }
 
 
 @lru_cache(maxsize=1)
