@@ -218,3 +218,28 @@ def test_transducers_change_nothing_of_the_plant_but_what_the_current_loop_reads
 def test_a_gate_that_is_no_whole_number_of_rows_is_refused():
     with pytest.raises(RigError, match=r"speed_gate of 2\.05 ms is no whole number of the plant's steps of 100 us"):
         only(speed_step="1 rpm", speed_gate="2.05 ms")
+
+
+def test_each_encoder_counts_over_the_gate_of_its_own_entry(tmp_path):
+    (tmp_path / "rig.yaml").write_text(
+        "description: a slow encoder at the output\nbase: hydmag\ntransducers: {n_wyj: {like: n_out}}\n"
+        "instruments: {n_out_range: [3600 rpm, x], n_out_step: [1 rpm, x], n_out_gate: [20 ms, x]}\n"
+    )
+
+    def speeds(name: str) -> np.ndarray:
+        rig = Rig(load_rig(name))
+        rig.set("oil", 4e6, True)
+        rig.advance(0.3)
+        rig.order_gear(1)
+        rig.set("motor", 50.0, True)
+        return rows(rig, 0.6)
+
+    slow, quick = speeds(tmp_path), speeds("hydmag")
+    assert np.array_equal(column(slow, "n_wej"), column(quick, "n_wej"))
+    # the mean over 20 ms in place of those over 2 ms: ten of them
+    mean = sum(column(quick, "n_wyj")[200 - 20 * k : 6000 - 20 * k] for k in range(10)) / 10.0
+    assert np.ptp(mean) > 20.0
+    assert np.abs(column(slow, "n_wyj")[200:6000] - mean).max() < 1.5 * RPM
+    assert np.abs(column(quick, "n_wyj")[200:6000] - mean).max() > 5.0 * RPM
+    with pytest.raises(RigError, match=r"instruments\.n_out_gate of 2\.05 ms is no whole number"):
+        Rig(load_rig(tmp_path, {"instruments.n_out_gate": "2.05 ms"}))

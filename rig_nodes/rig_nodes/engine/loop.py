@@ -253,7 +253,8 @@ def advance(
             # no arrays are passed to the functions called here, because a call counts the references of its arrays up and down
             shown.mains = hum[mains]
             for e in range(shown.encoder.shape[0]):
-                shown.counted[shown.encoder[e]] = counts[slot, shown.encoder[e]]
+                begun = slot - int(shown.table[transducers.GATE, shown.encoder[e]])  # row at which its gate began, in the ring
+                shown.counted[shown.encoder[e]] = counts[begun if begun >= 0 else begun + gate, shown.encoder[e]]
             measure(index + 1, h, world, shown)
             for e in range(shown.encoder.shape[0]):
                 counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 # Rows of the table, which has a column for each channel of the logger, in SI units:
 # NOISE: standard deviation; LOW, HIGH: range; QUANTUM: step of the converter; GAIN, OFFSET: class error; KEEP: share of the
 # low pass's last output that is left after a row; HUM: amplitude of the mains; PICKUP: height of the induced coil pulses;
-# STEP: step of an encoder's reading, 0 for analog channels; TURN: counts of an encoder per rad/s and row
-NOISE, LOW, HIGH, QUANTUM, GAIN, OFFSET, KEEP, HUM, PICKUP, STEP, TURN = range(11)
-ROWS = 11
+# STEP: step of an encoder's reading, 0 for analog channels; TURN: counts of an encoder per rad/s and row; GATE: rows in its gate
+NOISE, LOW, HIGH, QUANTUM, GAIN, OFFSET, KEEP, HUM, PICKUP, STEP, TURN, GATE = range(12)
+ROWS = 12
 HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # harmonics of the mains with their shares of the first, assumed: a supply with a rectifier
 SQRT2 = sqrt(2.0)
 WIDTH = 8  # numbers in a vector of the processor: the number of lanes of a logger is a multiple of it
@@ -156,8 +156,8 @@ def encoder(speed: float, index: int, c: int, key: np.uint64, table: Floats, sta
         The table.
     state : (channels,) array of float
         Angle in counts, which is changed.
-    counts : (gate in rows, channels) array of float
-        Counter at the rows of one gate, which is changed.
+    counts : (rows of the longest gate, channels) array of float
+        Counter at the last rows, which is changed.
 
     Returns
     -------
@@ -171,7 +171,7 @@ def encoder(speed: float, index: int, c: int, key: np.uint64, table: Floats, sta
         place += table[NOISE, c] / (SQRT2 * table[STEP, c]) * noise_at(key, index)
     count = floor(place)
     slot = index % counts.shape[0]
-    reading = (count - counts[slot, c]) * table[STEP, c]
+    reading = (count - counts[(index - int(table[GATE, c])) % counts.shape[0], c]) * table[STEP, c]
     counts[slot, c] = count
     return reading
 

@@ -43,7 +43,7 @@ class Gauges:
     ----------
     arrays : tuple of array
         Table (rows of instruments.transducers, channels), keys of the noise (channels,), hum by row, state (channels,) and
-        counts (rows of a gate, channels).
+        counts (rows of the longest gate, channels).
     on : bool
         False when every channel shows its true value.
     """
@@ -56,8 +56,9 @@ class Gauges:
         self.table, self.state = np.zeros((parts.ROWS, size)), np.zeros(size)
         for row, value in NO_TRANSDUCER.items():
             self.table[row] = value
-        gate = self._gate(step) if on and getattr(config, "speed_step", 0.0) > 0.0 else 1
-        self.counts = np.zeros((gate, size))
+        likes = {one.like for one in rig.structure.transducers if on and getattr(config, f"{one.like}_step", 0.0) > 0.0}
+        self.gates = {like: self._gate(like, step) for like in sorted(likes)}
+        self.counts = np.zeros((max(self.gates.values(), default=1), size))
         # a transducer that is not fitted leaves an open input, which shows nothing
         fitted = {one.name: one for one in rig.structure.transducers if getattr(config, f"{one.like}_fitted", True)}
         beside = {valve.wires.get("beside") for valve in rig.structure.valves}
@@ -71,11 +72,13 @@ class Gauges:
         self.arrays = self.table, keys, hum, self.state, self.counts
         self._set = self.table[DISTURBANCES]
 
-    def _gate(self, step: float) -> int:
-        rows = self.config.speed_gate / step
+    def _gate(self, like: str, step: float) -> int:
+        """Return the rows in the gate of the encoders with these errors."""
+        gate = getattr(self.config, f"{like}_gate")
+        rows = gate / step
         if abs(rows - round(rows)) > 1e-6 or rows < 0.5:
             raise RigError(
-                f"instruments.speed_gate of {self.config.speed_gate * 1e3:g} ms is no whole number of the "
+                f"instruments.{like}_gate of {gate * 1e3:g} ms is no whole number of the "
                 f"plant's steps of {step * 1e6:g} us; give e.g. 2 ms"
             )
         return round(rows)
@@ -108,7 +111,8 @@ class Gauges:
             table[parts.KEEP, c] = math.exp(-2.0 * math.pi * config.anti_alias * step)
         if value("step") > 0.0:  # an encoder
             table[parts.STEP, c] = value("step")
-            table[parts.TURN, c] = 1.0 / (value("step") * len(self.counts))
+            table[parts.GATE, c] = self.gates[one.like]
+            table[parts.TURN, c] = 1.0 / (value("step") * self.gates[one.like])
             self.state[c] = uniform(seed, DRAWS + 1 + c, 0)
         else:
             self.state[c] = table[parts.OFFSET, c]
