@@ -115,6 +115,15 @@ def test_a_transducer_that_cannot_be_is_refused_where_it_stands(variant, what):
         load_rig(variant(text))
 
 
+def test_a_variant_with_meters_of_other_names_is_told_what_to_write_and_where(variant):
+    meter = "{type: torque, shows: M_wej, at: motor, range: [-500 Nm, 500 Nm], text: A meter.}"
+    folder = variant(f"transducers:\n  M_wej: ~\n  M_in: {meter}\n")
+    with pytest.raises(RigError, match=r"; write in \S*variant/rig\.yaml input: \{torque: M_in\}, because"):
+        load_rig(folder)
+    folder = variant(f"transducers:\n  M_wej: ~\n  M_in: {meter}\ninput: {{torque: M_in}}\n")
+    assert load_rig(folder).structure.input.torque == "M_in"
+
+
 def test_what_is_not_fitted_may_have_any_range():
     assert load_rig("clutch_bench").instruments.force_fitted is False
     for name in ("hydmag", "chapter9", "three_speed", "cylinder_bench", "spring_bench"):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ..config.names import meant
 from ..config.schema import check_keys, where_of
 from ..config.units import quantity
-from ..config.yaml_file import List, Map
+from ..config.yaml_file import List, Map, file_of
 from ..errors import RigError, brief
 from ..parts import part as parts
 from .quantities import QUANTITIES
@@ -53,6 +53,14 @@ class _Reader:
     def at(self, node: object, key: object = None) -> str:
         """Return ``file:line`` of a key or an item, or of the map or list itself."""
         return where_of(self.path, node, key)
+
+    def hint(self, node: Map, what: str, key: str, known: list[str]) -> str:
+        """Return which transducer could be meant; in a variant of another rig, also where its name is to be written."""
+        if not known or file_of(self.path, node, what) == self.path:
+            return meant(node[what], known)
+        nodes = self.map_of("transducers")
+        added = [one for one in known if file_of(self.path, nodes, one) == self.path]
+        return f"write in {self.path} {key}: {{{what}: {(added or known)[0]}}}, because this line is its base's"
 
     def map_of(self, key: str) -> Map:
         """Return the map under a key of the file; an empty map when there is none."""
@@ -469,7 +477,7 @@ class _Reader:
             if node[what] not in known:
                 raise RigError(
                     f"{self.at(node, what)}: {key}.{what} names {brief(node[what])}, expected a transducer of type "
-                    f"{what}; {meant(node[what], known)}"
+                    f"{what}; {self.hint(node, what, key, known)}"
                 )
         return End(*(node[one] for one in _END_KEYS))
 
