@@ -20,8 +20,8 @@ from rig_nodes.plant.driveline_algebra import noinline
 from rig_nodes.plant.driveline_tables import Tables, line, piece
 
 SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less is left to the mean over the way
-RESOLVED = 0.0035  # rad: a part of a step is at most this part of the oscillation of a shaft whose stiffness changes
-PARTS = 16  # that many parts at most in a step
+RESOLVED = 0.0015  # rad: a part of a step is at most this part of the oscillation of a shaft whose stiffness changes
+PARTS = 128  # that many parts at most in a step
 NEAR = 1e-4  # share of a way within which a bend counts as at its beginning or end
 
 
