@@ -62,7 +62,7 @@ class State:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A gear mesh with losses.
+    """A gear mesh with losses, or a planetary set with losses.
 
     The loss is `share` times the torque that passes in less `before` times the loss itself. This is one straight line for both
     directions of power.
@@ -72,7 +72,7 @@ class Mesh:
     name : str
         Name of the mesh.
     gear : int
-        Number of the friction element that holds the two wheels together.
+        Number of the friction element that holds the two wheels, or the three members, together.
     brake : int
         Number of the friction element that brakes with the loss torque.
     share : float
@@ -124,7 +124,7 @@ class System:
     tie_rows : (ties, b) array of float
         Coefficients of the ties.
     meshes : tuple of Mesh
-        Gear meshes with losses.
+        Gear meshes and planetary sets with losses.
     laws : tuple of Law
         Laws of the driveline, sorted by kind.
     slots : (s and more, n) array of float
@@ -234,6 +234,7 @@ class Driveline:
         self._shafts: dict[str, tuple] = {}
         self._elements: dict[str, tuple] = {}
         self._meshes: dict[str, tuple[str, str, float, float, float]] = {}
+        self._lossy_sets: dict[str, tuple[str, str, str, float, float, float]] = {}
         self._soft: dict[str, tuple] = {}  # characteristics of shafts that are not straight lines
         self._friction: dict[str, Table] = {}
         self._capacities: dict[str, tuple] = {}
@@ -316,23 +317,24 @@ class Driveline:
         RigError
             When a body does not exist or is the ground, the name is taken, or a number is out of its range.
         """
-        back = efficiency if back is None else back
         self._new_name(name)
         self._known(f"mesh '{name}'", a, b)
         if GROUND in (a, b):
             raise RigError(f"driveline: mesh '{name}' names the {GROUND}; two bodies that turn are needed")
         if not math.isfinite(ratio) or ratio == 0.0:
             raise RigError(f"driveline: ratio of mesh '{name}' is {ratio}; a finite number other than 0 is needed")
-        if not 0.0 < efficiency <= 1.0:
-            raise RigError(f"driveline: efficiency of mesh '{name}' is {efficiency}; a number above 0, at most 1, is needed")
-        if not (math.isfinite(back) and back <= 1.0):
-            raise RigError(f"driveline: efficiency of mesh '{name}' from {b} back to {a} is {back}; at most 1 is possible")
-        self._meshes[name] = a, b, float(ratio), float(efficiency), float(back)
+        there, back = self._efficiencies(f"mesh '{name}'", a, b, efficiency, back)
+        self._meshes[name] = a, b, float(ratio), there, back
 
-    def planetary(self, name: str, sun: str, ring: str, carrier: str, ratio: float) -> None:
+    def planetary(
+        self, name: str, sun: str, ring: str, carrier: str, ratio: float, efficiency: float | None = None, back: float | None = None
+    ) -> None:
         """Add a planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis).
 
-        One of the three members may be the ground. The planets have no inertia of their own.
+        One of the three members may be the ground. The planets have no inertia of their own. With an efficiency its teeth lose
+        power: the product of sun's torque and speed less the carrier's is what passes through the teeth, in either direction
+        (Müller, Die Umlaufgetriebe, 1998). Its loss is then the friction element "`name` loss", and all members that turn need
+        inertia, either their own or that of bodies tied to them.
 
         Parameters
         ----------
@@ -342,13 +344,28 @@ class Driveline:
             The bodies of its three members.
         ratio : float
             Teeth of the ring over teeth of the sun, above 0.
+        efficiency : float, optional
+            Share of the power from the sun that reaches the ring while the carrier stands, above 0 and at most 1.
+        back : float, optional
+            Share of the power from the ring that reaches the sun; without it the same as `efficiency`, below 0 as of a mesh.
 
         Raises
         ------
         RigError
-            When a body does not exist, the name is taken or the ratio is not above 0.
+            When a body does not exist, the name is taken or a number is out of its range.
         """
-        self._positive(f"ratio of planetary set '{name}'", ratio)
+        what = f"planetary set '{name}'"
+        self._positive(f"ratio of {what}", ratio)
+        if efficiency is not None:
+            self._new_name(name)
+            if len({sun, ring, carrier}) < 3:
+                raise RigError(f"driveline: {what} joins '{sun}', '{ring}' and '{carrier}'; three different bodies are needed")
+            self._exist(what, sun, ring, carrier)
+            there, back = self._efficiencies(what, sun, ring, efficiency, back)
+            self._lossy_sets[name] = sun, ring, carrier, float(ratio), there, back
+            return
+        if back is not None:
+            raise RigError(f"driveline: {what} has an efficiency back and none there; give both, or none of them")
         self._relate("planetary set", name, {sun: 1.0, ring: float(ratio), carrier: -1.0 - ratio}, 3)
 
     def relation(self, name: str, coefficients: Mapping[str, float]) -> None:
@@ -714,6 +731,9 @@ class Driveline:
             Link(a, b, "mesh", f"{name}: {ratio:.4g}, efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else ""))
             for name, (a, b, ratio, there, back) in self._meshes.items()
         ]
+        for name, (sun, ring, carrier, ratio, there, back) in self._lossy_sets.items():
+            losing = f"efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else "")
+            links += [Link(sun, ring, "set", f"{name} ({ratio:.3g})"), Link(sun, carrier, "set", f"{name}: {losing}")]
         links += [Link(a, b, "shaft", name) for name, (a, b, *_) in self._shafts.items()]
         links += [
             Link(a, b, "freewheel" if one_way else "clutch", name)
@@ -757,10 +777,10 @@ class Driveline:
         inertia = np.array([self._inertia[name] for name in bodies])
         if not inertia.any():
             raise RigError("driveline: no body with inertia; at least one is needed")
-        elements = self._elements | self._mesh_elements()
+        elements, rows = self._elements | self._mesh_elements(), self._mesh_rows()
         if len(elements) > _MAX_ELEMENTS:
             raise RigError(
-                f"driveline: {len(elements)} friction elements, two of them for each mesh with losses; at most {_MAX_ELEMENTS} work"
+                f"driveline: {len(elements)} friction elements, two for each mesh or set with losses; at most {_MAX_ELEMENTS} work"
             )
         prescribed = [next(iter(on)) for kind, on, *_ in self._acts.values() if kind == MOTION]
         speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations, prescribed)
@@ -775,7 +795,8 @@ class Driveline:
         row[GROUND] = np.zeros(len(speeds))
         w = np.zeros((len(elements), len(speeds)))
         for f, (name, (a, b, ca, cb, *_)) in enumerate(elements.items()):
-            w[f] = ca * row[a] - cb * row[b]
+            joint = rows.get(name)
+            w[f] = ca * row[a] - cb * row[b] if joint is None else sum(c * row[body] for body, c in joint.items())
             self._moves(name, w[f])
         sh = np.zeros((len(self._shafts), len(speeds)))
         for i, (name, (a, b, ca, cb, *_)) in enumerate(self._shafts.items()):
@@ -809,24 +830,30 @@ class Driveline:
             one_way,
             v_start,
             np.array([x[6] for x in k], dtype=float),
-            _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
+            _rows(bodies, (rows.get(name, {a: ca, b: -cb}) for name, (a, b, ca, cb, *_) in elements.items())),
             _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
             tuple(self._ties),
             _rows(bodies, self._ties.values()),
-            tuple(self._mesh_of(name, tuple(elements)) for name in self._meshes),
+            tuple(self._mesh_of(name, tuple(elements)) for name in (*self._meshes, *self._lossy_sets)),
             *self._laws_of(bodies, speeds, t, w, sh, v_start),
         )
 
-    def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
-        """Return the two friction elements of each mesh with losses, by name.
+    def _mesh_rows(self) -> dict[str, dict[str, float]]:
+        """Return the coefficients of the two friction elements of each mesh and planetary set with losses, by name.
 
-        One is a clutch that never slips. The other is a brake on b whose slip is scaled to w_a, so that its torque is that at a.
+        One is a clutch that never slips. The other brakes the side that is driven from a, b or the ring, with its slip scaled to
+        the speed of a or the sun, so that its torque is that at a. In a set all speeds are those against the carrier.
         """
         out = {}
         for name, (a, b, ratio, *_) in self._meshes.items():
-            out[name] = a, b, 1.0, ratio, (1.0, 1.0), 0.0, False
-            out[f"{name} loss"] = b, GROUND, ratio, 1.0, (1.0, 1.0), 0.0, False
+            out[name], out[f"{name} loss"] = {a: 1.0, b: -ratio}, {b: ratio}
+        for name, (sun, ring, carrier, ratio, *_) in self._lossy_sets.items():
+            out[name], out[f"{name} loss"] = {sun: 1.0, ring: ratio, carrier: -1.0 - ratio}, {ring: -ratio, carrier: ratio}
         return out
+
+    def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
+        """Return the two friction elements of each mesh and set with losses, by name; `_mesh_rows` has their coefficients."""
+        return {name: (next(iter(row)), GROUND, 1.0, 1.0, (1.0, 1.0), 0.0, False) for name, row in self._mesh_rows().items()}
 
     def _mesh_of(self, name: str, elements: tuple[str, ...]) -> Mesh:
         """Return the mesh with the coefficients of its loss.
@@ -835,14 +862,17 @@ class Driveline:
         a, and t less the loss out of it, both are `share` times |t - before * loss|, because t is greater than before * loss
         where a drives and smaller where b drives.
         """
-        ahead, behind = (max(1.0 - efficiency, _LEAST_LOSS) for efficiency in self._meshes[name][3:])
+        there, back = (self._meshes.get(name) or self._lossy_sets[name])[-2:]
+        ahead, behind = max(1.0 - there, _LEAST_LOSS), max(1.0 - back, _LEAST_LOSS)
         before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
         return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
 
     def _start(self, given: Mapping[str, float], bodies: tuple[str, ...], speeds: tuple[str, ...], t: Floats) -> Floats:
-        if not self._meshes:
+        if not self._meshes and not self._lossy_sets:
             return start_speeds(given, bodies, t)
-        meshes = {f"mesh '{name}'": {a: 1.0, b: -ratio} for name, (a, b, ratio, *_) in self._meshes.items()}
+        rows = self._mesh_rows()
+        meshes = {f"mesh '{name}'": rows[name] for name in self._meshes}
+        meshes |= {f"planetary set '{name}'": rows[name] for name in self._lossy_sets}
         _, tied = bodies_from_speeds(self._inertia, self._gears, self._relations | meshes)
         at_start = dict(zip(bodies, tied @ start_speeds(given, bodies, tied)))
         return np.array([at_start[name] for name in speeds])
@@ -901,7 +931,7 @@ class Driveline:
     def _left_free(self, held: npt.NDArray[np.bool_], w: Floats) -> None:
         """RigError for what would have to hold speeds that motions prescribe: the speeds `held` (n,), the slips `w` (m, n)."""
         elements = self._elements | self._mesh_elements()
-        rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes]
+        rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes or name in self._lossy_sets]
         if np.linalg.matrix_rank(w[np.ix_(rigid, ~held)]) < np.linalg.matrix_rank(w[rigid]):
             names = ", ".join(f"'{list(elements)[f]}'" for f in rigid)
             raise RigError(
@@ -911,8 +941,7 @@ class Driveline:
 
     def _new_name(self, name: str) -> None:
         if name == GROUND or any(
-            name in parts
-            for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._meshes, self._mesh_elements())
+            name in parts for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._mesh_elements())
         ):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
@@ -954,6 +983,16 @@ class Driveline:
     def _moves(name: str, row: Floats) -> None:
         if not np.any(np.abs(row) > 1e-12):
             raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; its slip is always 0")
+
+    @staticmethod
+    def _efficiencies(what: str, a: str, b: str, efficiency: float, back: float | None) -> tuple[float, float]:
+        """Return the shares of the power that arrive from a at b, and from b at a."""
+        back = efficiency if back is None else back
+        if not 0.0 < efficiency <= 1.0:
+            raise RigError(f"driveline: efficiency of {what} is {efficiency}; a number above 0, at most 1, is needed")
+        if not (math.isfinite(back) and back <= 1.0):
+            raise RigError(f"driveline: efficiency of {what} from {b} back to {a} is {back}; at most 1 is possible")
+        return float(efficiency), float(back)
 
     def _relate(self, kind: str, name: str, coefficients: dict[str, float], least: int) -> None:
         self._new_name(name)
