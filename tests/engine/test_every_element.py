@@ -54,7 +54,7 @@ def test_the_engine_moves_every_element_as_python_alone_does(moved):
     rig, run, missed = moved
     assert missed.max() < 1e-9 and run.result().capped == 0 and rig.reason == ""
     assert len({event.element for event in run.result().events}) >= 5, "clutches, brakes and the worm lock and let go"
-    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "crank", "swing"):
+    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "spider", "crank", "swing"):
         speed = run.result().speed(body)
         assert np.ptp(speed) > 0.5, f"{body} moves"
 
@@ -65,6 +65,7 @@ def test_torques_are_those_of_python_alone(moved):
     for name in ("soft", "geared", "shoes", "across", "low", "grip", "air", "gravity", "tyre", "shake"):
         assert rig.true(f"{name}.torque") == pytest.approx(result.torque(name)[-1], rel=1e-9, abs=1e-8), name
     assert rig.true("worm.torque") == pytest.approx(-result.torque("worm", "input")[-1], rel=1e-9)
+    assert rig.true("reducer.torque") == pytest.approx(-result.torque("reducer", "pinion")[-1], rel=1e-9)
     assert rig.measurement("M_soft") == rig.true("soft.torque")
 
 
@@ -123,6 +124,7 @@ def test_values_are_settings_by_their_names(config):
     for name in (
         "worm.efficiency",
         "worm.back",
+        "reducer.efficiency",
         "soft.backlash",
         "geared.ca",
         "across.stick_back",
@@ -141,6 +143,7 @@ def test_check_draws_every_element(tmp_path, capsys):
     drawn = (tmp_path / "p.svg").read_text()
     for name in (
         "worm",
+        "reducer, 0.8: sun 20, ring 60 held",
         "differential",
         "soft",
         "geared",
@@ -175,7 +178,7 @@ def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     run.to(0.32)
     result, signals = run.result(), torque_signals(bag.structure)
     assert [one.name for one in signals if one.of == "set"] == ["set_sun_torque", "set_ring_torque", "set_carrier_torque"]
-    assert len(signals) == 24 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
+    assert len(signals) == 26 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
     for one in signals:
         times, torque = bag.series(one.name)
         rows = np.searchsorted(result.t, times - 1e-9)
@@ -220,6 +223,17 @@ WRONG = {
         '  drum: {inertia: [2.0 kg m2, "assumed"]}',
         "  drum: massless",
         "both sides of a mesh with an efficiency need an inertia",
+    ),
+    "a set that loses above 1": ('[80 %, "assumed"]', '[180 %, "assumed"]', "reducer.efficiency is 180 %, outside 0.1 to 100 %"),
+    "a set with the way back only": (
+        'efficiency: [80 %, "assumed"], back',
+        "back",
+        "planetary_sets.reducer has the key back and no",
+    ),
+    "a set that loses on a wheel": (
+        '  pinion: {inertia: [0.1 kg m2, "assumed"]}',
+        "  pinion: massless",
+        "all members of a set with an efficiency need an inertia",
     ),
     "a name twice": ("name: worm", "name: drum", "meshes.drum: there is 'drum' among the bodies already"),
     "a relation of one": ("{carrier: 2, left: -1, right: -1}", "{carrier: 2}", "must be a map of two bodies or more"),

@@ -69,7 +69,8 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
         else:
             out.gear(mesh.bodies[1], mesh.bodies[0], mesh.ratio, name)
     for one in structure.planetary_sets:
-        out.planetary(one.name, one.sun, one.ring, one.carrier, one.ratio)
+        loses = _given(values[one.name]) if one.lossy and not lossless else {}
+        out.planetary(one.name, one.sun, one.ring, one.carrier, one.ratio, **loses)
     for one in structure.of_kind("relation"):
         out.relation(one.name, dict(zip(one.bodies, one.coefficients)))
     return out
@@ -102,7 +103,7 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
     values : mapping
         Values of the sections by name, as dataclasses or as plain maps.
     lossless : bool
-        True when only ratios and inertias count, so that meshes with losses become gears.
+        True when only ratios and inertias count, so that meshes and sets lose nothing.
 
     Returns
     -------

@@ -62,8 +62,11 @@ def _links(structure: Structure, config: object) -> list[Link]:
         words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
         out += [(one.bodies[0], other, "set", f"{one.name}: {words[0]}, {told}") for other, told in zip(one.bodies[1:], words[1:])]
     for one in structure.planetary_sets:
+        named = f"{one.name}, {getattr(config, one.name).efficiency:.3g}" if one.lossy else one.name
+        if one.ring == "ground":
+            out.append((one.sun, one.carrier, "set", f"{named}: sun {one.teeth[0]}, ring {one.teeth[1]} held"))
         out += [
-            (one.ring, wheel, "set", f"{one.name}: {role} {teeth}")
+            (one.ring, wheel, "set", f"{named}: {role} {teeth}")
             for wheel, role, teeth in ((one.sun, "sun", one.teeth[0]), (one.carrier, "carrier,", f"ring {one.teeth[1]}"))
         ]
     return [Link(*one) for one in out if one[0] in structure.bodies and one[1] in structure.bodies]

@@ -219,8 +219,11 @@ class _Reader:
         for name, node in nodes.items():
             what = f"planetary_sets.{name}"
             keys = ("sun", "ring", "carrier", "teeth", "source")
-            check_keys(self.path, node, keys, keys, what, self.at(nodes, name))
+            check_keys(self.path, node, (*keys, *(one.name for one in fields(MeshConfig))), keys, what, self.at(nodes, name))
             self.source(node, what)
+            lossy = "efficiency" in node
+            if "back" in node and not lossy:
+                raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
             wheels = [self.body(node[key], self.at(node, key), f"{what}.{key}", ground=True) for key in keys[:3]]
             sun, ring, carrier = wheels
             if len(set(wheels)) < 3:
@@ -233,7 +236,14 @@ class _Reader:
                     f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; give the "
                     "sun first, which has fewer"
                 )
-            out.append(PlanetarySet(name, sun, ring, carrier, teeth))
+            if lossy:
+                self.element_names.append(name)
+                if light := [body for body in wheels if self.node["bodies"].get(body) == MASSLESS]:
+                    raise RigError(
+                        f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; all members of "
+                        "a set with an efficiency need an inertia"
+                    )
+            out.append(PlanetarySet(name, sun, ring, carrier, teeth, lossy))
         return tuple(out)
 
     def shafts(self) -> tuple[Shaft, ...]:

@@ -31,7 +31,7 @@ _LAW = ("table", "by", "of", "period", "angle")
 GROUPS = {
     "bodies": (),
     "shafts": ("joins", "table", "hysteresis"),
-    "planetary_sets": (),
+    "planetary_sets": ("sun", "ring", "carrier", "teeth", "source"),
     "relations": ("coefficients", "source"),
     "clutches": ("joins", "friction", "capacity"),
     "brakes": ("body", "friction", "capacity"),

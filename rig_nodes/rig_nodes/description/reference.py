@@ -36,7 +36,7 @@ def sections() -> dict[str, tuple[str, dict]]:
         "the rig itself": ("Beside `description` and the other keys.", _of(KernelConfig)),
         "bodies": ("Of each body that is not `massless`.", _of(BodyConfig)),
         "shafts": ("Of each compliant shaft.", _of(ShaftConfig)),
-        "meshes": ("Of toothed wheels with a name and an efficiency.", _of(MeshConfig)),
+        "meshes": ("Of toothed wheels with a name and an efficiency, and of planetary sets with an efficiency.", _of(MeshConfig)),
         "clutches": ("Of each clutch that is no device.", _of(ClutchConfig)),
         "brakes": ("Of each brake that is no device.", _of(BrakeConfig)),
         "slider_cranks": ("Of each slider with its crank.", _of(SliderCrankConfig)),

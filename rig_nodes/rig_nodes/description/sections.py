@@ -69,11 +69,13 @@ class ShaftConfig:
 
 @dataclass(frozen=True)
 class MeshConfig:
-    """Toothed wheels that lose by the torque that they pass on."""
+    """Toothed wheels that lose by the torque that they pass on; of a planetary set, those of sun and ring against its carrier."""
 
-    efficiency: float = param("ratio", 1e-3, 1.0, "Share of the power of the first body that the second one gets")
+    efficiency: float = param(
+        "ratio", 1e-3, 1.0, "Share of the power of the first body, or of the sun, that the second one gets, or the ring"
+    )
     back: float = param(
-        "ratio", -20.0, 1.0, "Share of the power of the second body that the first one gets; left out, as efficiency", None
+        "ratio", -20.0, 1.0, "Share of the power back to the first body, or to the sun; left out, as efficiency", None
     )
 
 
@@ -153,10 +155,10 @@ def written(section: DataclassInstance) -> object:
 
 
 def section_classes(structure: Structure) -> dict[str, type]:
-    """Return the dataclass of each body, shaft, mesh and element that has values, by its name."""
+    """Return the dataclass of each body, shaft, mesh, planetary set and element that has values, by its name."""
     out = {name: BodyConfig for name in structure.bodies if name not in structure.massless}
     out |= dict.fromkeys((one.name for one in structure.shafts), ShaftConfig)
-    out |= dict.fromkeys((one.name for one in structure.meshes if one.lossy), MeshConfig)
+    out |= dict.fromkeys((one.name for one in (*structure.meshes, *structure.planetary_sets) if one.lossy), MeshConfig)
     return out | {one.name: ELEMENTS[one.kind] for one in structure.elements if one.kind in ELEMENTS}
 
 

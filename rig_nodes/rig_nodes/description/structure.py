@@ -58,13 +58,14 @@ class Mesh:
 
 @dataclass(frozen=True)
 class PlanetarySet:
-    """A simple planetary set: z_sun w_sun + z_ring w_ring = (z_sun + z_ring) w_carrier (Willis)."""
+    """A simple planetary set: z_sun w_sun + z_ring w_ring = (z_sun + z_ring) w_carrier (Willis); if lossy, with an efficiency."""
 
     name: str
     sun: str
     ring: str
     carrier: str
     teeth: tuple[int, int]  # of sun and ring
+    lossy: bool = False
 
     @property
     def ratio(self) -> float:
@@ -327,7 +328,7 @@ class Structure:
         for name in ("view", "elements", "inputs", "signals"):
             if not out[name]:
                 del out[name]
-        for one in (*out["meshes"], *out["shafts"], *out["gears"]):  # older bags and most rigs lack these
+        for one in (*out["meshes"], *out["planetary_sets"], *out["shafts"], *out["gears"]):  # older bags and most rigs lack these
             for name in ("name", "lossy", "table", "hysteresis", "freewheels"):
                 if name in one and not one[name]:
                     del one[name]
