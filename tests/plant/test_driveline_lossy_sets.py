@@ -3,7 +3,7 @@
 
 """A planetary set with efficiency, compared with closed forms: its teeth pass on power by the speeds against the carrier.
 
-The efficiencies with one member held are those of Müller, Die Umlaufgetriebe (1998), and of Simscape's planetary gear.
+The closed forms follow from Willis' relation, and from the torques on the teeth in balance with that on the carrier.
 """
 
 import itertools
