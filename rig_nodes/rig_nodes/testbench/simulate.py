@@ -343,7 +343,7 @@ def simulate(
     """
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
-    record = run_record(config, sequence, seed)
+    record = run_record(config, sequence, seed) | ({} if delay == 1 else {"delay": delay})  # a re-run needs it
     outputs = Outputs(rig, record, commands=config.structure.shifts, controller=controller)
     runner = runner_on(rig, outputs, config, sequence, controller)
     types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}

@@ -1,0 +1,128 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`rig rerun`: the recorded commands of a bag through a plant again, or its transducers through a controller."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ..bags.reader import Bag
+    from ..testbench.configuration import RigConfig
+
+HELP = "run a bag again: its commands through a plant, or its transducers through a controller"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.add_argument("bag", metavar="BAG", help="folder of a run, or its .mcap file")
+    parser.add_argument(
+        "--through",
+        nargs="+",
+        action=Through,
+        required=True,
+        metavar=("plant | controller", "SPEC"),
+        help="plant, or controller and its specification, e.g. controller c:FILE.c",
+    )
+    parser.add_argument("--out", metavar="DIR", help="folder for the new bag (default: runs/<name>-rerun-<n>)")
+    parser.add_argument("--rig", metavar="NAME", help="another rig, its folder or .yaml file (default: the one in the bag)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help='change one value of the rig, e.g. clutch_s1.clearance="1.7 mm" (may be repeated)',
+    )
+    parser.add_argument("--level", choices=("duty", "current"), help="what the controller returns, if it can return both")
+
+
+class Through(argparse.Action):
+    """Reads ``plant`` or ``controller SPEC``."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, *_: object) -> None:
+        """Store ("plant", None) or ("controller", SPEC)."""
+        words = list(values) if isinstance(values, list) else []
+        if words == ["plant"]:
+            namespace.through = "plant", None
+        elif len(words) == 2 and words[0] == "controller":
+            namespace.through = "controller", words[1]
+        else:
+            raise argparse.ArgumentError(self, f"'{' '.join(words)}': expected plant, or controller and its specification")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Run the bag again; return 1 when a controller failed."""
+    from ..bags.reader import Bag
+    from ..errors import RigError
+    from ..testbench.configuration import load_rig, with_overrides
+    from ..testbench.folders import parse_settings, run_folder, unless_empty
+    from ..testbench.recorded_rig import config_of_record
+    from ..testbench.rerun import check_whole
+
+    what, spec = args.through
+    if args.level and what == "plant":
+        raise RigError("--level is of a controller; the recorded commands have their own")
+    bag = Bag(args.bag)
+    check_whole(bag)
+    settings = parse_settings(args.settings)
+    config = load_rig(args.rig, settings) if args.rig else with_overrides(config_of_record(bag.record, str(bag.path)), settings)
+    folder = run_folder(args.out, f"{bag.path.stem.rpartition('_')[0] or bag.path.stem}-rerun")
+    with unless_empty(folder):
+        code = _plant(bag, config, folder) if what == "plant" else _controller(bag, config, spec, args.level, folder)
+    print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
+    return code
+
+
+def _plant(bag: Bag, config: RigConfig, folder: Path) -> int:
+    from ..analysis.moved import moved_lines
+    from ..analysis.report import build_report, info_of, write_report
+    from ..bags.reader import Bag
+    from ..testbench.rerun import different_topics, rerun_plant
+
+    for note in rerun_plant(bag, config, folder):
+        print(f"rig: warning: {note}", file=sys.stderr)
+    new = Bag(folder)
+    end = {"state": "ended", "reason": f"the recorded commands of {bag.path.name} ended"}
+    report = build_report(new, {**info_of(new), "mode": "rerun", "end": end})
+    write_report(folder, report)
+    different = different_topics(bag, new)
+    if not different:
+        print(f"all {len(new.types) - 1} topics are bit for bit as recorded")
+        return 0
+    print(f"{len(different)} of {len(new.types) - 1} topics differ from the recorded ones: {', '.join(different)}")
+    for line in moved_lines(build_report(bag, info_of(bag)), report):
+        print(line)
+    return 0
+
+
+def _controller(bag: Bag, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
+    from ..controllers.load import level_line, load_controller
+    from ..errors import printable
+    from ..testbench.rerun import rerun_controller
+    from ..testbench.simulate import check_controller
+
+    check_controller(config)
+    controller = load_controller(spec, config, level)
+    print(level_line(controller), flush=True)
+    controller.say = lambda text: print(f"            {printable(text)}", flush=True)
+    controller.wait(60.0)
+    found = rerun_controller(bag, config, controller, spec, folder)
+    print(f"{found.same} of {found.samples} answers are bit for bit as recorded")
+    if found.first is not None:
+        unit = " A" if controller.level == "current" else ""
+        print(
+            f"the first other answer is that at {found.first:.3f} s; commands differ by at most {found.largest:.3g}{unit}, "
+            f"gear or shifting in {found.gears} answers"
+        )
+    if found.missing:
+        print(f"{found.missing} samples were answered by only one of both")
+    if found.end:
+        print(f"rig: {printable(found.end)}", file=sys.stderr)
+        return 1
+    return 0

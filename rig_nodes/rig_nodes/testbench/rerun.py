@@ -1,0 +1,390 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Run a bag again: its commands through a plant, or its transducers through a controller, into a new bag.
+
+``rig rerun`` uses it. No sequence is needed: what a sequence, a person or a controller ordered is in the bag.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..bags.cdr import encoder
+from ..bags.reader import Bag
+from ..bags.writer import BagWriter
+from ..clocks import ROW_NS, SAMPLE_NS
+from ..config.schema import SWITCH
+from ..controllers.plug import Plug
+from ..controllers.seam import LEVELS, ControllerFailed
+from ..description.settings import CHANGED, CONTROLLER, Settings
+from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED
+from ..errors import RigError
+from ..uninterrupted import Uninterrupted
+from .configuration import RigConfig
+from .outputs import BLOCK, Outputs
+from .rig import Rig
+
+SAMPLES = "/instruments/controller"
+RUN_INFO = "/rig/run_info"
+RIG_EVENTS = "/rig/events"
+TRIPPED = "rig_tripped"
+E_STOP = "emergency stop"
+EVENT = "rig_msgs/msg/Event"
+SETPOINT = "rig_msgs/msg/Setpoint"
+
+
+def rerun_record(bag: Bag, config: RigConfig, through: str) -> dict:
+    """Return the record of a re-run, which names its parent.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag that is run again.
+    config : RigConfig
+        The configuration of the re-run.
+    through : str
+        "plant", or the specification of the controller.
+
+    Returns
+    -------
+    dict
+        The parent's record with this configuration and version; ``parent`` holds the name of the parent's file and its
+        canonical hash.
+    """
+    return {
+        **bag.run_info(),
+        "configuration": config.as_dict(),
+        "versions": {"rig_nodes": __version__},
+        "parent": {"bag": bag.path.name, "hash": bag.canonical_hash()["all"], "through": through},
+    }
+
+
+@dataclass
+class _Inputs:
+    """What came to the plant from outside, by the sample before which it acts, and the valve commands in their order."""
+
+    setpoints: dict[int, list[tuple[str, float, bool]]] = field(default_factory=lambda: defaultdict(list))
+    events: dict[int, list[tuple[str, str, str, float]]] = field(default_factory=lambda: defaultdict(list))
+    commands: dict[int, Any] = field(default_factory=dict)
+    last: int = 0
+    delay: int = 1
+
+
+def _sample(stamp: float) -> int:
+    """Return the sample of a stamp [ns]."""
+    return round(stamp / SAMPLE_NS)
+
+
+def _inputs_of(bag: Bag, config: RigConfig) -> _Inputs:
+    found = _Inputs(last=bag.last // SAMPLE_NS, delay=bag.run_info().get("delay", 1))
+    keys = {one.setpoint.topic: key for key, one in config.settings.steps.items()}
+    for topic, ros_type in bag.types.items():
+        if ros_type == SETPOINT:
+            if topic not in keys and bag.counts[topic]:
+                raise RigError(f"{bag.path}: sets {topic}, which the rig '{config.name}' does not have; name one like its own")
+            for _, message in bag.messages(topic):
+                found.setpoints[_sample(message)].append((keys[topic], float(message.value), bool(message.enable)))
+        elif ros_type == EVENT:
+            for _, message in bag.messages(topic):
+                one = topic, str(message.name), str(message.text), float(message.value)
+                found.events[_sample(message)].append(one)
+    if CONTROLLER_COMMAND in bag.types:
+        found.commands = {int(message.sample): message for _, message in bag.messages(CONTROLLER_COMMAND)}
+    return found
+
+
+def _sample(message: Any) -> int:
+    """Return the controller sample of a message's stamp."""
+    stamp = message.header.stamp
+    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) // SAMPLE_NS
+
+
+def _changed(settings: Settings, text: str, value: float) -> str | None:
+    """Return the name of the setting that the text of an event says to have changed; None when it is not of this rig."""
+    name = text.partition(" = ")[0]
+    return name if name in settings and settings[name].sentence(value) == text else None
+
+
+def check_whole(bag: Bag) -> None:
+    """Refuse a bag that does not hold a whole run of a rig in lockstep.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag.
+
+    Raises
+    ------
+    RigError
+        When it holds no run, lacks its beginning or messages, or has devices outside the plant.
+    """
+    bag.check_began()
+    if "configuration" not in bag.run_info():
+        raise RigError(f"{bag.path}: does not say which rig ran; expected a bag of `rig run` or `rig simulate`")
+    if bag.recorded_from > 0.0:
+        raise RigError(f"{bag.path}: begins {bag.recorded_from:.3f} s after the run; a re-run needs the run from its start")
+    if gaps := bag.gaps():
+        topic, lost = next(iter(gaps.items()))
+        raise RigError(f"{bag.path}: {topic} lost {lost} messages; a re-run needs all of them")
+
+
+def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
+    """Feed the recorded commands of a bag to a plant, and write what the plant does into a new bag.
+
+    Setpoints, valve commands, changes of the rig's settings and what stopped the run from outside act at the samples at which
+    they acted in the recorded run. A rig of the bag's own configuration therefore repeats the run bit for bit.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag.
+    config : RigConfig
+        The rig; that of the bag or another one with the same setpoints and outputs.
+    folder : Path
+        Folder of the new bag.
+
+    Returns
+    -------
+    list of str
+        What could not be fed, as sentences.
+
+    Raises
+    ------
+    RigError
+        When the bag does not fit the rig.
+    """
+    check_whole(bag)
+    if config.cut_out:
+        raise RigError(
+            f"{', '.join(config.cut_out)}: stands outside the plant; a re-run has no device outside, set its source to plant"
+        )
+    found = _inputs_of(bag, config)
+    first = next(iter(found.commands.values()), None)
+    if config.structure.shifts and first is None:
+        raise RigError(f"{bag.path}: holds no valve commands, which the rig '{config.name}' needs")
+    level = LEVELS[first.level] if first is not None else None
+    rig = Rig(config, int(bag.run_info().get("seed", 1)), "external", level, delay=found.delay)
+    outputs = Outputs(rig, rerun_record(bag, config, "plant"), commands=config.structure.shifts)
+    types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
+    notes: list[str] = []
+    stops = Uninterrupted()
+    with stops, BagWriter(folder, bag.path.stem.rpartition("_")[0] or bag.path.stem, topics=config.catalogue.all_topics) as new:
+        for sample in range(found.last + 1):
+            _act(rig, outputs, found, sample, notes)
+            stops.held = True
+            try:
+                for topic, stamp, data in outputs.due():
+                    new.write(topic, types[topic], data, stamp, made_here=True)
+            finally:
+                stops.let_in()
+            if sample == found.last:
+                break
+            if rig.delay == 0:
+                _command(rig, found, sample)
+            _stop(rig, found, sample + 1)
+            rig.advance_samples(1)
+            if rig.delay > 0:
+                _command(rig, found, sample)
+    return notes
+
+
+def _act(rig: Rig, outputs: Outputs, found: _Inputs, sample: int, notes: list[str]) -> None:
+    """Give the rig the setpoints and changed settings of a sample, and send them and the events on."""
+    for key, value, enable in found.setpoints.get(sample, ()):
+        rig.set(key, value, enable)
+        outputs.setpoint(rig.settings.steps[key].setpoint.topic, value, enable)
+    for topic, name, text, value in found.events.get(sample, ()):
+        if topic == RIG_EVENTS and name == CHANGED:
+            setting = _changed(rig.settings, text, value)
+            if setting is None:
+                notes.append(f"at {rig.time:.3f} s '{text}' could not be repeated, as the rig has no such setting")
+                continue
+            rig.set_value(setting, value != 0.0 if rig.settings[setting].dimension == SWITCH else value)
+        elif topic == RIG_EVENTS:
+            continue  # the rig says itself what happens to it
+        outputs.event(topic, name, text, value)
+
+
+def _stop(rig: Rig, found: _Inputs, sample: int) -> None:
+    """Stop the rig where a person or a controller that failed stopped the recorded one."""
+    for topic, name, text, _ in found.events.get(sample, ()):
+        if topic == RIG_EVENTS and name == TRIPPED and (text == E_STOP or text.startswith("controller ")) and not rig.safe:
+            rig.e_stop() if text == E_STOP else rig.trip(text)
+
+
+def _command(rig: Rig, found: _Inputs, sample: int) -> None:
+    """Give the rig the recorded valve command that answers a sample."""
+    message = found.commands.get(sample)
+    if message is not None and rig.shifts:
+        rig.set_command(
+            message.level, sample, message.duty, message.setpoint, int(message.gear), bool(message.shifting), int(message.flags)
+        )
+
+
+@dataclass
+class Answers:
+    """How the answers of a controller compare with the recorded ones.
+
+    Attributes
+    ----------
+    samples : int
+        Number of samples that both answered.
+    same : int
+        Number of them with equal bits.
+    largest : float
+        Largest difference of a command (duty, or [A] at level current).
+    first : float or None
+        Time of the first different answer [s].
+    gears : int
+        Number of answers with another gear or state of shifting.
+    missing : int
+        Number of samples that only one of both answered.
+    end : str
+        Why the controller ended early; empty when it answered to the end.
+    """
+
+    samples: int = 0
+    same: int = 0
+    largest: float = 0.0
+    first: float | None = None
+    gears: int = 0
+    missing: int = 0
+    end: str = ""
+
+    def add(self, sample: int, ours: tuple, recorded: tuple) -> None:
+        """Count one sample; an answer is (command, gear, shifting, flags)."""
+        self.samples += 1
+        if ours == recorded:
+            self.same += 1
+            return
+        if self.first is None:
+            self.first = sample * SAMPLE_NS * 1e-9
+        self.largest = max([self.largest, *(abs(a - b) for a, b in zip(ours[0], recorded[0]))])
+        self.gears += ours[1:3] != recorded[1:3]
+
+
+def rerun_controller(bag: Bag, config: RigConfig, controller: Plug, spec: str, folder: Path) -> Answers:
+    """Feed the recorded transducers of a bag to a controller, and write its answers with the recorded rest into a new bag.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag.
+    config : RigConfig
+        The rig for which the controller was loaded.
+    controller : Plug
+        The controller; it is closed at the end.
+    spec : str
+        Its specification, for the record.
+    folder : Path
+        Folder of the new bag.
+
+    Returns
+    -------
+    Answers
+        The comparison of its answers with the recorded ones.
+
+    Raises
+    ------
+    RigError
+        When the bag does not hold what the controller sees.
+    """
+    try:
+        return _through(bag, config, controller, spec, folder)
+    finally:
+        controller.close()
+
+
+def _through(bag: Bag, config: RigConfig, controller: Plug, spec: str, folder: Path) -> Answers:
+    check_whole(bag)
+    if SAMPLES not in bag.types or CONTROLLER_COMMAND not in bag.types:
+        raise RigError(f"{bag.path}: holds no samples and commands of a shift controller")
+    found, others = _inputs_of(bag, config), _others(bag, controller.wants)
+    level = LEVELS.index(controller.level)
+    recorded_level = next(iter(found.commands.values())).level
+    if level != recorded_level:
+        raise RigError(
+            f"{bag.path}: its commands are at level {LEVELS[recorded_level]}, and controller {controller.name} gives level "
+            f"{controller.level}; only answers of one level can be compared"
+        )
+    answers, rows = Answers(), []
+    try:
+        for _, message in bag.messages(SAMPLES):
+            sample = int(message.sample)
+            recorded = found.commands.get(sample)
+            if recorded is None and sample:
+                break  # the run ended, or its rig was in the safe state
+            for topic, name, text, value in found.events.get(sample, ()):
+                if topic == CONTROLLER_EVENTS and name == SHIFT_ORDERED:
+                    controller.order(int(value))
+                elif topic == CONTROLLER_EVENTS and name == CHANGED:
+                    config = _change(config, controller, text, value)
+            answer = controller.step(sample, message.current, message.measured, others(sample))
+            if answer is None or recorded is None:
+                answers.missing += answer is not None or recorded is not None
+                continue
+            duty, flags = (answer.command, 0) if level == 0 else ((0.0,) * len(answer.command), controller.flags)
+            rows.append((sample, controller.gear, controller.shifting, level, flags, duty, answer.setpoint))
+            commanded = recorded.duty if level == 0 else recorded.setpoint
+            answers.add(
+                sample,
+                (tuple(answer.command), controller.gear, controller.shifting, flags),
+                (tuple(map(float, commanded)), int(recorded.gear), bool(recorded.shifting), int(recorded.flags)),
+            )
+    except ControllerFailed as failure:
+        answers.end = str(failure)
+    _write_answers(bag, config, rerun_record(bag, config, spec), rows, folder)
+    return answers
+
+
+def _change(config: RigConfig, controller: Plug, text: str, value: float) -> RigConfig:
+    """Give the controller a setting that was changed while the recorded one ran."""
+    setting = _changed(config.settings, text, value)
+    if setting is None or config.settings[setting].owner != CONTROLLER:
+        own = text.partition(" = ")[0].rpartition(".")[2]
+        controller.set_value(own, value)
+        return config
+    config = config.with_values({setting: value})
+    controller.change(config.alfa46)
+    return config
+
+
+def _others(bag: Bag, wants: Sequence[str]) -> Any:
+    """Return a function of the sample that gives the transducers that a controller asks for beyond those of every controller."""
+    if not wants:
+        return lambda _: ()
+    logger = bag.logger(BLOCK)
+    lacking = [name for name in wants if name not in logger.channels]
+    if lacking:
+        raise RigError(f"{bag.path}: the logger has no {', '.join(lacking)}, which the controller wants at each sample")
+    per_sample = SAMPLE_NS // ROW_NS
+    columns = [logger.channels[name] for name in wants]
+    return lambda sample: [float(column[min(sample * per_sample, len(column) - 1)]) for column in columns]
+
+
+def _write_answers(bag: Bag, config: RigConfig, record: dict, rows: list[tuple], folder: Path) -> None:
+    """Write the bag with the answers in place of the recorded commands."""
+    command, info = encoder("rig_msgs/msg/ValveCommand").encode, encoder("rig_msgs/msg/RunInfo").encode
+    new = [(row[0] * SAMPLE_NS, CONTROLLER_COMMAND, command(row[0] * SAMPLE_NS, seq, *row)) for seq, row in enumerate(rows)]
+    kept = [topic for topic in bag.types if topic not in (RUN_INFO, CONTROLLER_COMMAND)]
+    messages = [(0, RUN_INFO, info(0, 0, json.dumps(record, sort_keys=True))), *bag.timeline(kept), *new]
+    messages.sort(key=itemgetter(0))
+    name = bag.path.stem.rpartition("_")[0] or bag.path.stem
+    with BagWriter(folder, name, topics=config.catalogue.all_topics) as writer:
+        for time, topic, data in messages:
+            writer.write(topic, bag.types[topic], data, time)
+
+
+def different_topics(parent: Bag, new: Bag) -> list[str]:
+    """Return the topics whose messages differ between a bag and its re-run; the record of the run differs by its nature."""
+    topics = sorted({*parent.types, *new.types} - {RUN_INFO})
+    ours, theirs = parent.canonical_hash(), new.canonical_hash()
+    return [topic for topic in topics if ours.get(topic) != theirs.get(topic)]

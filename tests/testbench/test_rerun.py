@@ -1,0 +1,93 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A bag alone is enough to run it again, through its plant, another plant, or a controller."""
+
+import json
+
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.config.names import installed
+from rig_nodes.controllers import load_controller
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.recorded_rig import config_of_record
+from rig_nodes.testbench.rerun import different_topics
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+SHIFTS = """
+description: a shift up, with a setting and a setpoint changed on the way
+steps:
+  - oil: {pressure: 4 MPa}
+  - wait: {for: 300 ms}
+  - shift: {to: I}
+  - motor: {speed: 300 rpm}
+  - load: {torque: 20 Nm}
+  - wait: {for: 900 ms}
+  - set: {alfa46.t12: 100 ms}
+  - shift: {to: II}
+  - set: {oil_supply.temperature: 50 degC}
+  - wait: {for: 100 ms}
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Makes the bag of the sequence with a delay of the controller's answers, and returns its folder."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "shifts.yaml").write_text(SHIFTS)
+    config = load_rig("hydmag", {"clutch_s1.clearance": "1.7 mm"})
+    run = simulate(
+        config, load_sequence(folder / "shifts.yaml"), folder / "run", 5, controller=load_controller(None, config), delay=3
+    )
+    assert run["end"]["state"] == "ended", run["end"]
+    return folder / "run"
+
+
+@pytest.mark.parametrize("name", installed("rigs"))
+def test_the_record_of_each_rig_gives_the_rig_back(name):
+    record = json.loads(json.dumps(load_rig(name).as_dict(), sort_keys=True))
+    assert json.loads(json.dumps(config_of_record(record, "bag").as_dict())) == record
+
+
+def test_through_the_plant_a_bag_repeats_itself_to_the_bit_and_names_its_parent(recorded, tmp_path, capsys):
+    assert main(["rerun", str(recorded), "--through", "plant", "--out", str(tmp_path / "again")]) == 0
+    assert "topics are bit for bit as recorded" in capsys.readouterr().out
+    parent, new = Bag(recorded), Bag(tmp_path / "again")
+    assert different_topics(parent, new) == []
+    assert new.run_info()["parent"]["hash"] == parent.canonical_hash()["all"]
+    assert new.run_info()["seed"] == 5
+
+
+def test_with_another_spring_the_topics_and_metrics_that_moved_are_named(recorded, tmp_path, capsys):
+    arguments = ["rerun", str(recorded), "--through", "plant", "--out", str(tmp_path / "again")]
+    assert main([*arguments, "--set", "clutch_s2.spring_rate=150 N/mm"]) == 0
+    said = capsys.readouterr().out
+    assert "topics differ" in said and "/clutch_s2/state" in said and "moved: I -> II" in said
+    assert "/controller/command" not in said  # the commands are the recorded ones
+
+
+def test_through_a_controller_of_the_same_law_the_answers_are_the_recorded_ones(recorded, tmp_path, capsys):
+    out = tmp_path / "again"
+    assert main(["rerun", str(recorded), "--through", "controller", "alfa46", "--out", str(out)]) == 0
+    count = Bag(recorded).counts["/controller/command"]
+    assert f"{count} of {count} answers are bit for bit as recorded" in capsys.readouterr().out
+    assert different_topics(Bag(recorded), Bag(out)) == []
+
+
+def test_through_a_controller_of_other_settings_the_first_other_answer_is_told(recorded, tmp_path, capsys):
+    arguments = ["rerun", str(recorded), "--through", "controller", "alfa46", "--out", str(tmp_path / "again")]
+    assert main([*arguments, "--set", "alfa46.gain_p=20 ohm"]) == 0
+    assert "the first other answer is that at 0." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("through", "said"),
+    [(["controller"], "expected plant, or controller and its"), (["plant", "--rig", "clutch_bench"], "does not have")],
+)
+def test_what_does_not_fit_is_refused_and_leaves_nothing(recorded, tmp_path, capsys, through, said):
+    assert main(["rerun", str(recorded), "--out", str(tmp_path / "again"), "--through", *through]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "again").exists()
