@@ -43,6 +43,7 @@ VERBS = {
     "status": "show what the rig that runs does now",
     "stop": "end the rig that runs, or with --emergency only stop it",
     "reset": "leave the safe state of the rig that runs",
+    "compare": "lay runs, bags and loggers' files over each other, with differences in measuring errors",
     "rerun": "run a bag again: its commands through a plant, or its transducers through a controller",
     "replay": "publish a recorded bag again, with /clock",
     "bag": "look into bags, check, recover, cut, merge and hash them",

@@ -1,0 +1,150 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings side by side on one clock: metrics and signals with their differences in units of the measuring error.
+
+`rig compare` uses it, and the view draws its result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..transmission import Transmission
+from .alignment import Clock, align
+from .metrics import Recording
+from .moved import differences
+from .report import plain, report_of_recording
+from .uncertainty import instruments_of
+
+POINTS = 4000  # at most, of a drawn curve
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording to compare: its name for people, its rows and orders, and the record of its rig."""
+
+    name: str
+    recording: Recording
+    record: Mapping
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A signal of all recordings on the first clock.
+
+    Attributes
+    ----------
+    name : str
+        Name of the signal.
+    time : (n,) array of float
+        Times of the first clock [s].
+    values : list of (n,) array of float
+        Values of each recording [SI]; NaN where it has none.
+    """
+
+    name: str
+    time: np.ndarray
+    values: list[np.ndarray]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The result: names, clocks, the rows of metrics and of signals, and curves to draw."""
+
+    names: list[str]
+    clocks: list[Clock]
+    metrics: list[dict]
+    signals: list[dict]
+    curves: list[Curve]
+
+    def as_dict(self) -> dict:
+        """Return plain values for JSON; ``offset_s`` and ``drift_ppm`` are in the order of the recordings."""
+        return plain(
+            {
+                "runs": self.names,
+                "offset_s": [clock.offset for clock in self.clocks],
+                "drift_ppm": [clock.drift * 1e6 for clock in self.clocks],
+                "aligned_by": [clock.by for clock in self.clocks],
+                "metrics": self.metrics,
+                "signals": self.signals,
+            }
+        )
+
+
+def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
+    """Compare recordings with the first one.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Two or more recordings; one without orders of gears takes those of the first one.
+    by : str, optional
+        How to align, as for alignment.align.
+
+    Returns
+    -------
+    Comparison
+        The rows; ``run`` in them is the number of the recording from 1 on.
+
+    Raises
+    ------
+    RigError
+        When a recording cannot be aligned.
+    """
+    first = sources[0]
+    clocks = [Clock(), *(align(first.recording, one.recording, by) for one in sources[1:])]
+    recordings = [first.recording]
+    for clock, one in zip(clocks[1:], sources[1:]):
+        orders = one.recording.orders or [(float(clock.of_first(np.array(t))), a, b) for t, a, b in first.recording.orders]
+        recordings.append(replace(one.recording, orders=orders))
+    reports = [
+        report_of_recording(recording, None, one.record) if recording.orders else {"shifts": []}
+        for recording, one in zip(recordings, sources)
+    ]
+    metrics = [{"run": n, **row} for n, report in enumerate(reports[1:], 1) for row in differences(reports[0], report)]
+    errors = [_errors(one.record, one.recording.transmission) for one in sources]
+    names = [name for name in first.recording.channels if all(name in one.channels for one in recordings[1:])]
+    signals, curves = [], []
+    for name in names:
+        t = first.recording.t0 + first.recording.period * np.arange(len(first.recording.channels[name]))
+        values = [first.recording.channels[name], *(_on(t, one, clock, name) for one, clock in zip(recordings[1:], clocks[1:]))]
+        for n, other in enumerate(values[1:], 1):
+            signals.append({"run": n, "signal": name, **_difference(other - values[0], errors[0].get(name), errors[n].get(name))})
+        every = max(1, len(t) // POINTS)
+        curves.append(Curve(name, t[::every], [one[::every] for one in values]))
+    return Comparison([one.name for one in sources], clocks, metrics, signals, curves)
+
+
+def _on(t: np.ndarray, recording: Recording, clock: Clock, name: str) -> np.ndarray:
+    """Return a channel at times of the first clock; NaN outside the recording."""
+    values = recording.channels[name]
+    own = recording.t0 + recording.period * np.arange(len(values))
+    return np.interp(clock.of_first(t), own, values, np.nan, np.nan)
+
+
+def _errors(record: Mapping, box: Transmission) -> dict[str, float]:
+    """Return the largest error of each measured signal [SI]."""
+    use = instruments_of(record)
+    out = {clutch.pressure: use[clutch.pressure].error for clutch in box.clutches if clutch.pressure}
+    out |= {end.torque: use["torque"].error for end in (box.input, box.output)}
+    return out | {end.speed: use["speed"].error for end in (box.input, box.output)}
+
+
+def _difference(rest: np.ndarray, *errors: float | None) -> dict:
+    """Return mean, root mean square and largest difference [SI], the larger error, and the root mean square over it."""
+    rest = rest[np.isfinite(rest)]
+    error = max((one for one in errors if one), default=None)
+    if not len(rest):
+        return dict.fromkeys(("mean", "rms", "largest", "in_errors")) | {"error": error}
+    rms = float(np.sqrt(np.mean(rest**2)))
+    return {
+        "mean": float(rest.mean()),
+        "rms": rms,
+        "largest": float(np.abs(rest).max()),
+        "error": error,
+        "in_errors": rms / error if error else None,
+    }
