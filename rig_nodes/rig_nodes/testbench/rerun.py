@@ -384,7 +384,11 @@ def _write_answers(bag: Bag, config: RigConfig, record: dict, rows: list[tuple],
 
 
 def different_topics(parent: Bag, new: Bag) -> list[str]:
-    """Return the topics whose messages differ between a bag and its re-run; the record of the run differs by its nature."""
-    topics = sorted({*parent.types, *new.types} - {RUN_INFO})
+    """Return the topics whose messages differ between a bag and its re-run.
+
+    The record of the run differs by its nature, and what nodes recorded beside the rig (/rosout) is not run again.
+    """
+    known = {name for name in parent.types if name in parent.catalogue.all_topics}
+    topics = sorted((known | {*new.types}) - {RUN_INFO})
     ours, theirs = parent.canonical_hash(), new.canonical_hash()
     return [topic for topic in topics if ours.get(topic) != theirs.get(topic)]
