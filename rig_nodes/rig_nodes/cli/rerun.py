@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="KEY=VALUE",
         dest="settings",
-        help='change one value of the rig, e.g. clutch_s1.clearance="1.7 mm" (may be repeated)',
+        help="change one value of the rig, as for run (may be repeated)",
     )
     parser.add_argument("--level", choices=("duty", "current"), help="what the controller returns, if it can return both")
 

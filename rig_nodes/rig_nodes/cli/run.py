@@ -131,7 +131,9 @@ def run(args: argparse.Namespace) -> int:
     # all processes have ended and the bag is complete; a late signal must not prevent the report
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict, args.allow_loss)
+    code = finish(
+        folder, run_record(config, sequence, args.seed, args.delay), end, supervisor.restarts, args.strict, args.allow_loss
+    )
     return code if end.by == 0 else 128 + end.by
 
 

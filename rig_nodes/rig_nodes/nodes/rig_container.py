@@ -66,7 +66,7 @@ class Container:
         self.dropped = parse_drop(arguments.drop, config.catalogue)
         sequence = chosen_sequence(arguments) or BY_HAND
         sequence.check_rig(config)
-        record = run_record(config, sequence, arguments.seed)
+        record = run_record(config, sequence, arguments.seed, arguments.delay)
         check_delay(arguments.delay, arguments.speed)
         if arguments.status_fd is None:  # otherwise the supervisor has done this
             self._domain = from_environment(keep=True).lead(look=False)

@@ -36,7 +36,7 @@ LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
 
 
-def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
+def run_record(config: RigConfig, sequence: Sequence, seed: int, delay: int = 1) -> dict:
     """Return the record of a run that goes into its bag.
 
     Parameters
@@ -47,6 +47,8 @@ def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
         The sequence that is run.
     seed : int
         Seed of the run.
+    delay : int
+        Number of samples after which the controller's answers act; it is in the record when it is not one.
 
     Returns
     -------
@@ -60,6 +62,7 @@ def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
         "description": sequence.description,
         **chosen,
         "seed": seed,
+        **({} if delay == 1 else {"delay": delay}),  # who runs it again needs it
         "versions": {"rig_nodes": __version__},
     }
 
@@ -343,7 +346,7 @@ def simulate(
     """
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
-    record = run_record(config, sequence, seed) | ({} if delay == 1 else {"delay": delay})  # a re-run needs it
+    record = run_record(config, sequence, seed, delay)
     outputs = Outputs(rig, record, commands=config.structure.shifts, controller=controller)
     runner = runner_on(rig, outputs, config, sequence, controller)
     types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
