@@ -273,7 +273,8 @@ def test_chapter_8_is_judged_by_what_the_bench_measured():
     assert miss.verdict == "outside" and 0.0 < miss.value < 0.01
     assert judged("bench_80x115_2_scatter").basis == "information"
     steel, lined = (r for r in records if "m_rest_nm" in r.values)
-    assert steel.values["m_rest_nm"] is None and "M_rest" in steel.why["m_rest_nm"]
+    # the steel plates were given no M_rest, and the line of what the instruments read goes through zero that closely
+    assert steel.values["m_rest_nm"] == pytest.approx(0.0, abs=5.0)
     # the gearbox's plates have the M_rest of its clutches on the bench too
     own = load_rig("hydmag").clutch_s1.rest_torque
     assert series["50x76-10"].overrides["clutch_pack.rest_torque"] == f"{own:g} Nm"
@@ -292,8 +293,9 @@ def test_the_settings_of_the_gearbox_do_not_touch_the_benches():
 def test_the_whole_programme_judges_every_row_that_can_be():
     with Workers(2) as workers:
         result = programme.validate(programme.choose(), workers)
-    counts = programme.summary(result.rows)
+    counts = programme.counts(result.rows)
     assert sum(c["rows"] for c in counts.values()) == len(TARGETS)
+    assert set(programme.summary(result)["chapter9"]) == {"up_peak", "down_peak", "t_p12", "t_p21"}
     for row in result.rows:
         if row.basis != "information":
             assert row.verdict != "not compared" or row.reason, row.target.id

@@ -26,7 +26,7 @@ ACCEPTANCE = {
     "up_peak_torque_range": (244.0, 293.0),
     "up_peak_torque_spread": (None, 0.15),
     "up_t_dt_range": (0.26, 0.40),
-    "down_peak_at_240": (340.0, 400.0),
+    "down_peak_at_240": (380.0, 420.0),
     "down_t_dt_upper": (None, 0.26),
     "down_t_p_range": (0.04, 0.11),
     "down_t_o_lower": (0.1, None),
@@ -76,7 +76,25 @@ def test_what_the_rig_is_judged_by_first_is_there(targets):
 def test_few_rows_may_be_fitted_and_most_must_come_out(targets):
     roles = [target.role for target in targets.values()]
     assert {name for name, target in targets.items() if target.role == "calibrate"} >= CALIBRATE
-    assert roles.count("calibrate") < len(roles) / 10 and roles.count("predict") > len(roles) / 2
+    assert roles.count("calibrate") < len(roles) / 10 and roles.count("predict") > 4 * roles.count("calibrate")
+
+
+def test_a_row_that_is_no_fact_of_its_own_names_what_it_follows_from(targets):
+    assert set(targets["valve_delay_p1_shorter"].implied_by) == {"valve_delay_zr_p1", "valve_delay_zr_p2"}
+    for target in targets.values():
+        for other, sentence in target.implied_by.items():
+            assert targets[other].role in ("calibrate", "predict") and sentence.endswith("."), target.id
+        assert (target.role == "implied") == bool(target.implied_by), target.id
+        assert (target.role == "consistency") == target.consistent_with.endswith("."), target.id
+    # the packs of the clutch bench are the thesis's model, so what it says of them is no prediction, but for their M_rest
+    bench = {target.role for target in targets.values() if target.procedure == "clutch_bench" and target.quantity != "m_rest_nm"}
+    assert bench == {"consistency", "information"}
+
+
+def test_what_is_close_to_a_number_may_lie_on_both_sides_of_it(targets):
+    for name in ("down_peak_1800_180", "down_peak_at_240"):
+        (printed,) = targets[name].printed
+        assert (targets[name].low, targets[name].high) == pytest.approx((0.95 * printed, 1.05 * printed))
 
 
 def test_all_47_series_have_their_hold_phase_and_contradictions_are_named(targets):
@@ -188,7 +206,7 @@ targets:
   role: calibrate
   conditions: {surfaces: 18}
   statistic: mean
-  across: n_wej
+  across: [n_wej]
   printed: 330.6 ms
   low: 320.6 ms
   high: 340.6 ms
@@ -262,7 +280,11 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
     "old, new, sentence",
     [
         ("  role: calibrate", "  rol: calibrate", r":\d+: unknown key 'rol' in a target; did you mean 'role'"),
-        ("  role: calibrate", "  role: fit", r":\d+: delay.role is 'fit', expected one of calibrate, predict, information"),
+        (
+            "  role: calibrate",
+            "  role: fit",
+            r":\d+: delay.role is 'fit', expected one of calibrate, predict, implied, consistency",
+        ),
         (
             "  procedure: grid_up\n  role: information",
             "  procedure: grid\n  role: information",
@@ -286,7 +308,15 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
         ("  sign: falls\n", "", "falls, a trend, lacks the key 'sign'"),
         ("  sign: falls", "  sign: falls\n  low: 1 s", r":\d+: unknown key 'low' in falls, a trend"),
         ("fixed: [n_wej]", "fixed: n_wej", "falls.fixed is 'n_wej', expected a list"),
-        ("  across: n_wej\n", "", "delay.statistic stands alone"),
+        ("across: [n_wej]", "across: n_wej", "delay.across is 'n_wej', expected a list"),
+        ("role: calibrate", "role: implied", "delay.role is implied; a row has the key 'implied_by' when it has the role implied"),
+        ("role: calibrate", "role: consistency", "delay.role is consistency; a row has the key 'consistent_with'"),
+        ("role: calibrate", "role: calibrate\n  consistent_with: It.", "delay.role is calibrate; .*'consistent_with'"),
+        ("role: calibrate", "role: implied\n  implied_by: {falls: It.}", "delay.implied_by names 'falls', which has the role info"),
+        ("role: calibrate", "role: implied\n  implied_by: {fell: It.}", r":\d+: delay.implied_by names 'fell', which is no row"),
+        ("role: calibrate", "role: implied\n  implied_by: {peak: 3}", "delay.implied_by.peak is 3, expected one sentence"),
+        ("role: calibrate", "role: implied\n  implied_by: {}", "delay.implied_by is .*, expected {id of another row: one"),
+        ("  across: [n_wej]\n", "", "delay.statistic stands alone"),
         ("statistic: mean", "statistic: median", "delay.statistic is 'median', expected one of mean"),
         ("n_wej: [1000 rpm,", "n_wei: [1000 rpm,", r":\d+: unknown key 'n_wei' in peak.conditions; did you mean 'n_wej'"),
         ("n_wej: [1000 rpm,", "n_wej: [1000 Nm,", "peak.conditions.n_wej: '1000 Nm' is a torque"),

@@ -22,6 +22,7 @@ from rig_nodes.validation import document, time_courses
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.figures import Band, Figure, Series, ticks
 from rig_nodes.validation.pictures import figures
+from rig_nodes.validation.programme import Result
 from rig_nodes.validation.records import Record
 from rig_nodes.validation.targets import load_targets
 
@@ -57,7 +58,7 @@ def test_rows_come_back_as_json_and_misses_do_not_fail(capsys):
 def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
     file = tmp_path / "rows.json"
     assert main(["validate", "--rows", "cylinder_*", "--jobs", "1", "--json", str(file), "--pictures", str(tmp_path / "p")]) == 0
-    assert "predicted inside 1 of 1" in capsys.readouterr().out
+    assert "consistency inside 2 of 2" in capsys.readouterr().out
     # the pressure at which the cylinder begins to push, by (8.2) 0.098 MPa, within the class of the pressure transducer
     start = next(row for row in json.loads(file.read_text())["rows"] if row["id"] == "cylinder_force_start")
     assert start["value"] == pytest.approx(0.098e6, abs=0.0625e6 + 0.002e6)
@@ -153,7 +154,11 @@ def hold(number, word):
 def test_the_document_counts_holds_and_explains_misses():
     records = [hold(7, "hold"), hold(8, "no hold"), hold(9, "hold"), hold(10, "no hold"), hold(11, None)]
     rows = [evaluate(TARGETS[f"hold_zr_p1_{n:02d}"], records) for n in (7, 8, 9, 10, 11)]
-    text = document.document(rows, {"hold_zr_p1_07": "The spool closes late."}, "hydmag")
+    result = Result(rows, records, ("profile_series",), [])
+    text = document.document(result, {"hold_zr_p1_07": "The spool closes late."}, "hydmag")
+    # half of the series without a hold phase and a third of those with one, of which the undecided one is wrong
+    assert "predicted inside 2 of 5 (1 not compared) (hold phase 2 of 5, balanced accuracy 0.42 where" in text
+    assert "| hold phase | always hold | 2 of 5 | 3 of 5 | - | - |" in text
     # laboratory: 7 and 8 without a hold phase, 9 to 11 with one
     assert "| ZR-P1 | hold | 1 | 1 | 1 |" in text and "| ZR-P1 | no hold | 1 | 1 | 0 |" in text
     assert "| predicted | 5 | 2 | 2 | 1 |" in text

@@ -118,7 +118,7 @@ def main(args: argparse.Namespace) -> int:
             args.json,
             {
                 "rows": [row.as_dict() for row in result.rows],
-                "summary": programme.summary(result.rows),
+                "summary": programme.summary(result),
                 "versions": _versions(),
                 "rig": args.rig,
                 "settings": settings,
@@ -133,7 +133,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"rig: {len(result.trips)} of the runs tripped, the first one {result.trips[0]}{kept}", file=sys.stderr)
         return 1
     if page:
-        page.write_text(document.document(result.rows, explanations, args.rig), encoding="utf-8")
+        page.write_text(document.document(result, explanations, args.rig), encoding="utf-8")
         print(f"written to {page}", file=sys.stderr)
     return 0
 
@@ -176,7 +176,7 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
             args.json,
             {
                 "rows": [row.as_dict() for row in found],
-                "summary": programme.summary(found),
+                "summary": programme.counts(found),
                 "versions": _versions(),
                 "rig": args.rig,
                 "settings": settings,

@@ -31,8 +31,6 @@ STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
 SETTINGS = 0.5e6  # Pa between two settings of p_z in the series
 ALLOWED_PRESSURE = 3e6  # Pa on the plates, thesis 3.3; 8.4 extrapolates to it
 GOOD = 0.10  # chapter 8 speaks of good agreement up to 10 %
-NO_REST = "no M_rest of this pack is printed; it is an input of (6.56), and 0 here"
-KNOWN_REST = "50x76"  # the gearbox's plates, whose M_rest is calibrated on the gearbox's shifts
 
 
 def friction_of(ring: str) -> float:
@@ -67,12 +65,7 @@ def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
         Record("clutch_bench", {**conditions, "pressure": float(p)}, {"m_eks": test["m_eks_nm"]})
         for p, test in zip(pressure, tests)
     ]
-    known = conditions["ring"] == KNOWN_REST
-    records.append(
-        Record(
-            "clutch_bench", conditions, {"m_rest_nm": line["m_rest_nm"] if known else None}, {} if known else {"m_rest_nm": NO_REST}
-        )
-    )
+    records.append(Record("clutch_bench", conditions, {"m_rest_nm": line["m_rest_nm"]}))
     torques = bench.slip_torques(geometry, force, friction, STATED["spline"])
     full = bench.slip_torques(geometry, ALLOWED_PRESSURE * area, friction, STATED["spline"])
     for model in MODELS:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 
 from ..analysis.engagement import HOLD_SHORTEST, engagement_ranks
-from .records import Record, group
+from .records import Record, canonical, group
 
 NO_DIP = 0.95  # k, Annex A and 7.4.2.3
 TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: two values that differ by less count as equal (7.1, 9.2.2)
@@ -19,7 +19,8 @@ TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: two values that differ by less c
 
 def derive(records: list[Record]) -> list[Record]:
     """Return the derived records; the given ones are not changed."""
-    return [*_holds(records), *_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
+    measured = _measured(records)
+    return [*_holds(records), *_ranks(records), *_dips(records), *_delays(records), *measured, *gaps([*records, *measured])]
 
 
 def _whole(records: list[Record], procedure: str, quantity: str, **conditions: float | str) -> list[Record]:
@@ -155,3 +156,42 @@ def _measured(records: list[Record]) -> list[Record]:
         for name in ("grid_up", "grid_down")
         for r in _whole(records, name, "t_p_s")
     ]
+
+
+def gaps(records: list[Record]) -> list[Record]:
+    """Return for each input speed where over the load the simulated and the measured t_p21 of chapter 9 differ most.
+
+    The class is "largest at both ends" when the largest difference of the lower half of the loads stands at the lowest load and
+    that of the upper half at the highest load; otherwise it is "not so".
+
+    Parameters
+    ----------
+    records : list of Record
+        Shifts of chapter 9 with their source.
+
+    Returns
+    -------
+    list of Record
+        One record for each input speed at which both were shifted at four loads or more.
+    """
+    times: dict[str, dict] = {"simulated": {}, "measured": {}}
+    for r in _whole(records, "chapter9", "t_p_s", shift="II-I"):
+        at = canonical(r.conditions["n_wej"]), canonical(r.conditions["m_wyj"])
+        times[str(r.conditions["source"])][at] = (r, r.values["t_p_s"])
+    lines: dict[float | str, list[tuple[Record, float | None]]] = {}
+    for at in sorted(set(times["simulated"]) & set(times["measured"])):
+        (record, one), (_, other) = times["simulated"][at], times["measured"][at]
+        lines.setdefault(at[0], []).append((record, None if one is None or other is None else abs(one - other)))
+    out = []
+    for points in lines.values():
+        if len(points) < 4:
+            continue
+        conditions = {name: points[0][0].conditions[name] for name in ("shift", "n_wej")}
+        known = [gap for _, gap in points if gap is not None]
+        if len(known) < len(points):
+            out.append(Record("chapter9", conditions, {"t_p_gap": None}, {"t_p_gap": "t_p21 was not found at every load"}))
+            continue
+        half = len(known) // 2
+        ends = known[0] > max(known[1:half]) and known[-1] > max(known[-half:-1])
+        out.append(Record("chapter9", conditions, {"t_p_gap": "largest at both ends" if ends else "not so"}))
+    return out

@@ -18,8 +18,9 @@ from ..config.schema import where_of
 from ..config.units import SI, UNITS
 from ..errors import RigError, brief
 from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
-from .programme import summary
+from .programme import Result, counts, summary
 from .records import place_text
+from .score import HOLD, balanced_accuracy
 from .targets import Target, listed, load_targets
 from .which_rows import LABORATORY_FOLDER
 
@@ -51,27 +52,40 @@ Made by `./rig validate --write-docs`; a change by hand is lost. Explanations of
 `./rig validate` repeats the measuring programme of thesis 7.1.3 on the rig: every series of every procedure, each as
 often as the laboratory did it (twice, with other noise of the transducers), evaluates the logger's channels by the
 definitions of 7.1.5 ([analysis.md](../background/analysis.md)), averages the repeats, and holds each row of
-[targets.yaml](../../rig_nodes/rig_nodes/rigs/hydmag/targets.yaml) against the result. What a row accepts was set down
-before anything was calibrated; nothing is added to it, and every single value must lie inside (a trend: every line, a
-curve: every shift), unless the row speaks of a mean, a spread or of most. Where several values are judged, the worst one
-is shown with its place.
+[targets.yaml](../../rig_nodes/rig_nodes/rigs/hydmag/targets.yaml) against the result. What a row accepts was set from
+the text before the first calibration, and once more before the next where the text leaves no other reading
+(rig_nodes/CHANGELOG.rst names these rows); nothing is added to it, and every single value must lie inside (a trend:
+every line, a curve: every shift), unless the row speaks of a mean, a spread or of most. Where several values are
+judged, the worst one is shown with its place.
 
-**Calibrated** rows may be fitted, **predicted** ones must come out by themselves, rows for **information** cannot be
-judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all
-predicted rows are independent: on which side the loss by the load brakes was decided with them in view (both readings
-meet as many), and so were some assumptions (that the plates of both clutches stick in their splines when clamp force is
-taken off, S2's by 0.31 of what S1's do, and press a slipping pack too; that all of S2's M_rest is left while it slips;
-that chapter 9's output speed is bounded; the drive's tuning and short overload); see "Calibration" in
+Only two bases are facts of their own: **calibrated** rows may be fitted, **predicted** ones must come out by
+themselves. **Implied** rows follow from such a row or repeat one, rows of **consistency** come out by construction,
+because the rig was given what they say; both are judged, and counted apart. Rows for **information** cannot be
+judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not
+all predicted rows are untouched: on which side the loss by the load brakes was decided with them in view (both
+readings meet as many), and so were some assumptions (that the plates of both clutches stick in their splines when
+clamp force is taken off, S2's by 0.31 of what S1's do, and press a slipping pack too; that all of S2's M_rest is left
+while it slips; that chapter 9's output speed is bounded; the drive's tuning and short overload); see "Calibration" in
 [physics.md](../background/physics.md).
 
-The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](../how_to/benches.md)). Its packs
-follow the thesis's model with stated friction ([friction_models.md](../background/friction_models.md)): k_kor against that model
-comes back as 1 within the instruments' errors, so those rows say what the other models make of the same packs, not
-that the model is right. The plant's springs and cylinder are the printed polynomials themselves. Rows that compare chapter 9's
-simulation
-with a measurement take the rig `chapter9` for the one and this rig for the other, for the measured figures are lost.
+The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](../how_to/benches.md)). Its
+packs follow the thesis's model with stated friction ([friction_models.md](../background/friction_models.md)): k_kor
+against that model comes back as 1 within the instruments' errors, so those rows are consistency. The plant's springs
+and cylinder are the printed polynomials themselves. Rows that compare chapter 9's simulation with a measurement take
+the rig `chapter9` for the one and this rig for the other, for the measured figures are lost.
 
 `./rig validate --pictures FOLDER` draws the figures of chapters 7 to 9 that the text lets one redraw.
+"""
+
+
+SIDE_BY_SIDE = """## Chapter 9, side by side
+
+Thesis 9.2 compares four curves of its own simulation with the measurement. Both curves are lost. The rig `chapter9`
+is that simulation rebuilt from Annex D and 9.1, and stands for it; of the measurement there remains what the text
+says, which leaves an interval for each point (a highest distance from the simulation, a range of all measured
+values), in two places one value or the other. A distance is the mean over the points of the distance from a
+measurement anywhere in its interval; in brackets from the least to the most that it can be. A point is open when it
+depends on where in its interval the measurement was. Points of which nothing is said are left out.
 """
 
 
@@ -161,15 +175,35 @@ def laboratory(row: Row) -> str:
 
 def verdict_line(rows: list[Row]) -> str:
     """Return one sentence with the counts of verdicts."""
-    counts = summary(rows)
-    parts = [
-        f"{basis} inside {counts[basis][INSIDE]} of {counts[basis]['rows']}"
-        + (f" ({counts[basis][NOT_COMPARED]} not compared)" if counts[basis][NOT_COMPARED] else "")
-        for basis in ("calibrated", "predicted")
-        if counts[basis]["rows"]
-    ]
-    parts.append(f"information, not judged: {counts['information']['rows']}")
+    found = counts(rows)
+
+    def of(basis: str) -> str:
+        count = found[basis]
+        lacking = f" ({count[NOT_COMPARED]} not compared)" if count[NOT_COMPARED] else ""
+        return f"{basis} inside {count[INSIDE]} of {count['rows']}{lacking}"
+
+    parts = [of("predicted") + _of_holds(rows)] if found["predicted"]["rows"] else []
+    if found["calibrated"]["rows"]:
+        parts.append(of("calibrated"))
+    apart = ", ".join(of(basis) for basis in ("implied", "consistency") if found[basis]["rows"])
+    if apart:
+        parts.append(f"counted apart: {apart}")
+    parts.append(f"information, not judged: {found['information']['rows']}")
     return "; ".join(parts)
+
+
+def _of_holds(rows: list[Row]) -> str:
+    """Return how the predicted rows part into those on the hold phase and all others, and its balanced accuracy."""
+    predicted = [row for row in rows if row.basis == "predicted"]
+    held = [row for row in predicted if row.target.quantity == HOLD]
+    accuracy = balanced_accuracy(rows)
+    if accuracy is None:
+        return ""
+    right, inside = (sum(row.verdict == INSIDE for row in some) for some in (held, predicted))
+    return (
+        f" (hold phase {right} of {len(held)}, balanced accuracy {accuracy:.2f} where always hold has 0.50; "
+        f"all else {inside - right} of {len(predicted) - len(held)})"
+    )
 
 
 def terminal(rows: list[Row]) -> str:
@@ -182,7 +216,7 @@ def terminal(rows: list[Row]) -> str:
         width = max((len(row.target.id) for row in found), default=0)
         for row in found:
             said = f"{of_rig(row)}; accepted: {accepted(row)}" if verdict == OUTSIDE else row.reason
-            lines.append(f"  {row.target.id:<{width}}  {row.basis:<10}  {said}")
+            lines.append(f"  {row.target.id:<{width}}  {row.basis:<11}  {said}")
     return "\n".join(lines)
 
 
@@ -201,13 +235,13 @@ def section(target: Target) -> str:
     return next(key for key in (found[1][:5], found[1][:3]) if key in SECTIONS)
 
 
-def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
+def document(result: Result, explanations: dict[str, str], rig: str) -> str:
     """Return docs/reference/validation.md as text.
 
     Parameters
     ----------
-    rows : list of Row
-        The judged rows.
+    result : Result
+        The judged rows, and the records by which they were judged.
     explanations : dict of str to str
         Explanations of misses, from :func:`load_explanations`.
     rig : str
@@ -218,7 +252,15 @@ def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
     str
         The page in markdown.
     """
-    parts = [HEAD, _summary(rows, rig), _hold(rows), _misses(rows, explanations)]
+    rows, found = result.rows, summary(result)
+    parts = [
+        HEAD,
+        _summary(rows, found, rig),
+        _hold(rows, found),
+        _side_by_side(rows, found),
+        _misses(rows, explanations),
+        _apart(rows),
+    ]
     for key, title in SECTIONS.items():
         found = [row for row in rows if section(row.target) == key]
         if found:
@@ -257,25 +299,41 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join([line(head), "|" + " --- |" * len(head), *map(line, rows), ""])
 
 
-def _summary(rows: list[Row], rig: str) -> str:
-    counts = summary(rows)
+def _of(count: dict[str, int], who: str) -> str:
+    return f"{count[who]} of {count['rows']}" if count["rows"] else "-"
+
+
+def _summary(rows: list[Row], found: dict, rig: str) -> str:
+    bases = [basis for basis in counts(rows) if basis != "information"]
     table = _table(
         ("basis", "rows", "inside", "outside", "not compared"),
-        [(basis, c["rows"], c[INSIDE], c[OUTSIDE], c[NOT_COMPARED]) for basis, c in counts.items() if basis != "information"],
+        [(basis, *(found[basis][key] for key in ("rows", INSIDE, OUTSIDE, NOT_COMPARED))) for basis in bases],
     )
-    by_procedure = []
-    for name in dict.fromkeys(row.target.procedure for row in rows):
-        judged = [row for row in rows if row.target.procedure == name and row.basis != "information"]
-        found = [sum(row.verdict == verdict for row in judged) for verdict in (INSIDE, OUTSIDE, NOT_COMPARED)]
-        by_procedure.append((name, len(judged), *found))
+    groups = [
+        (
+            "hold phase" if name == HOLD else name,
+            group["predictor"],
+            *(_of(group[basis], who) for basis in ("predicted", "calibrated") for who in ("rig", "trivial")),
+        )
+        for name, group in found["groups"].items()
+    ]
+    total = [
+        f"{sum(group[basis][who] for group in found['groups'].values())} of {found[basis]['rows']}"
+        for basis in ("predicted", "calibrated")
+        for who in ("rig", "trivial")
+    ]
     return (
-        f"## Summary\n\nRig `{rig}`. {counts['information']['rows']} rows are for information.\n\n{table}"
-        f"\nBy procedure, both bases together:\n\n"
-        + _table(("procedure", "rows", "inside", "outside", "not compared"), by_procedure)
+        f"## Summary\n\nRig `{rig}`: {verdict_line(rows)}.\n\n{table}"
+        "\nEach group beside a trivial predictor, which is judged in the same way. It is told the printed "
+        "numbers, so that it meets a row\nthat alone prints a number; the rig is not.\n\n"
+        + _table(
+            ("group", "trivial predictor", "predicted: rig", "trivial", "calibrated: rig", "trivial"),
+            [*groups, ("all", "", *total)],
+        )
     )
 
 
-def _hold(rows: list[Row]) -> str:
+def _hold(rows: list[Row], score: dict) -> str:
     """Return the confusion matrix of the hold phase, and the pairs of series that contradict each other."""
     held = {row.target.id: row for row in rows if row.target.quantity == "hold" and row.target.expected}
     if not held:
@@ -294,9 +352,104 @@ def _hold(rows: list[Row]) -> str:
                 pairs.append((f"`{name}`, `{other}`", sentence, seen))
     return (
         "## The hold phase of the 47 profile series\n\n"
+        + _accuracy(score)
         + _table(("valve", "laboratory", "rig: hold", "rig: no hold", "rig: undecided"), lines)
         + "\nPairs of series that contradict each other, or nearly: hardly any rig meets both.\n\n"
         + _table(("rows", "why", "rig"), pairs)
+    )
+
+
+def _accuracy(score: dict) -> str:
+    if score["hold_balanced_accuracy"] is None:
+        return ""
+    return (
+        f"Balanced accuracy (the mean of the shares of series with and without a hold phase that the rig gets right): "
+        f"{score['hold_balanced_accuracy']:.3f}\nwith series 21 left aside, which contradicts its neighbours, and "
+        f"{score['hold_balanced_accuracy_all_series']:.3f} with it. Whoever always says hold has "
+        f"{score['hold_balanced_accuracy_always_hold']:.3f}.\n\n"
+    )
+
+
+def _side_by_side(rows: list[Row], found: dict) -> str:
+    """Return the section in which the thesis's own simulation and the rig stand beside the measurement."""
+    if not found["chapter9"]:
+        return ""
+
+    def distances(side: dict, unit: str) -> str:
+        mean, least, most = (
+            side[key] * factor for key in ("distance", "at_least", "at_most") for factor in (1e3 if unit == "s" else 1.0,)
+        )
+        return f"{mean:.1f} ({least:.1f} to {most:.1f}) {'ms' if unit == 's' else unit}"
+
+    compared = []
+    for one in found["chapter9"].values():
+        at = [point["closer"] for point in one["points"]]
+        points = f"{len(at)}: {at.count('rig')}, {at.count('thesis')}, {at.count('open')}"
+        said = ", ".join(f"`{row}`" for row in one["from"])
+        compared.append(
+            (
+                one["title"],
+                said,
+                distances(one["thesis"], one["unit"]),
+                distances(one["rig"], one["unit"]),
+                points,
+                f"**{one['closer']}**",
+            )
+        )
+    closer = sum(one["closer"] == "rig" for one in found["chapter9"].values())
+    rebuilt = [row for row in rows if row.target.procedure == "chapter9" and row.basis == "consistency"]
+    stated = [
+        row
+        for row in rows
+        if row.target.procedure == "chapter9"
+        and row.basis == "information"
+        and row.target.quantity in ("setting", "step_s", "coast_down_torque_nm")
+    ]
+    return (
+        f"{SIDE_BY_SIDE}\nThe rig is closer to the measurement in {closer} of {len(compared)} comparisons.\n\n"
+        + _table(
+            (
+                "comparison",
+                "measured, by",
+                "distance of the thesis's simulation",
+                "of this rig",
+                "points: rig, thesis closer, open",
+                "closer",
+            ),
+            compared,
+        )
+        + "\nThe thesis's simulation as rebuilt. Its program and values as printed:\n\n"
+        + _table(
+            ("row", "what is printed", "number"),
+            [(f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", accepted(row)) for row in stated],
+        )
+        + "\nand what the text says of its results:\n\n"
+        + _table(
+            ("row", "what is claimed", "laboratory", "rig `chapter9`", "verdict"),
+            [
+                (f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", laboratory(row), of_rig(row), row.verdict)
+                for row in rebuilt
+            ],
+        )
+    )
+
+
+def _apart(rows: list[Row]) -> str:
+    """Return the rows that are no facts of their own, with what they follow from."""
+    found = [row for row in rows if row.basis in ("implied", "consistency")]
+    if not found:
+        return ""
+    return "## Rows that are no facts of their own\n\n" + _table(
+        ("row", "basis", "because", "verdict"),
+        [
+            (
+                f"`{row.target.id}`",
+                row.basis,
+                row.target.consistent_with or " ".join(f"`{other}`: {why}" for other, why in row.target.implied_by.items()),
+                row.verdict,
+            )
+            for row in found
+        ],
     )
 
 

@@ -25,7 +25,14 @@ from .targets import Span, Target
 if TYPE_CHECKING:
     from ..arrays import Floats
 
-BASIS = {"calibrate": "calibrated", "predict": "predicted", "information": "information"}
+# role of a target -> basis of its row
+BASIS = {
+    "predict": "predicted",
+    "calibrate": "calibrated",
+    "implied": "implied",
+    "consistency": "consistency",
+    "information": "information",
+}
 INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"
 # variable of a curve -> condition of a record
 VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}
@@ -100,7 +107,7 @@ class Row:
 
     @property
     def basis(self) -> str:
-        """What the row is for: calibrated, predicted or information."""
+        """What the row is for: one of the values of BASIS."""
         return BASIS[self.target.role]
 
     def as_dict(self) -> dict:
@@ -127,6 +134,8 @@ class Row:
             "place": {k: list(v) if isinstance(v, tuple) else v for k, v in self.place.items()},
             "reason": self.reason,
             "conflicts": sorted(t.conflicts),
+            "implied_by": dict(t.implied_by),
+            "consistent_with": t.consistent_with,
         }
 
 
@@ -154,8 +163,12 @@ def evaluate(target: Target, records: list[Record]) -> Row:
     inside = sum(one.inside for one in found)
     worst = min(found, key=lambda one: (one.inside, one.margin), default=None)
     reason = ""
-    if target.inside == "most" and found and not unknown and not lacking:
-        verdict = INSIDE if 2 * inside > len(found) else OUTSIDE
+    if target.inside == "most" and not lacking and 2 * inside > len(judged):
+        verdict = INSIDE  # whatever the unknown values are
+    elif target.inside == "most" and not lacking and found and 2 * (inside + len(unknown)) <= len(judged):
+        verdict = OUTSIDE
+    elif target.inside == "most":
+        verdict, reason = NOT_COMPARED, _why_not(target, unknown, lacking)
     elif inside < len(found):
         verdict = OUTSIDE
     elif found and not unknown and not lacking:
@@ -284,7 +297,7 @@ def _values(target: Target, found: list[Record]) -> list[tuple[dict, Callable[[]
     """Return (place, function that returns the number or raises _Missing) for each single value or statistic."""
     if not target.statistic:
         return [(_varying(target, r), lambda r=r: _number(r, target.quantity)) for r in found]
-    names = [n for n in dict.fromkeys((*target.fixed, *target.conditions)) if n != target.across]
+    names = [n for n in dict.fromkeys((*target.fixed, *target.conditions)) if n not in target.across]
     out = []
     for key, members in group(found, names):
         place = {n: v for n, v in key.items() if n not in _single(target)}
@@ -294,8 +307,7 @@ def _values(target: Target, found: list[Record]) -> list[tuple[dict, Callable[[]
 
 def _judge_value(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     """Judge the kinds value, range, upper and lower: each number lies between low and high."""
-    across = (target.across,) if target.across else ()
-    found = _numbers(target, records, target.conditions, across)
+    found = _numbers(target, records, target.conditions, target.across)
     judged = []
     for place, number in _values(target, found):
         try:
@@ -307,7 +319,7 @@ def _judge_value(target: Target, records: list[Record]) -> tuple[list[Judged], l
 
 def _judge_pair(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     """Judge differences and ratios: every number under `of` with every one under `to` that agrees in the row's other conditions."""
-    own = {*target.of, *target.to, target.across}
+    own = {*target.of, *target.to, *target.across}
     names = [n for n in dict.fromkeys((*target.conditions, *target.fixed)) if n not in own]
     sides, lacking = [], []
     for side in (target.of, target.to):
@@ -327,7 +339,7 @@ def _judge_pair(target: Target, records: list[Record]) -> tuple[list[Judged], li
 def _pairs(target: Target, common: dict, of_records: list[Record], to_records: list[Record]) -> list[Judged]:
     def numbers(records: list[Record], side: dict) -> list[tuple[dict, Callable[[], float]]]:
         if target.statistic:
-            names = [n for n in side if n != target.across]
+            names = [n for n in side if n not in target.across]
             return [(key, lambda m=m: _statistic(target, m)) for key, m in group(records, names)]
         return [(r.conditions, lambda r=r: _number(r, target.quantity)) for r in records]
 
@@ -361,8 +373,7 @@ def _lines(
 
     A variable within a test makes each test a line; otherwise the conditions in `fixed` do.
     """
-    across = (target.across,) if target.across else ()
-    found = _numbers(target, records, target.conditions, (variable, *across))
+    found = _numbers(target, records, target.conditions, (variable, *target.across))
     lines = []
     if variable in WITHIN_A_TEST:
         tests: dict[tuple, list[Record]] = {}

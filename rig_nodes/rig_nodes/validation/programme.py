@@ -23,8 +23,10 @@ from ..testbench.record import Run
 from ..transmission import transmission_of
 from . import bench_records, readers
 from .derived import derive
-from .evaluate import Row, evaluate
+from .evaluate import BASIS, INSIDE, NOT_COMPARED, OUTSIDE, Row, evaluate
 from .records import Record, average, same
+from .score import balanced_accuracy, trivial
+from .side_by_side import comparisons
 from .targets import Target, listed, load_targets
 
 RPM = pi / 30.0
@@ -313,10 +315,34 @@ def validate(
     return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures, trips)
 
 
-def summary(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
+def counts(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
     """Return for each basis how many rows are inside, outside and not compared, and how many there are."""
-    out = {basis: {"inside": 0, "outside": 0, "not compared": 0, "rows": 0} for basis in ("calibrated", "predicted", "information")}
+    out = {basis: {INSIDE: 0, OUTSIDE: 0, NOT_COMPARED: 0, "rows": 0} for basis in BASIS.values()}
     for row in rows:
         out[row.basis][row.verdict] += 1
         out[row.basis]["rows"] += 1
     return out
+
+
+def summary(result: Result) -> dict:
+    """Return what a programme comes to, for programs.
+
+    Parameters
+    ----------
+    result : Result
+        Rows and records of the programme.
+
+    Returns
+    -------
+    dict
+        The :func:`counts` of each basis; hold_balanced_accuracy (series 21 left aside), the same with all series, and that of
+        "always hold"; groups, from :func:`score.trivial`; chapter9, from :func:`side_by_side.comparisons`.
+    """
+    return {
+        **counts(result.rows),
+        "hold_balanced_accuracy": balanced_accuracy(result.rows),
+        "hold_balanced_accuracy_all_series": balanced_accuracy(result.rows, ()),
+        "hold_balanced_accuracy_always_hold": 0.5,
+        "groups": trivial(result.rows, result.records),
+        "chapter9": comparisons(result.records),
+    }

@@ -41,6 +41,7 @@ ENGAGEMENT = {
     "engagement_peak_nm": "engagement_peak_nm",
     "level_s": "level_s",
 }
+DISTURBANCE = "disturbance_span_s"
 
 
 class NotMeasured(RigError):
@@ -67,7 +68,7 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
     values = {
         "valve_response": ("valve_delay_s",),
         "coast_down": ("coast_down_tangent_s", "coast_down_torque_nm"),
-        "profile_series": tuple(ENGAGEMENT),
+        "profile_series": (*ENGAGEMENT, DISTURBANCE),
         "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
         "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa"),
     }.get(procedure, SHIFT_VALUES)
@@ -321,7 +322,7 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
         )
 
     records = [
-        record({}, {name: row[key] for name, key in ENGAGEMENT.items()}),
+        record({}, {**{name: row[key] for name, key in ENGAGEMENT.items()}, DISTURBANCE: _disturbance(row)}),
         record({}, {"pressure_rise": row["disturbed"]}),
         record({"phase": "fill"}, {"pressure_rise": row["growth_fill"]}),
         record({"phase": "after contact"}, {"pressure_rise": row["growth_contact"]}),
@@ -337,6 +338,13 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
     return records + [
         record({"time": i * recording.period}, {"pressure_rise": float(smooth[i])}) for i in range(first, last + 1, step)
     ]
+
+
+def _disturbance(row: dict) -> float | None:
+    """Return for how long the rising pressure was disturbed: from its peak until it is back there, and 0 when it did not dip."""
+    if row["disturbed"] == "monotone":
+        return 0.0
+    return _less(row["disturbance_end_s"], row["disturbance_start_s"])
 
 
 def valve_response(conditions: dict, run: Run) -> list[list[Record]]:

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 TARGETS_FILE = LABORATORY_FOLDER / "targets.yaml"
 
-ROLES = ("calibrate", "predict", "information")
+ROLES = ("calibrate", "predict", "implied", "consistency", "information")
+INDEPENDENT = ("calibrate", "predict")  # roles of rows that are facts of their own
 SIGNS = ("grows", "falls", "flat")
 SHAPES = ("linear", "quadratic")
 STATISTICS = ("mean", "lowest", "highest", "spread", "spread_share")
@@ -46,7 +47,7 @@ KINDS = {
     "classification": (("classes", "expected"), ()),
 }
 REQUIRED = ("id", "text", "where", "kind", "quantity", "procedure", "role", "conditions", "why")
-OPTIONAL = ("statistic", "across", "fixed", "inside", "conflicts", "note")
+OPTIONAL = ("statistic", "across", "fixed", "inside", "conflicts", "note", "implied_by", "consistent_with")
 PARTS = ("all", "most")  # of a row's single values that must be inside
 
 
@@ -109,8 +110,10 @@ class Target:
         Conditions that must be the same for values that are compared.
     inside : str
         Which single values must be inside: all, or most (more than half).
-    statistic, across : str or None
-        Statistic of the values, and the condition across which it is taken.
+    statistic : str or None
+        Statistic of the values.
+    across : tuple of str
+        Conditions across which the statistic is taken.
     classes, expected
         Names of a classification, and the one that is expected.
     variable, variable_unit : str or None
@@ -119,6 +122,10 @@ class Target:
         Pieces of a curve: (from, to, coefficients with the highest power first) in variable_unit and unit.
     conflicts : dict of str to str
         Id of another target -> how the two pull against each other; the same sentence stands at both.
+    implied_by : dict of str to str
+        Id of an independent target -> why this one follows from it or repeats it; for the role implied.
+    consistent_with : str
+        What the rig was given from which the row comes out by construction; for the role consistency.
     note : str
         A remark.
     """
@@ -149,13 +156,15 @@ class Target:
     fixed: tuple[str, ...] = ()
     inside: str = "all"
     statistic: str | None = None
-    across: str | None = None
+    across: tuple[str, ...] = ()
     classes: tuple[str, ...] = ()
     expected: str | None = None
     variable: str | None = None
     variable_unit: str | None = None
     pieces: tuple[tuple[float, float, tuple[float, ...]], ...] = ()
     conflicts: dict[str, str] = field(default_factory=dict)
+    implied_by: dict[str, str] = field(default_factory=dict)
+    consistent_with: str = ""
     note: str = ""
 
 
@@ -195,6 +204,7 @@ def load_targets(path: str | Path | None = None) -> list[Target]:
             )
         targets[target.id] = target
     _mirror_conflicts(path, rows, targets)
+    _check_sources(path, rows, targets)
     return list(targets.values())
 
 
@@ -235,6 +245,18 @@ def _mirror_conflicts(path: str | Path, rows: Iterable[Map], targets: dict[str, 
             here.conflicts[other] = targets[other].conflicts[here.id] = " ".join(sentence.split())
 
 
+def _check_sources(path: str | Path, rows: Iterable[Map], targets: dict[str, Target]) -> None:
+    """Refuse an implied row whose source is no independent row, so that nothing follows from itself or from nothing."""
+    for row in rows:
+        for other in row.get("implied_by") or ():
+            if other not in targets or targets[other].role not in INDEPENDENT:
+                found = f"has the role {targets[other].role}" if other in targets else "is no row"
+                raise RigError(
+                    f"{where_of(path, row['implied_by'], other)}: {row['id']}.implied_by names '{other}', which {found}; "
+                    f"expected the id of a row with the role {' or '.join(INDEPENDENT)}"
+                )
+
+
 class _Row:
     """One row while it is read; every refusal names file, line and id."""
 
@@ -243,7 +265,7 @@ class _Row:
         every = {key for musts, mays in KINDS.values() for key in (*musts, *mays)}
         check_keys(path, node, [*REQUIRED, *OPTIONAL, *sorted(every)], REQUIRED, "a target")
         self.id = node["id"]
-        for key in ("id", "text", "where", "why", *(k for k in ("note",) if k in node)):
+        for key in ("id", "text", "where", "why", *(k for k in ("note", "consistent_with") if k in node)):
             if not (isinstance(node[key], str) and node[key].strip()):
                 self.refuse(key, f"is {brief(node[key])}, expected words (a bare number needs quotes)")
         self.one_of("kind", KINDS)
@@ -267,14 +289,7 @@ class _Row:
         """Return the row as its file has it; RigError with file and line when it is not right."""
         node, kind = self.node, self.node["kind"]
         values: dict = {}
-        for key, known in (
-            ("sign", SIGNS),
-            ("shape", SHAPES),
-            ("statistic", STATISTICS),
-            ("over", CONDITIONS),
-            ("across", CONDITIONS),
-            ("inside", PARTS),
-        ):
+        for key, known in (("sign", SIGNS), ("shape", SHAPES), ("statistic", STATISTICS), ("over", CONDITIONS), ("inside", PARTS)):
             if key in node:
                 self.one_of(key, known)
                 values[key] = str(node[key])
@@ -288,7 +303,8 @@ class _Row:
             )
         if kind in ("ratio", "fit") or node.get("statistic") == "spread_share":
             self.dimension = "ratio"
-        values["fixed"] = self.fixed()
+        values["fixed"] = self.names("fixed")
+        values["across"] = self.names("across")
         for key in ("conditions", "of", "to"):
             if key in node:
                 values[key] = self.conditions(key)
@@ -298,7 +314,11 @@ class _Row:
             if kind == "curve":
                 values.update(self.curve())
             values.update(self.numbers())
-        self.conflicts()
+        self.sentences("conflicts")
+        values["implied_by"] = self.sentences("implied_by")
+        for role, key in (("implied", "implied_by"), ("consistency", "consistent_with")):
+            if (node["role"] == role) != (key in node):
+                self.refuse("role", f"is {node['role']}; a row has the key '{key}' when it has the role {role}, and only then")
         return Target(
             id=str(self.id),
             kind=str(kind),
@@ -307,15 +327,15 @@ class _Row:
             procedure=str(node["procedure"]),
             role=str(node["role"]),
             line=node.line + 1,
-            **{key: " ".join(node.get(key, "").split()) for key in ("text", "where", "why", "note")},
+            **{key: " ".join(node.get(key, "").split()) for key in ("text", "where", "why", "note", "consistent_with")},
             **values,
         )
 
-    def fixed(self) -> tuple[str, ...]:
-        """Return the conditions that must be the same for values that are compared."""
-        names = self.node.get("fixed", [])
+    def names(self, key: str) -> tuple[str, ...]:
+        """Return the names of conditions that stand under a key as a list."""
+        names = self.node.get(key, [])
         if not isinstance(names, list) or any(name not in CONDITIONS for name in names):
-            self.refuse("fixed", f"is {brief(names)}, expected a list out of {', '.join(CONDITIONS)}")
+            self.refuse(key, f"is {brief(names)}, expected a list out of {', '.join(CONDITIONS)}")
         return tuple(str(name) for name in names)
 
     def conditions(self, key: str) -> dict[str, tuple | Span]:
@@ -424,17 +444,17 @@ class _Row:
         text = str(entry[0] if isinstance(entry, list) else entry)
         return text if text in UNITS else (text.split(None, 1)[1:] or ["-"])[0]
 
-    def conflicts(self) -> None:
-        """Check that the key has sentences by ids of other rows; RigError when it has not."""
-        conflicts = self.node.get("conflicts", {})
-        if not isinstance(conflicts, dict):
-            self.refuse("conflicts", f"is {brief(conflicts)}, expected {{id of another row: one sentence}}")
-        for other, sentence in conflicts.items():
+    def sentences(self, key: str) -> dict[str, str]:
+        """Return the sentences by ids of other rows under a key; RigError when there is anything else."""
+        sentences = self.node.get(key, {})
+        if not isinstance(sentences, dict) or (key in self.node and not sentences):
+            self.refuse(key, f"is {brief(sentences)}, expected {{id of another row: one sentence}}")
+        for other, sentence in sentences.items():
             if not (isinstance(sentence, str) and sentence.strip()):
                 raise RigError(
-                    f"{where_of(self.path, conflicts, other)}: {self.id}.conflicts.{other} is "
-                    f"{brief(sentence)}, expected one sentence"
+                    f"{where_of(self.path, sentences, other)}: {self.id}.{key}.{other} is {brief(sentence)}, expected one sentence"
                 )
+        return {str(other): " ".join(sentence.split()) for other, sentence in sentences.items()}
 
 
 def _condition(takes: str | type[int] | tuple[str, ...], name: str, entry: object, where: str) -> float | int | str:
