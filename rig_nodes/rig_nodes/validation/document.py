@@ -434,6 +434,14 @@ def _side_by_side(rows: list[Row], found: dict) -> str:
     )
 
 
+def _sources(target: Target) -> str:
+    """Return the rows from which an implied row follows, and why, each reason once."""
+    rows_of: dict[str, list[str]] = {}
+    for other, why in target.implied_by.items():
+        rows_of.setdefault(why, []).append(f"`{other}`")
+    return " ".join(f"{', '.join(others)}: {why}" for why, others in rows_of.items())
+
+
 def _apart(rows: list[Row]) -> str:
     """Return the rows that are no facts of their own, with what they follow from."""
     found = [row for row in rows if row.basis in ("implied", "consistency")]
@@ -441,15 +449,7 @@ def _apart(rows: list[Row]) -> str:
         return ""
     return "## Rows that are no facts of their own\n\n" + _table(
         ("row", "basis", "because", "verdict"),
-        [
-            (
-                f"`{row.target.id}`",
-                row.basis,
-                row.target.consistent_with or " ".join(f"`{other}`: {why}" for other, why in row.target.implied_by.items()),
-                row.verdict,
-            )
-            for row in found
-        ],
+        [(f"`{row.target.id}`", row.basis, row.target.consistent_with or _sources(row.target), row.verdict) for row in found],
     )
 
 
