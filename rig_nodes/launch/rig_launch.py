@@ -8,6 +8,7 @@ Python of `ros2` may be another one than that of the nodes, with ruamel.yaml but
 """
 
 import re
+import shlex
 import signal
 import subprocess
 from pathlib import Path
@@ -24,8 +25,8 @@ from launch_ros.actions import Node
 from rig_nodes.config.names import DEFAULT_RIG, has_controller, rig_of
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import check_namespace, from_environment
+from rig_nodes.graph.recording_options import TopicChoice
 from rig_nodes.graph.supervisor import MODULES, Order, processes_of
-from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.testbench.folders import run_folder
 
 ARGUMENTS = (
@@ -58,6 +59,7 @@ ARGUMENTS = (
         "every topic of the ROS domain",
     ),
     ("exclude", "", "regular expression: beside the rig's own topics, record none whose whole name matches"),
+    ("recording", "", "further options of the recorder as `ros2 run rig_nodes recorder --help` lists them, e.g. '--keep-last 30'"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
 END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of those before it
@@ -136,6 +138,7 @@ def ordered(given: dict[str, str]) -> Order:
     if "alfa46" not in processes and (given["controller"] or given["delay"] != "1"):
         raise RigError(f"the rig '{rig}' has no valves for a shift controller; leave out controller and delay")
     TopicChoice(given["topics"] or None, given["exclude"] or None)
+    choice = [part for name in ("topics", "exclude") if given[name] for part in (f"--{name}", given[name])]
     for name in ("seed", "delay"):
         if not given[name].isdecimal():
             raise RigError(f"{name}:={given[name]}: expected a whole number")
@@ -148,8 +151,7 @@ def ordered(given: dict[str, str]) -> Order:
         parameters=pairs(given["with"]),
         processes=processes,
         delay=int(given["delay"]),
-        topics=given["topics"] or None,
-        exclude=given["exclude"] or None,
+        recording=(*choice, *shlex.split(given["recording"])),
     )
 
 

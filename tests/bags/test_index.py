@@ -10,7 +10,7 @@ import sys
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from rig_nodes.bags.index import BagIndex
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 
 MS = 1_000_000
@@ -18,7 +18,7 @@ LOGGER = "/instruments/hmg4000"
 
 
 def all_of(path, begin=0):
-    with BagIndex(path) as index:
+    with OpenedBags([path]) as index:
         return [(time, topic, data) for time, (topic, data) in index.timeline(list(index.types), begin)], index.damage
 
 
@@ -72,7 +72,7 @@ def test_messages_come_complete_and_in_order_of_time_whoever_wrote_the_bag(tmp_p
     assert found == expected and not damage
     begin = 10**18 + 555 * MS
     assert all_of(tmp_path, begin)[0] == [row for row in expected if row[0] >= begin]
-    with BagIndex(tmp_path) as index:
+    with OpenedBags([tmp_path]) as index:
         assert index.counts == {"/fast": 200, "/late": 100} and (index.first, index.last) == (expected[0][0], expected[-1][0])
         late = [time for time, _ in index.timeline({"/late"}, end=begin)]
         assert late == [row[0] for row in expected if row[1] == "/late" and row[0] < begin]
@@ -82,7 +82,7 @@ def test_it_agrees_with_the_bag_read_as_a_whole(run):
     bag = Bag(run)
     found, damage = all_of(run)
     assert found == bag.timeline() and not damage
-    with BagIndex(run) as index:
+    with OpenedBags([run]) as index:
         assert (index.counts, index.types) == (bag.counts, bag.types)
         some = index.bag(["/controller/events", "/sequencer/events", "/rig/run_info"])
         assert some.events() == bag.events() and some.run_info() == bag.run_info()
@@ -104,12 +104,12 @@ def test_a_cut_bag_is_read_as_far_as_it_goes_and_a_damaged_chunk_is_told_when_it
     assert found == Bag(path, recover=True).timeline() and len(found) > 100
     assert len(damage) == 1 and " at byte " in damage[0]
 
-    with BagIndex(run) as index:
-        part = index._parts[1]
+    with OpenedBags([run]) as index:
+        part = index.pieces[0]._parts[1]
     broken = bytearray(data)
     broken[part.start + 200] ^= 1
     path.write_bytes(broken)
-    with BagIndex(path) as index:
+    with OpenedBags([path]) as index:
         told = []
         index.on_damage = told.append
         times = [time for time, _ in index.timeline(list(index.types))]
@@ -122,7 +122,7 @@ import json, sys
 import numpy as np
 from pathlib import Path
 from rig_nodes.bags.cdr import encoder
-from rig_nodes.bags.index import BagIndex
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 
@@ -136,11 +136,11 @@ with BagWriter(sys.argv[1], "run") as writer:
     for n in range(400):
         block = values.normal(size=(500, 20))
         writer.write("/x/block", "rig_msgs/msg/SampleBlock", encode(n * 10**7, n, n * 500, 1e-4, 500, 20, block), n * 10**7)
-with BagIndex(sys.argv[1]) as index:
+with OpenedBags([sys.argv[1]]) as index:
     sum(1 for _ in index.timeline(["/x/block"]))
 peak()
 before, held = peak(), 0
-with BagIndex(sys.argv[1]) as index:
+with OpenedBags([sys.argv[1]]) as index:
     held = sum(1 for _ in index.timeline(["/x/block"]))
 replay = peak() - before
 pieces = sum(piece.counts["/x/block"] for piece in Bag.pieces(sys.argv[1], 1 << 22))

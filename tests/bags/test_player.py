@@ -15,12 +15,13 @@ from rig_nodes.errors import BagError
 MS = 1_000_000
 T0 = 5_000 * MS
 TIMES = [T0 + ms * MS for ms in (0, 0, 3, 10, 10, 10, 24, 40)]
+END = TIMES[-1] + 1
 STEP = 0.001
 
 
-def recorded(times, first=T0):
-    """Returns the function that begins a pass over messages at these times: from ``first`` on, each message is its number."""
-    return lambda: ((time, number) for number, time in enumerate(times) if time >= first)
+def recorded(times):
+    """Returns the function that begins a pass over messages at these times; each message is its number."""
+    return lambda first, end: ((time, number) for number, time in enumerate(times) if first <= time < end)
 
 
 class Run:
@@ -29,8 +30,9 @@ class Run:
     def __init__(self, **options):
         self.now = 100.0
         first = options.pop("first", T0)
-        early = [(TIMES[number], number) for number in options.pop("early", ())]
-        self.player = Player(recorded(TIMES, first), first, period=10 * MS, early=early, **options)
+        held = [(TIMES[number], number) for number in options.pop("early", ())]
+        early = lambda at: [row for row in held if row[0] < at]  # noqa: E731
+        self.player = Player(recorded(TIMES), first, END, period=10 * MS, early=early, **options)
         self.taken = []  # (wall time since the start [ms], number or CLOCK, recorded time since T0 [ms])
 
     def drive(self, ms):
@@ -83,7 +85,7 @@ def test_the_rate_divides_the_times(rate):
 
 def test_max_waits_for_nothing_but_hands_out_no_more_than_a_batch():
     times = [T0 + i * MS for i in range(3 * BATCH)]
-    player = Player(recorded(times), T0, rate=math.inf)
+    player = Player(recorded(times), T0, times[-1] + 1, rate=math.inf)
     taken = []
     while not player.finished:
         assert player.wait(7.0) == 0.0
@@ -113,37 +115,80 @@ def test_paused_from_the_start_gives_the_clock_and_what_holds_from_before():
     assert numbers(run.drive(60)) == [3, 4, 5, 6, 7]
 
 
-def test_a_step_is_one_recorded_time_with_its_clock_and_needs_a_pause():
+def test_a_single_message_comes_with_its_clock_and_needs_a_pause():
     run = Run(paused=True)
     run.drive(1)
     steps = []
     for _ in range(5):
-        assert run.player.step() and run.player.wait(run.now) == 0.0
+        assert run.player.play_next() and run.player.wait(run.now) == 0.0
         steps.append([(number, time) for _, number, time in run.drive(3)])
-    assert steps == [
-        [(0, 0), (1, 0)],
-        [(CLOCK, 3), (2, 3)],
-        [(CLOCK, 10), (3, 10), (4, 10), (5, 10)],
-        [(CLOCK, 24), (6, 24)],
-        [(CLOCK, 40), (7, 40)],
-    ]
-    assert run.player.finished
+    assert steps == [[(0, 0)], [(1, 0)], [(CLOCK, 3), (2, 3)], [(CLOCK, 10), (3, 10)], [(4, 10)]]
+    assert not run.player.pass_over
+    for _ in range(3):
+        run.player.play_next()
+    assert numbers(run.drive(3)) == [5, 6, 7] and run.player.finished
     running = Run()
     running.drive(1)
-    assert not running.player.step() and numbers(running.drive(0)) == []
+    assert not running.player.play_next() and numbers(running.drive(0)) == []
 
 
-def test_after_a_step_the_rest_keeps_its_distance():
+def test_after_single_messages_the_rest_keeps_its_distance():
     run = Run(paused=True)
     run.drive(1)
-    for _ in range(3):
-        run.player.step()
+    for _ in range(6):
+        run.player.play_next()
         run.drive(1)
     run.player.resume(run.now)
     resumed = round((run.now - 100.0) * 1e3)
     taken = run.drive(40)
     assert numbers(taken) == [6, 7] and clocks(taken) == [20, 30, 40]
     assert taken[-1][0] - resumed == pytest.approx(40 - 10, abs=1)
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_a_jump_goes_on_at_its_time_with_the_clock_and_what_holds_there(paused):
+    run = Run(early=[2])
+    run.drive(45)
+    assert run.player.finished
+    for target, rest in ((10, [2, 3, 4, 5, 6, 7]), (1, [2, 3, 4, 5, 6, 7]), (24, [2, 6, 7])):
+        run.player.paused = paused
+        run.player.seek(T0 + target * MS)
+        assert run.player.clock == T0 + target * MS and not run.player.finished
+        taken = run.drive(2)
+        assert taken[0][1:] == (CLOCK, target)
+        run.player.resume(run.now)
+        begun = round((run.now - 100.0) * 1e3)
+        taken += run.drive(45)
+        assert numbers(taken) == rest
+        assert taken[-1][0] - begun == pytest.approx(40 - target - (0 if paused else 3), abs=1)
+    assert run.player.passes == 1
+
+
+def test_after_a_jump_in_a_loop_the_next_pass_begins_where_the_first_did():
+    run = Run(loop=True, first=T0 + 3 * MS)
+    run.drive(1)
+    run.player.seek(T0 + 24 * MS)
+    assert numbers(run.drive(16 + 10 + 21))[:6] == [6, 7, 2, 3, 4, 5] and run.player.passes == 2
+
+
+def test_a_part_is_played_from_its_first_time_to_before_its_end():
+    run = Run(paused=True)
+    run.drive(1)
+    run.player.play(T0 + 10 * MS, T0 + 24 * MS, run.now)
+    assert numbers(run.drive(60)) == [3, 4, 5] and run.player.finished and not run.player.paused
+
+
+def test_another_rate_counts_from_where_the_replay_is():
+    run = Run(rate=0.5)
+    run.drive(8)  # 4 ms of the recording
+    run.player.rate = 2.0
+    changed = round((run.now - 100.0) * 1e3)
+    taken = run.drive(30)
+    assert numbers(taken) == [3, 4, 5, 6, 7]
+    assert taken[-1][0] - changed == pytest.approx((40 - 4) / 2, abs=1)
+    run.player.seek(T0)
+    run.player.rate = math.inf
+    assert numbers(run.drive(0)) == list(range(8))
 
 
 def test_a_loop_repeats_the_pass_one_clock_period_later_and_the_clock_jumps_back():
@@ -156,17 +201,17 @@ def test_a_loop_repeats_the_pass_one_clock_period_later_and_the_clock_jumps_back
     assert not run.player.finished and run.player.passes == 3
 
 
-def test_stepping_goes_on_into_the_next_pass():
+def test_single_messages_go_on_into_the_next_pass():
     run = Run(loop=True, paused=True)
     run.drive(1)
-    for _ in range(6):
-        run.player.step()
+    for _ in range(10):
+        run.player.play_next()
     assert numbers(run.drive(1)) == [0, 1, 2, 3, 4, 5, 6, 7, 0, 1]
 
 
 def test_a_stall_is_not_made_up_for_and_is_told():
     times = [T0 + ms * MS for ms in range(3000)]
-    player = Player(recorded(times), T0)
+    player = Player(recorded(times), T0, times[-1] + 1)
     player.take(0.0)
     burst = player.take(2.0)
     assert max(time for _, time in burst) == T0 + round(STRIDE * 1e3) * MS
@@ -175,14 +220,14 @@ def test_a_stall_is_not_made_up_for_and_is_told():
 
 
 def test_lateness_counts_from_when_a_message_was_due():
-    player = Player(recorded(TIMES), T0, rate=2.0)
+    player = Player(recorded(TIMES), T0, END, rate=2.0)
     player.take(50.0)
     player.take(50.004)  # recorded time 8 ms: message 2 at 3 ms was due at 1.5 ms
     assert player.lateness(TIMES[2], 50.005) == pytest.approx(0.005 - 0.0015)
 
 
 def test_wait_tells_when_the_next_thing_is_due():
-    player = Player(recorded(TIMES), T0, rate=0.5)
+    player = Player(recorded(TIMES), T0, END, rate=0.5)
     assert player.wait(0.0) == 0.0
     player.take(0.0)
     assert player.wait(0.0) == pytest.approx(0.006)

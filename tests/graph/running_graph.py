@@ -119,14 +119,14 @@ class Client:
         self.until(self._services[name].service_is_ready, name)
         return self._services[name]
 
-    def call(self, kind, name: str):
-        """Returns the response of a service."""
+    def call(self, kind, name: str, again: float = 2.0, **fields):
+        """Returns the response of a service to a request with these fields; it is sent again when none comes in so many seconds."""
         client, asked = self.service(kind, name), []
 
         def answered():
             # asks again after a while, because the server may not yet be connected to the client that waits for its answer
-            if not asked or time.monotonic() - asked[-1][1] > 2.0:
-                asked.append((client.call_async(kind.Request()), time.monotonic()))
+            if not asked or time.monotonic() - asked[-1][1] > again:
+                asked.append((client.call_async(kind.Request(**fields)), time.monotonic()))
             return next((future for future, _ in asked if future.done()), None)
 
         future = self.until(answered, f"the answer of {name}")

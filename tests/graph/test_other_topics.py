@@ -13,8 +13,8 @@ from std_msgs.msg import Float64, String, UInt64
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import load_yaml
+from rig_nodes.graph.recording_options import TopicChoice
 from rig_nodes.graph.result import facts_of, lost_messages
-from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.nodes.other_topics import OtherTopics
 from rig_nodes.nodes.replay import obstacle, offered
 from rig_nodes.view.convert import make_view
@@ -32,7 +32,7 @@ def heard(user, publisher) -> None:
 )
 def bag(request, tmp_path_factory):
     """The bag of a run during which a user's nodes published."""
-    graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, exclude="/secret/.*")
+    graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, recording=("--exclude", "/secret/.*"))
     user = Client(graph.domain)
     try:
         states = user.listen("/rig/state")

@@ -4,6 +4,7 @@
 """`rig replay` as a user starts it: what reaches another process over DDS, and how it is controlled and ended."""
 
 import itertools
+import math
 import os
 import pickle
 import pty
@@ -15,13 +16,14 @@ import threading
 from pathlib import Path
 
 import pytest
+from builtin_interfaces.msg import Duration, Time
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbag2_interfaces.srv import Burst, GetRate, IsPaused, Pause, Play, PlayNext, Resume, Seek, SetRate, Stop, TogglePaused
 from rosgraph_msgs.msg import Clock
 from running_graph import Client
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
@@ -181,7 +183,7 @@ def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for
     about = listen(user, String, "/about", latched=True)
     user.until(lambda: about, "the latched message of a late subscriber")
     assert about[0].data == "what this is" and not chatter
-    assert user.call(Trigger, "/rig_replay/resume").success
+    user.call(Resume, "/rig_replay/resume")
     user.until(lambda: len(chatter) == 10, "the second half")
     output = replay.end()
     assert [int(message.data) for message in chatter] == list(range(10, 20))
@@ -196,29 +198,54 @@ def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for
         assert re.search(rf"^rig: {topic}: 2 messages are left out: .*{why}", output, re.M), output
 
 
-def test_pause_step_and_resume_by_service(domain, user):
+def stamps_ms(samples):
+    return [message.header.stamp.sec * 1000 + message.header.stamp.nanosec // 10**6 for message in samples]
+
+
+def test_the_services_of_rosbag2_control_it(domain, user):
     clock = listen(user, Clock, "/clock")
     replay = Replay(domain, SAMPLE, "--paused", "--topics", "/motor/state", "--start", 0.5)
     samples = user.listen("/motor/state")
-    user.until(lambda: user.node.count_publishers("/clock") == 1, "the clock of the replay alone")
+
+    def ask(kind, name, **fields):
+        return user.call(kind, f"/rig_replay/{name}", again=10.0, **fields)  # twice would be two messages
+
     for number in (1, 2, 3):
-        assert user.call(Trigger, "/rig_replay/step").success
-        user.until(lambda: len(samples) == number, f"step {number}")
-    stamps = [message.header.stamp.nanosec for message in samples]
-    assert stamps == [500_000_000, 505_000_000, 510_000_000]
-    user.until(lambda: clock[-1].clock.nanosec == stamps[-1], "the clock of the step")
-    told = len(clock)
-    user.until(lambda: len(clock) > told, "the clock, repeated for those who come during the pause")
-    assert clock[-1].clock.nanosec == stamps[-1]
-    assert user.call(Trigger, "/rig_replay/resume").success
-    user.until(lambda: len(samples) > 20, "the replay to go on")
-    refused = user.call(Trigger, "/rig_replay/step")
-    assert not refused.success and "not paused" in refused.message
-    assert user.call(Trigger, "/rig_replay/pause").success
-    replay.process.send_signal(signal.SIGTERM)
-    output = replay.end(128 + signal.SIGTERM)
-    sent = int(re.search(r"/motor/state +(\d+)", output).group(1))
-    user.until(lambda: len(samples) == sent, "what was sent")
+        assert ask(PlayNext, "play_next").success
+        user.until(lambda: len(samples) == number, f"message {number}")
+    assert stamps_ms(samples) == [500, 505, 510]
+    user.until(lambda: clock[-1].clock.nanosec == 510_000_000, "the clock of the third")
+    heard = len(clock)
+    user.until(lambda: len(clock) > heard, "the clock, repeated for those who come during the pause")
+    assert clock[-1].clock.nanosec == 510_000_000 and ask(IsPaused, "is_paused").paused
+
+    assert ask(Burst, "burst", num_messages=7).actually_burst == 7
+    user.until(lambda: len(samples) == 10, "seven at once")
+    assert stamps_ms(samples)[-1] == 545 and ask(IsPaused, "is_paused").paused
+
+    assert not ask(Seek, "seek", time=Time(sec=9)).success
+    assert ask(Seek, "seek", time=Time(nanosec=100_000_000)).success and ask(Burst, "burst", num_messages=2).actually_burst == 2
+    user.until(lambda: len(samples) == 12, "two messages where it jumped to")
+    assert stamps_ms(samples)[-2:] == [100, 105]
+
+    assert [ask(SetRate, "set_rate", rate=rate).success for rate in (0.0, -1.0, 101.0, 0.05)] == [False, False, False, True]
+    assert ask(GetRate, "get_rate").rate == 0.05
+    ask(TogglePaused, "toggle_paused")
+    user.until(lambda: len(samples) > 14, "the replay to go on")
+    assert not ask(PlayNext, "play_next").success and not ask(Play, "play").success
+    assert ask(Burst, "burst", num_messages=1).actually_burst == 0
+    ask(Pause, "pause")
+
+    assert ask(SetRate, "set_rate", rate=math.inf).success
+    ask(Seek, "seek", time=Time(sec=1))
+    before = len(samples)
+    part = {"start_offset": Time(sec=1), "playback_duration": Duration(nanosec=200_000_000)}
+    assert ask(Play, "play", **part).success
+    user.until(lambda: len(samples) == before + 40, "the part that was asked for")
+    assert stamps_ms(samples)[-40:] == list(range(1000, 1200, 5))
+    output = replay.end()
+    assert int(re.search(r"/motor/state +(\d+)", output).group(1)) == len(samples)
+    assert "9.000 s is refused: the bag goes from 0.000 s to" in output and "rate 101 is refused" in output
 
 
 def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_in_order(domain, user, tmp_path):
@@ -234,8 +261,7 @@ def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_i
     )
     samples = user.listen("/motor/state")
     replay.until("paused at")
-    assert user.call(Trigger, "/rig_replay/is_paused").success
-    assert user.call(Trigger, "/rig_replay/toggle_paused").success
+    user.call(TogglePaused, "/rig_replay/toggle_paused")
     output = replay.end()
     user.until(lambda: len(samples) == len(heard_again) == 200, "both topics")
     stamps = [message.header.stamp.sec * 1000 + message.header.stamp.nanosec // 10**6 for message in samples]
@@ -246,7 +272,7 @@ def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_i
 def test_stop_ends_it(domain, user):
     replay = Replay(domain, SAMPLE, "--paused")
     replay.until("paused at")
-    assert user.call(Trigger, "/rig_replay/stop").success
+    user.call(Stop, "/rig_replay/stop")
     assert "stopped at" in replay.end()
 
 
@@ -272,7 +298,10 @@ def test_keys_of_the_terminal_steer_it(domain):
     replay = Replay(domain, SAMPLE, "--paused", "--topics", "/rig/state", stdin=other)
     os.close(other)
     replay.until("paused at 0.000 s")
-    os.write(terminal, b"\x1b[C")
+    os.write(terminal, b"\x1b[C\x1b[A\x1bOA")
+    replay.until("rate 1.21")
+    os.write(terminal, b"\x1b[B")
+    replay.until("rate 1.09")
     os.write(terminal, b" ")
     replay.until("going on at 0.000 s")
     os.write(terminal, b" ")

@@ -482,6 +482,8 @@ def _run_lines(run: dict) -> list[str]:
         return [f"problem: {problem}" for problem in run.get("problems", [])]  # a logger's file, which is not a run of the rig
     since = f" (recorded from {run['recorded_from_s']:.3f} s on)" if run.get("recorded_from_s") else ""
     lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
+    if left_out := run.get("left_out"):
+        lines.append(f"left out by the recorder's options: {sum(left_out.values())} messages of {len(left_out)} topics")
     late = run["lateness_ms"]
     if late:
         names = {"p50": "median", "p99": "p99", "max": "max"}

@@ -59,10 +59,10 @@ def check(bags: OpenedBags) -> Kept:
                 numbers.add(part)
             if not piece.damage:
                 damage += part.damage
-    # a bag may begin later than its run; what stops early shows in no number
-    for topic, holes in numbers.gaps(begun_late=True).items():
-        lost[topic] = max(lost[topic], holes)
-    return Kept(kept.counts, dict(lost), damage)
+    # a bag may begin later than its run, unless its recorder counted what it left out; what stops early shows in no number
+    for topic, holes in numbers.gaps(begun_late=not bags.left_out).items():
+        lost[topic] = max(lost[topic], holes - bags.holes[topic])
+    return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage)
 
 
 def content_hash(bags: OpenedBags) -> tuple[dict[str, str], Kept]:

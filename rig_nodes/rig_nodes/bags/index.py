@@ -14,10 +14,8 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
-from ..catalogue import Catalogue
 from ..errors import BagError
 from . import limits
 from .mcap_file import (
@@ -35,7 +33,6 @@ from .mcap_file import (
     SCHEMA,
     STATISTICS,
     ChunkHead,
-    Contents,
     Damage,
     McapFile,
     Records,
@@ -46,7 +43,6 @@ from .mcap_file import (
     library,
     plain_record,
 )
-from .reader import Bag, find
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _STATISTICS = struct.Struct("<QHIIIIQQI")
@@ -77,23 +73,25 @@ class BagIndex:
         Message type per topic.
     first, last : int
         Log times of the first and the last message [ns].
+    library : str
+        Name of the program that wrote the file, as the file gives it.
     damage : list of str
         One sentence per fault met so far; each is passed to ``on_damage`` when it is met.
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open the folder of a run or its .mcap file.
+        """Open an .mcap file.
 
         Raises
         ------
         BagError
             When there is no such file, it is not a bag or it holds no message.
         """
-        self.path = find(Path(path))
+        self.path = Path(path)
         self.damage: list[str] = []
         self.on_damage: Callable[[str], None] = lambda _: None
         self._file = McapFile(self.path)
-        self._library = ""
+        self.library = ""
         try:
             self._parts: list[_Part] = []
             self._count: Counter[int] = Counter()
@@ -123,10 +121,9 @@ class BagIndex:
         stream = self._streams[topic]
         return stream.encoding, stream.text, stream.metadata
 
-    @cached_property
-    def catalogue(self) -> Catalogue:
-        """Topics and signals of the bag's rig, as in Bag.catalogue."""
-        return self.bag([topic for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/RunInfo"]).catalogue
+    def empty(self, topic: str) -> Stream:
+        """Return a topic's channel without its messages."""
+        return self._streams[topic].emptied()
 
     def timeline(
         self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
@@ -160,15 +157,6 @@ class BagIndex:
             rows.sort()
         for time, _, _, topic, data in rows:
             yield time, (topic, data)
-
-    def bag(self, topics: Collection[str]) -> Bag:
-        """Return the messages of these topics as a bag; it lists all topics but holds no message of the others."""
-        streams = {topic: stream.emptied() for topic, stream in self._streams.items()}
-        for place, (time, (topic, data)) in enumerate(self.timeline(topics)):
-            streams[topic].times.append(time)
-            streams[topic].payloads.append(data)
-            streams[topic].places.append(place)
-        return Bag.of(self.path, Contents(dict(enumerate(streams.values())), list(self.damage), self._library))
 
     def _rows(self, part: _Part, topics: Collection[str], begin: int, end: int) -> list[tuple]:
         """Return the messages of a part as time, place in the file, topic and bytes; report damage and return none."""
@@ -228,7 +216,7 @@ class BagIndex:
         file = self._file
         opcode, start, end = file.record(len(MAGIC))
         if opcode == HEADER:
-            self._library = library(file, start, end)
+            self.library = library(file, start, end)
         footer = file.size - len(MAGIC) - FOOTER_BODY.size - RECORD.size
         if footer < len(MAGIC) or file.bytes_at(file.size - len(MAGIC), len(MAGIC)) != MAGIC:
             return False  # the walk over the file reports the same fault

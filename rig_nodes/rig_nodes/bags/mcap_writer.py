@@ -35,12 +35,13 @@ from mcap.records import (
 
 from .mcap_file import MAGIC
 
-COMPRESSION = "zstd"
+COMPRESSION = b"zstd"
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)  # a plain number, because an enumeration's member costs as much as all the packing
 _MESSAGE_HEAD = 2 + 4 + 8 + 8  # bytes of the head that the record's length includes
 _MESSAGE_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
-_CHUNK = struct.Struct("<BQQQQII4sQ")  # opcode, length, first and last time, size, CRC, compression, packed size
+_CHUNK = struct.Struct("<BQQQQII")  # opcode, length, first and last time, size, CRC, length of the compression's name
+_PACKED = struct.Struct("<Q")  # packed size
 _FOOTER = struct.Struct("<BQQQ")
 
 
@@ -50,10 +51,14 @@ class McapWriter:
     It does not close the file. An OSError of the file is passed on.
     """
 
-    def __init__(self, file: BinaryIO, profile: str, library: str, chunk_bytes: int) -> None:
-        """Write the beginning of the file; a chunk larger than ``chunk_bytes`` is closed without a call of :meth:`flush`."""
+    def __init__(self, file: BinaryIO, profile: str, library: str, chunk_bytes: int, packed: bool = True) -> None:
+        """Write the beginning of the file.
+
+        A chunk larger than ``chunk_bytes`` is closed without a call of :meth:`flush`; ``packed`` says whether chunks are packed.
+        """
         self._file, self._chunk_bytes = file, chunk_bytes
-        self._compress = zstandard.ZstdCompressor().compress
+        self._compression = COMPRESSION if packed else b""
+        self._compress = zstandard.ZstdCompressor().compress if packed else bytes
         self._data_crc = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -93,6 +98,11 @@ class McapWriter:
         record, offset = _bytes(Metadata(name=name, metadata=values)), self._file.tell()
         self._metadata.append(MetadataIndex(offset=offset, length=len(record), name=name))
         self._write(record)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file so far, without the chunk in progress."""
+        return self._file.tell()
 
     def flush(self) -> None:
         """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
@@ -151,20 +161,20 @@ class McapWriter:
         last = max(max(index[::2]) for index in self._indices.values())
         self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
         content = b"".join(self._parts)
-        packed = self._compress(content)
+        packed, compression = self._compress(content), self._compression
         at = self._file.tell()
         self._write(
             _CHUNK.pack(
                 Opcode.CHUNK,
-                _CHUNK.size - 9 + len(packed),
+                _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed),
                 first,
                 last,
                 len(content),
                 zlib.crc32(content),
-                len(COMPRESSION),
-                COMPRESSION.encode(),
-                len(packed),
+                len(compression),
             )
+            + compression
+            + _PACKED.pack(len(packed))
             + packed
         )
         indices_at, places, rows = self._file.tell(), {}, []
@@ -184,7 +194,7 @@ class McapWriter:
                 chunk_length=indices_at - at,
                 message_index_offsets=places,
                 message_index_length=len(table),
-                compression=COMPRESSION,
+                compression=compression.decode(),
                 compressed_size=len(packed),
                 uncompressed_size=len(content),
             )

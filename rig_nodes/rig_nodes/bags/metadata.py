@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from io import StringIO
@@ -104,39 +105,59 @@ def profile_text(qos: str) -> str:
     return _yaml([PROFILES[qos]])
 
 
-def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int) -> str:
-    """Return the ``rosbag2_bagfile_information`` of a bag of one file, as YAML.
+@dataclass(frozen=True)
+class File:
+    """A file of a bag: its name, first and last time of its messages [ns], and their number."""
+
+    name: str
+    start_ns: int
+    end_ns: int
+    count: int
+
+
+def bag_metadata(files: Sequence[File], topics: list[dict], packed: bool = False, custom: Mapping[str, str] | None = None) -> str:
+    """Return the ``rosbag2_bagfile_information`` of a bag, as YAML.
 
     Parameters
     ----------
-    file_name : str
-        Name of the bag's file.
+    files : sequence of File
+        The files in their order, at least one.
     topics : list of dict
         Dicts with ``name``, ``type``, ``qos`` (class), ``hash`` (RIHS01) and ``count``, in the order of the file.
-    start_ns, end_ns : int
-        First and last time of the messages [ns].
+    packed : bool
+        True when the files are packed with zstd as a whole.
+    custom : mapping of str to str, optional
+        What else there is to say of the bag.
 
     Returns
     -------
     str
         The YAML text.
     """
-    count = sum(topic["count"] for topic in topics)
-    starting_time = {"nanoseconds_since_epoch": start_ns}
-    duration = {"nanoseconds": end_ns - start_ns}
+    # a file without messages has no times
+    held = [file for file in files if file.count] or list(files)
+    start, end = min(file.start_ns for file in held), max(file.end_ns for file in held)
     information = _yaml(
         {
             "version": VERSION,
             "storage_identifier": "mcap",
-            "duration": duration,
-            "starting_time": starting_time,
-            "message_count": count,
+            "duration": {"nanoseconds": end - start},
+            "starting_time": {"nanoseconds_since_epoch": start},
+            "message_count": sum(file.count for file in files),
             "topics_with_message_count": _TOPICS if topics else [],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [file_name],
-            "files": [{"path": file_name, "starting_time": starting_time, "duration": duration, "message_count": count}],
-            "custom_data": None,
+            "compression_format": "zstd" if packed else "",
+            "compression_mode": "FILE" if packed else "",
+            "relative_file_paths": [file.name for file in files],
+            "files": [
+                {
+                    "path": file.name,
+                    "starting_time": {"nanoseconds_since_epoch": file.start_ns},
+                    "duration": {"nanoseconds": file.end_ns - file.start_ns},
+                    "message_count": file.count,
+                }
+                for file in files
+            ],
+            "custom_data": dict(custom) if custom else None,
             "ros_distro": "jazzy",
         }
     )

@@ -17,20 +17,17 @@ from contextlib import ExitStack
 from operator import itemgetter
 from pathlib import Path
 
-import zstandard
-
-from ..config import load_yaml
 from ..errors import BagError, RigError
 from . import limits
 from .definitions import installed
 from .index import BagIndex
+from .mcap_file import Contents
 from .metadata import profile_text, read_profile
-from .old_form import topic_of_today
+from .pieces import PACKED, Told, in_order, plain, told
+from .reader import Bag
 from .writer import BagWriter
 
-PACKED = ".zstd"
 KINDS = (".mcap", ".db3")
-_BLOCK = 1 << 20
 
 
 class OpenedBags:
@@ -42,6 +39,8 @@ class OpenedBags:
         What was opened, for sentences.
     pieces : list of BagIndex
         The files.
+    files : list of Path
+        The files as they are in the folder; those of ``pieces`` are unpacked.
     types : dict of str to str
         Message type per topic.
     counts : dict of str to int
@@ -65,7 +64,10 @@ class OpenedBags:
         """
         self.path = ", ".join(map(str, paths))
         self.pieces: list[BagIndex] = []
+        self.files: list[Path] = []
         self.told: Counter[str] = Counter()  # messages per topic by metadata.yaml
+        self.left_out: Counter[str] = Counter()  # messages per topic that the recorder left out on purpose, by metadata.yaml
+        self.holes: Counter[str] = Counter()  # of these, messages that leave a hole in the sequence numbers
         self._damage: list[str] = []
         self._on_damage: Callable[[str], None] = lambda _: None
         self._stack = ExitStack()
@@ -114,18 +116,33 @@ class OpenedBags:
         rows = (piece.timeline(topics, begin, end) for piece in self._held)
         return heapq.merge(*rows, key=itemgetter(0))
 
+    def bag(self, topics: Collection[str]) -> Bag:
+        """Return the messages of these topics as a bag; it lists all topics but holds no message of the others."""
+        streams = {topic: next(piece for piece in self.pieces if topic in piece.types).empty(topic) for topic in self.types}
+        for place, (time, (topic, data)) in enumerate(self.timeline(topics)):
+            streams[topic].times.append(time)
+            streams[topic].payloads.append(data)
+            streams[topic].places.append(place)
+        contents = Contents(dict(enumerate(streams.values())), list(self.damage), self.pieces[0].library)
+        return Bag.of(self.files[0], contents)
+
     def lost(self, held: Counter[str]) -> dict[str, int]:
         """Return how many messages per topic the bags say they hold beyond those that were read."""
         said = {topic: max(self.counts.get(topic, 0), self.told[topic]) for topic in {**self.counts, **self.told}}
         return {topic: count - held[topic] for topic, count in said.items() if count > held[topic]}
 
     def _open(self, path: Path) -> None:
-        files, problems = files_of(path, self.told)
+        files, problems, about = files_of(path)
         self._damage += problems
+        self.told.update(about.counts)
+        self.left_out.update(about.left_out)
+        self.holes.update(about.left_out)
+        self.holes.subtract(about.left_out_at_end)
         opened = 0
         for file in files:
             try:
                 self._add(self._stack.enter_context(BagIndex(self._plain(file))))
+                self.files.append(file)
                 opened += 1
             except BagError as error:
                 if len(files) == 1:
@@ -146,23 +163,19 @@ class OpenedBags:
 
     def _plain(self, file: Path) -> Path:
         """Return the file itself, or a temporary MCAP file with its content."""
-        if file.suffix not in (PACKED, ".db3"):
+        file = self._stack.enter_context(plain(file))
+        if file.suffix != ".db3":
             return file
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-bag-")))
-        if file.suffix == PACKED:
-            file = _unpacked(file, folder / file.stem)
-        return _from_sqlite(file, folder) if file.suffix == ".db3" else file
+        return _from_sqlite(file, Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-bag-"))))
 
 
-def files_of(path: Path, told: Counter[str]) -> tuple[list[Path], list[str]]:
-    """Return the files of a bag in their order, and one sentence for each that is missing; adds the counts of metadata.yaml.
+def files_of(path: Path) -> tuple[list[Path], list[str], Told]:
+    """Return the files of a bag in their order, one sentence for each that is missing, and what metadata.yaml says.
 
     Parameters
     ----------
     path : Path
         Folder or file.
-    told : Counter
-        Takes the messages per topic that metadata.yaml counts.
 
     Raises
     ------
@@ -170,55 +183,21 @@ def files_of(path: Path, told: Counter[str]) -> tuple[list[Path], list[str]]:
         When there is none.
     """
     if path.is_file():
-        return [path], []
+        return [path], [], Told()
     if not path.is_dir():
         raise BagError(f"{path}: there is no such file or folder; give the folder of a bag or one of its files")
-    found = [file for file in path.iterdir() if file.name.removesuffix(PACKED).endswith(KINDS)]
-    found.sort(key=lambda file: (len(file.name.removesuffix(PACKED)), file.name))
-    problems = []
+    found = in_order([file for file in path.iterdir() if file.name.removesuffix(PACKED).endswith(KINDS)])
+    problems, about = [], Told()
     try:
-        names, counts = _told(path / "metadata.yaml")
-        told.update(counts)
-        listed = [path / name for name in names]
+        about = told(path)
+        listed = [path / name for name in about.files]
         problems = [f"{file} is missing, which metadata.yaml lists" for file in listed if not file.is_file()]
         found = [file for file in listed if file.is_file()] + [file for file in found if file not in listed]
     except RigError as error:
         problems = [str(error)]
     if not found:
         raise BagError(f"{path}: holds no bag; expected .mcap or .db3 files, also packed as {PACKED}")
-    return found, problems
-
-
-def _told(path: Path) -> tuple[list[str], dict[str, int]]:
-    """Return the files and the counts per topic by metadata.yaml; both are empty when there is no such file."""
-    if not path.is_file():
-        return [], {}
-    if path.stat().st_size > limits.YAML:
-        raise BagError(f"{path}: is of {path.stat().st_size} bytes, larger than the {limits.YAML} that are read")
-    try:
-        information = load_yaml(path)["rosbag2_bagfile_information"]
-        # only names within the folder, as rosbag2 writes them
-        names = [Path(str(name)).name for name in information["relative_file_paths"]]
-        entries = information["topics_with_message_count"]
-        return names, {topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"]) for entry in entries}
-    except (TypeError, KeyError, ValueError) as error:
-        raise BagError(f"{path}: is no description of a bag ({type(error).__name__}: {error})") from None
-
-
-def _unpacked(file: Path, out: Path) -> Path:
-    most = limits.CHUNK + limits.EXPANSION * file.stat().st_size
-    size = 0
-    try:
-        with open(file, "rb") as packed, open(out, "wb") as plain:
-            with zstandard.ZstdDecompressor(max_window_size=limits.CHUNK).stream_reader(packed, read_across_frames=True) as stream:
-                while block := stream.read(_BLOCK):
-                    size += len(block)
-                    if size > most:
-                        raise BagError(f"{file}: unpacks to more than {most} bytes, {limits.EXPANSION} for each byte of the file")
-                    plain.write(block)
-    except (zstandard.ZstdError, OSError) as error:
-        raise BagError(f"{file}: cannot be unpacked ({error}); expected a file that rosbag2 packed with zstd") from None
-    return out
+    return found, problems, about
 
 
 def _from_sqlite(file: Path, folder: Path) -> Path:

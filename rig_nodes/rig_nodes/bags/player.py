@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Timing of a replay: which message is due when, with rate, start, pause, step, loop and the clock.
+"""Timing of a replay: which message is due when, with rate, start, pause, single messages, jumps, loop and the clock.
 
 nodes.replay uses it and publishes the messages that are due. It depends neither on ROS nor on the wall clock: the caller
 passes the time.
@@ -32,23 +32,25 @@ class Player:
 
     def __init__(
         self,
-        messages: Callable[[], Iterator[tuple[int, Message]]],
+        messages: Callable[[int, int], Iterator[tuple[int, Message]]],
         first: int,
+        end: int,
         *,
         rate: float = 1.0,
         loop: bool = False,
         paused: bool = False,
         period: int = 5_000_000,
-        early: Sequence[tuple[int, Message]] = (),
+        early: Callable[[int], Sequence[tuple[int, Message]]] = lambda _: (),
     ) -> None:
         """Prepare a replay; it begins with the first :meth:`take`.
 
         Parameters
         ----------
         messages : callable
-            Begins a pass: it returns an iterator of (time [ns], message) with ascending times, none before ``first``.
-        first : int
-            Recorded time at which passes begin [ns].
+            Begins a pass: for two recorded times [ns] it returns an iterator of (time [ns], message) with ascending times,
+            from the first of the two to before the second.
+        first, end : int
+            Recorded times at which passes begin and end [ns].
         rate : float
             Recorded seconds per second; inf replays as fast as possible.
         loop : bool
@@ -57,29 +59,37 @@ class Player:
             True to begin paused.
         period : int
             Recorded time between two clocks [ns].
-        early : sequence of (int, Message)
-            Messages from before ``first`` that are due at the beginning of every pass.
+        early : callable
+            For a recorded time [ns], the messages from before it that are due when the replay begins there.
         """
         self.rate, self.loop, self.paused = rate, loop, paused
         self.clock = first  # last time of the clock [ns]
         self.passes = 0
         self.behind = 0.0
-        self._messages, self._first, self._period, self._early = messages, first, period, early
+        self._messages, self._period, self._early = messages, period, early
+        self._span = first, end
         self._rest: Iterator[tuple[int, Message]] = iter(())
         self._ahead: tuple[int, Message] | None = None  # the next message of this pass
+        self._first = first  # time at which this pass began
         self._last = first  # time of the last message taken in this pass
         self._tick = first
         self._offset = 0.0  # recorded time since the beginning of the pass [ns], reached at _wall
         self._wall: float | None = None  # time of the caller's clock [s] at which _offset was reached
+        self._jump: int | None = None  # recorded time at which the replay goes on [ns], where that is not the next one
         self._steps = 0
 
     @property
     def finished(self) -> bool:
         """True when nothing will become due any more."""
-        return self._wall is not None and not self.loop and self._ahead is None
+        return not self.loop and self.pass_over
+
+    @property
+    def pass_over(self) -> bool:
+        """True when this pass has no message left."""
+        return self._wall is not None and self._jump is None and self._ahead is None
 
     def pause(self) -> None:
-        """Stop the clock and make nothing due until :meth:`resume` or :meth:`step`."""
+        """Stop the clock and make nothing due until :meth:`resume` or :meth:`play_next`."""
         self.paused = True
 
     def resume(self, now: float) -> None:
@@ -89,17 +99,34 @@ class Player:
             if self._wall is not None:
                 self._wall = now
 
-    def step(self) -> bool:
-        """Make all messages of the next recorded time due while paused; return False when not paused."""
+    def play_next(self) -> bool:
+        """Make the next message due while paused; return False when not paused."""
         self._steps += self.paused
         return self.paused
+
+    def seek(self, time: int) -> None:
+        """Continue, or stay paused, at a recorded time [ns]; later passes begin where they did."""
+        self._jump, self._steps = time, 0
+        self.clock = time
+
+    def play(self, first: int, end: int, now: float) -> None:
+        """Play from one recorded time to before another [ns], in all later passes too; ``now`` is the caller's time [s]."""
+        self._span = first, end
+        self.seek(first)
+        self.resume(now)
 
     def take(self, now: float) -> list[Due]:
         """Return what became due by ``now`` [s] and was not taken yet, in order: (message or CLOCK, time [ns])."""
         due: list[Due] = []
-        elapsed = now - (now if self._wall is None else self._wall)
-        if self._wall is None:
+        elapsed = 0.0
+        if self._jump is not None:
+            first, self._jump, self._offset = self._jump, None, 0.0
+            self.passes = max(self.passes, 1)
+            self._begin(due, first)
+        elif self._wall is None:
             self._start_pass(due)
+        else:
+            elapsed = now - self._wall
         self._wall = now
         if self.paused:
             while self._steps:
@@ -118,7 +145,7 @@ class Player:
 
     def wait(self, now: float) -> float:
         """Return the seconds from ``now`` [s] until something is due: 0 when it is due already, inf when paused or finished."""
-        if self._wall is None:
+        if self._wall is None or self._jump is not None:
             return 0.0
         if self.finished or self.paused:
             return 0.0 if self._steps and not self.finished else math.inf
@@ -149,10 +176,15 @@ class Player:
 
     def _start_pass(self, due: list[Due]) -> None:
         self.passes += 1
-        self._rest, self._last, self._tick = self._messages(), self._first, self._first
+        self._begin(due, self._span[0])
+
+    def _begin(self, due: list[Due], first: int) -> None:
+        """Begin at a recorded time [ns], with the clock and with what holds from before."""
+        self._first = self._last = self._tick = first
+        self._rest = self._messages(first, self._span[1])
         self._ahead = next(self._rest, None)
-        self._take_clock(due, self._first)
-        due += [(message, time) for time, message in self._early]
+        self._take_clock(due, first)
+        due += [(message, time) for time, message in self._early(first)]
 
     def _take_next(self, due: list[Due], ahead: tuple[int, Message]) -> None:
         self._last, message = ahead
@@ -193,6 +225,5 @@ class Player:
         time = self._ahead[0]
         if time > self.clock:
             self._take_clock(due, time)
-        while self._ahead is not None and self._ahead[0] == time:
-            self._take_next(due, self._ahead)
+        self._take_next(due, self._ahead)
         self._offset = max(self._offset, float(time - self._first))

@@ -33,6 +33,7 @@ from .cdr import decode_as, exact, frameless
 from .definitions import Definition, parse
 from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
 from .old_form import topic_of_today
+from .pieces import files_of_run, plain
 from .rig_record import rig_record
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
@@ -42,6 +43,7 @@ NOTHING = "nothing was recorded: the run was stopped before its time began"
 OWN = "rig_nodes "  # the project's own recorder begins its library name with this
 ENCODING = "cdr/ros2msg"
 LIFE_BITS = 32  # low bits count messages; the bits above count earlier starts of the publisher
+_PLACES = 40  # bits of a message's place in its file
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
@@ -82,7 +84,7 @@ class Bag:
     Attributes
     ----------
     path : Path
-        The .mcap file.
+        The .mcap file, of several pieces the first.
     counts : dict of str to int
         Messages per topic.
     types : dict of str to str
@@ -106,8 +108,9 @@ class Bag:
         BagError
             When the bag is damaged or missing; the error names the damage or what is missing.
         """
-        self.path = find(Path(path))
-        self._hold(read_mcap(self.path, recover), {})
+        files = files_of_run(Path(path))
+        self.path = files[0]
+        self._hold(_joined([_read(file, recover) for file in files], files), {})
 
     @classmethod
     def pieces(cls, path: str | Path, size: int, recover: bool = False) -> Iterator[Bag]:
@@ -134,10 +137,17 @@ class Bag:
         BagError
             As the constructor does; damage is raised when the reading reaches it.
         """
-        path = find(Path(path))
+        files = files_of_run(Path(path))
         columns: dict[str, list[str]] = {}
-        for contents in read_pieces(path, recover, size):
-            yield cls.of(path, contents, columns)
+        damage: list[str] = []
+        for file in files:
+            piece = None
+            with plain(file) as opened:
+                for contents in read_pieces(opened, recover, size):
+                    piece = cls.of(files[0], contents, columns)
+                    piece.damage = damage + _named(piece.damage, file, files)
+                    yield piece
+            damage = [] if piece is None else piece.damage
 
     @classmethod
     def of(cls, path: Path, contents: Contents, columns: dict[str, list[str]] | None = None) -> Bag:
@@ -708,6 +718,29 @@ class Numbers:
         return found
 
 
+def _read(file: Path, recover: bool) -> Contents:
+    with plain(file) as opened:
+        return read_mcap(opened, recover)
+
+
+def _joined(contents: list[Contents], files: list[Path]) -> Contents:
+    """Return what several files hold as one; the places of their messages follow each other."""
+    if len(contents) == 1:
+        return contents[0]
+    streams: list[Stream] = []
+    damage: list[str] = []
+    for number, (held, file) in enumerate(zip(contents, files)):
+        damage += _named(held.damage, file, files)
+        for stream in held.streams.values():
+            stream.places = [place + (number << _PLACES) for place in stream.places]
+            streams.append(stream)
+    return Contents(dict(enumerate(streams)), damage, contents[0].library)
+
+
+def _named(damage: list[str], file: Path, files: list[Path]) -> list[str]:
+    return damage if len(files) == 1 else [f"{file.name}: {text}" for text in damage]
+
+
 def nothing_in(damage: list[str]) -> str:
     """Return the reason why a bag holds nothing to show."""
     return f"nothing of it can be read ({'; '.join(damage)})" if damage else NOTHING
@@ -781,22 +814,3 @@ def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
     return [
         f"{metadata}: counts {said} messages of {topic} where the bag holds {held}" for topic, said, held in pairs if said != held
     ]
-
-
-def find(path: Path) -> Path:
-    """Return the .mcap file of a path: the file itself, or the only one in the folder.
-
-    Raises
-    ------
-    BagError
-        When there is no such file or more than one.
-    """
-    if path.is_file():
-        return path
-    if not path.is_dir():
-        raise BagError(f"{path}: there is no such file or folder; give the folder of a run or its .mcap file")
-    files = sorted(path.glob("*.mcap"))
-    if len(files) != 1:
-        held = ", ".join(f.name for f in files) or "none"
-        raise BagError(f"{path}: a run's folder holds one .mcap file, this one holds {held}; name the file itself")
-    return files[0]

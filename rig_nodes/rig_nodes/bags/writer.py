@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writer of a run: one MCAP file that stays readable however the process ends, and rosbag2's metadata.yaml.
+"""Writer of a run: MCAP files that stay readable however the process ends, and rosbag2's metadata.yaml.
 
 The headless run and the recorder use it. The same calls give the same bytes.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -23,6 +23,7 @@ from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
 from .mcap_writer import McapWriter
+from .pieces import pack
 
 if TYPE_CHECKING:
     T = TypeVar("T")
@@ -47,6 +48,26 @@ class _Topic:
     size: int  # bytes of every message, 0 when the size varies
     hash: str  # RIHS01 of the type, or empty
     count: int = 0  # messages written
+    before: int = 0  # of these, messages in earlier files
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a bag is stored in files.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of a file after which the next one begins; 0 for no limit.
+    length : int
+        Simulated time of a file after which the next one begins [ns]; 0 for no limit.
+    packing : str
+        What zstd packs: ``chunk``, each chunk of a file; ``file``, files as a whole, when they are closed; ``none``.
+    """
+
+    size: int = 0
+    length: int = 0
+    packing: str = "chunk"
 
 
 class MessageRefused(RigError):
@@ -56,7 +77,8 @@ class MessageRefused(RigError):
 class BagWriter:
     """Writer of one bag in one folder: ``<folder>/<name>_<piece>.mcap`` and, after closing, ``<folder>/metadata.yaml``.
 
-    The file name ends in a number because ``ros2 bag reindex`` accepts only such files as pieces of a bag.
+    With a layout that has limits, further files follow with the next numbers. File names end in a number because
+    ``ros2 bag reindex`` accepts only such files as pieces of a bag.
 
     A chunk is closed and handed to the operating system when the simulated time of the messages passes a
     multiple of 100 ms, so that a killed process loses at most that much. A chunk above 4 MiB is closed earlier.
@@ -64,7 +86,13 @@ class BagWriter:
     """
 
     def __init__(
-        self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None, library: str = LIBRARY
+        self,
+        folder: str | Path,
+        name: str,
+        piece: int = 0,
+        topics: Mapping[str, Topic] | None = None,
+        library: str = LIBRARY,
+        layout: Layout = Layout(),
     ) -> None:
         """Create the file, and the folder when it does not exist.
 
@@ -80,6 +108,8 @@ class BagWriter:
             Topics of the run's rig (Catalogue.all_topics); those of the installed rigs when the rig is not known.
         library : str
             Name of the program that the file gives.
+        layout : Layout
+            When the next file begins, and what is packed.
 
         Raises
         ------
@@ -87,18 +117,18 @@ class BagWriter:
             When the file already exists or cannot be made.
         """
         self.folder = Path(folder)
-        self.path = self.folder / f"{name}_{piece}.mcap"
+        self.custom: dict[str, str] = {}  # further facts for metadata.yaml
+        self._name, self._piece, self._layout = name, piece, layout
         self._known = installed_topics() if topics is None else topics
-        self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, int] = {}
-        self._flush_at: int | None = None  # ns; None before the first message
-        self._first = self._last = 0
+        self._earlier: dict[str, _Topic] = {}  # topics of the files before, with all messages up to then
+        self._files: list[metadata.File] = []  # files that are closed
+        self._split = False
         self._closed = False
         self._library = library
         self._failure: tuple[type[RigError], str] | None = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._file = open(self.path, "xb")
+            self._open()
         except FileExistsError:
             raise RigError(f"{self.path} is there already; name another folder or remove it") from None
         except OSError as error:
@@ -151,6 +181,10 @@ class BagWriter:
                 self._first = self._last = log_time_ns
             else:
                 self._guard(self._writer.flush)
+                if self._split or self._full(log_time_ns):
+                    self._guard(self._next)
+                    known = self._guard(self._add_topic, topic, ros_type, qos)
+                    self._first = self._last = log_time_ns
             self._flush_at = (log_time_ns // FLUSH_NS + 1) * FLUSH_NS
         sequence = _SEQUENCE.unpack_from(data, 20)[0] if known.counted else known.count
         try:
@@ -190,10 +224,14 @@ class BagWriter:
         digest = about.get("topic_type_hash", "")
         self._topics[topic] = _Topic(channel, None, ros_type, qos, False, False, 0, digest)
 
+    def split(self) -> None:
+        """Begin the next file with the next chunk."""
+        self._split = True
+
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
-        return {name: topic.count for name, topic in self._topics.items()}
+        return {name: topic.count for name, topic in {**self._earlier, **self._topics}.items()}
 
     def flush(self) -> None:
         """Close the chunk in progress and hand all data to the operating system."""
@@ -212,8 +250,7 @@ class BagWriter:
             with suppress(OSError):
                 self._file.close()
             return
-        information = metadata.bag_metadata(self.path.name, self._summary(), self._first, self._last)
-        self._guard(self._finish, information)
+        self._guard(self._finish)
 
     def __enter__(self) -> BagWriter:
         return self
@@ -244,10 +281,33 @@ class BagWriter:
             self._file.close()
         return failure
 
+    def _open(self) -> None:
+        """Create the next file; its topics, times and counts begin anew."""
+        self.path = self.folder / f"{self._name}_{self._piece}.mcap"
+        self._topics: dict[str, _Topic] = {}
+        self._schemas: dict[str, int] = {}
+        self._flush_at: int | None = None  # ns; None before the first message
+        self._first = self._last = 0
+        self._file = open(self.path, "xb")
+
     def _begin(self) -> McapWriter:
-        writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES)
+        writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk")
         self._file.flush()
         return writer
+
+    def _full(self, time: int) -> bool:
+        """Return True when a message of this time [ns] belongs into the next file."""
+        size, length = self._layout.size, self._layout.length
+        return bool((size and self._writer.size >= size) or (length and time >= self._first + length))
+
+    def _next(self) -> None:
+        """Close the file and begin the next one."""
+        self._end_file()
+        self._earlier |= self._topics
+        self._piece += 1
+        self._split = False
+        self._open()
+        self._writer = self._begin()
 
     def _add_topic(self, topic: str, ros_type: str, qos: str) -> _Topic:
         definition = installed(ros_type)
@@ -262,6 +322,7 @@ class BagWriter:
             self._schemas[ros_type],
             {"offered_qos_profiles": metadata.profile_text(qos), "topic_type_hash": definition.type_hash},
         )
+        before = self._earlier[topic].count if topic in self._earlier else 0
         self._topics[topic] = _Topic(
             channel,
             definition,
@@ -271,19 +332,30 @@ class BagWriter:
             entry is not None,
             definition.size if definition.fixed else 0,
             definition.type_hash,
+            before,
+            before,
         )
         return self._topics[topic]
 
-    def _summary(self) -> list[dict]:
-        return [
-            {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": topic.count}
-            for name, topic in self._topics.items()
-        ]
-
-    def _finish(self, information: str) -> None:
+    def _end_file(self) -> None:
+        """Write the end of the file, and pack it where whole files are packed."""
         self._writer.flush()
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": information})
+        topics = [_told(name, topic, topic.count - topic.before) for name, topic in self._topics.items()]
+        this = metadata.File(self.path.name, self._first, self._last, sum(topic["count"] for topic in topics))
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata.bag_metadata([this], topics)})
         self._writer.finish()
         self._file.close()
+        if self._layout.packing == "file":
+            this = replace(this, name=pack(self.path).name)
+        self._files.append(this)
+
+    def _finish(self) -> None:
+        self._end_file()
+        topics = [_told(name, topic, topic.count) for name, topic in {**self._earlier, **self._topics}.items()]
+        information = metadata.bag_metadata(self._files, topics, self._layout.packing == "file", self.custom)
         # an atomic write, because a folder with metadata.yaml counts as a finished bag
         atomic_write(self.folder / "metadata.yaml", metadata.metadata_file(information))
+
+
+def _told(name: str, topic: _Topic, count: int) -> dict:
+    return {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": count}

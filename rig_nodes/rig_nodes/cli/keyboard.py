@@ -11,20 +11,25 @@ import sys
 import termios
 import tty
 
-# the right arrow in both modes of a terminal
-_NAMES = {"\x1b[C": "s", "\x1bOC": "s"}
+# the arrows in both modes of a terminal
+_NAMES = {f"\x1b{mode}{letter}": arrow for mode in "[O" for letter, arrow in zip("ABC", "↑↓→")}
 
 
 class Keyboard:
     """Reader of single keys, as a context manager.
 
     It gives no keys, and does not change the terminal, when the standard input is not a terminal or another job has it.
+
+    Parameters
+    ----------
+    wanted : bool
+        False to give no keys at all.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, wanted: bool = True) -> None:
         try:
             self._descriptor = sys.stdin.fileno()
-            self.there = os.isatty(self._descriptor) and not _in_background(self._descriptor)
+            self.there = wanted and os.isatty(self._descriptor) and not _in_background(self._descriptor)
         except (AttributeError, OSError, ValueError):
             self.there = False
 
@@ -39,7 +44,7 @@ class Keyboard:
             termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
 
     def __call__(self) -> str:
-        """Return the keys pressed since the last call in their order, the right arrow as ``s``; empty without a terminal."""
+        """Return the keys pressed since the last call in their order, arrows as ``↑``, ``↓``, ``→``; empty without a terminal."""
         pressed = ""
         while self.there and select.select([self._descriptor], [], [], 0)[0]:
             data = os.read(self._descriptor, 64)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 HELP = "publish a recorded bag again, with /clock"
 LOST = 3  # exit code: replayed, but not everything that was recorded
-KEYS = "space: pause and go on, right arrow or s: one step, q: end"
+KEYS = "space: pause and go on, right arrow: next message, up and down: rate 10 % higher or lower, q: end"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="/clock messages per recorded second, 1 to 10000 (default: 200)",
     )
+    parser.add_argument("--no-keys", action="store_true", help="take no keys from the terminal")
     parser.add_argument(
         "--wait", type=_count, default=0, metavar="N", help="wait until N subscriptions of the bag's topics are connected"
     )
@@ -110,24 +111,24 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
             else:
                 sound.append(topic)
         lasting = {topic for topic in sound if latched(offered(bag, topic))}
-        early = list(bag.timeline(lasting, end=begin))
-        if not early and next(bag.timeline(sound, begin, end), None) is None:
+        if next(bag.timeline(lasting, end=begin), None) is None and next(bag.timeline(sound, begin, end), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
         player = Player(
-            lambda: bag.timeline(sound, begin, end),
+            lambda first, last: bag.timeline(sound, first, last),
             begin,
+            end,
             rate=args.rate,
             loop=args.loop,
             paused=args.paused,
             period=round(1e9 / args.clock),
-            early=early,
+            early=lambda at: list(bag.timeline(lasting, end=at)),
         )
         print(
             f"replaying {sum(bag.counts[topic] for topic in sound)} messages of {len(sound)} topics in ROS domain "
             f"{domain.number}: ROS_DOMAIN_ID={domain.number} lets other tools receive them",
             flush=True,
         )
-        with Keyboard() as keys:
+        with Keyboard(not args.no_keys) as keys:
             if keys.there:
                 print(KEYS, flush=True)
             session = Session(lambda text: print(text, flush=True), keys, names, args.delay)

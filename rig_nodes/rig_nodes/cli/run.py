@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import BagError, RigError, ended_by, printable
-from .run_arguments import above_zero, add_shared_arguments, add_topic_arguments, exit_code
+from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, exit_code
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +29,7 @@ LIVE_VIEW_END = 2.0  # s within which the live view must end after the run
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     add_shared_arguments(parser, by_hand=True)
-    add_topic_arguments(parser)
+    add_recording_arguments(parser)
     parser.add_argument(
         "--speed",
         type=speed,
@@ -65,8 +65,8 @@ def run(args: argparse.Namespace) -> int:
     from ..graph.child import start_server
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
+    from ..graph.recording_options import words
     from ..graph.supervisor import Order, Supervisor, processes_of
-    from ..graph.topic_choice import TopicChoice
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.rig import Rig, check_level
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_rig(rig, parse_settings(args.settings))
     sequence.check_rig(config)
     parse_drop(args.drop, config.catalogue)
-    TopicChoice(args.topics, args.exclude)
+    recording = words(args)
     plug = None
     if config.structure.shifts:
         check_delay(args.delay, args.speed)
@@ -122,8 +122,7 @@ def run(args: argparse.Namespace) -> int:
             args.parameters,
             processes_of(config.structure.shifts),
             args.delay,
-            args.topics,
-            args.exclude,
+            recording,
         )
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():

@@ -122,12 +122,11 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
     )
 
 
-def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the topics that are recorded beyond the rig's own, and whether lost messages count as an error."""
-    from ..graph.topic_choice import EXCLUDE, TOPICS
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is recorded and how it is stored, and whether lost messages count as an error."""
+    from ..graph.recording_options import add_options
 
-    for flag, keywords in (TOPICS, EXCLUDE):
-        parser.add_argument(flag, **keywords)
+    add_options(parser)
     parser.add_argument("--allow-loss", action="store_true", help="exit code 0 also when messages or time were lost (default: 3)")
 
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..bags.metadata import read_profile
+from ..bags.pieces import files_of_run, told
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
 from ..catalogue import Topic, catalogue, installed_topics
@@ -34,13 +35,17 @@ def facts_of(folder: Path) -> dict[str, dict]:
 
 
 def join_pieces(folder: Path) -> None:
-    """Make one bag of the pieces that killed and restarted recorders left; with one piece it does nothing.
+    """Make one bag of the pieces that killed and restarted recorders left.
 
-    The pieces are removed when the whole bag is written. What was lost between them stays lost and is counted as lost.
+    It does nothing with one piece, and with those that metadata.yaml lists, as a recorder that was not killed leaves them. The
+    pieces are removed when the whole bag is written. What was lost between them stays lost and is counted as lost.
     """
     # <name>_0.mcap, <name>_1.mcap, ...
-    pieces = sorted(folder.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
-    if len(pieces) < 2:
+    try:
+        pieces = files_of_run(folder)
+    except RigError:
+        return  # no bag at all, which open_bag reports
+    if len(pieces) < 2 or {piece.name for piece in pieces} <= set(_listed(folder)):
         return
     joined = folder / "joined"
     sent: set[tuple[str, bytes]] = set()  # messages on latched topics
@@ -61,6 +66,14 @@ def join_pieces(folder: Path) -> None:
     for path in joined.iterdir():
         os.replace(path, folder / path.name)
     joined.rmdir()
+
+
+def _listed(folder: Path) -> list[str]:
+    """Return the files that metadata.yaml lists; none when it cannot be read."""
+    try:
+        return told(folder).files
+    except RigError:
+        return []
 
 
 def _class_of(bag: Bag, topic: str) -> str:
@@ -106,6 +119,8 @@ def open_bag(folder: Path) -> Bag:
 def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
     """Return the number of messages that were published but are not in the bag, by topic; topics without losses are left out.
 
+    What the recorder left out on purpose (pauses, the time before the kept seconds, topics that were not chosen) is not lost.
+
     The counts of a killed process are unknown; there the gaps in the sequence numbers count. For topics outside the
     catalogue the number of sent messages is unknown; there only the messages count that reached the recorder and found its
     queue full.
@@ -124,6 +139,9 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
             lost[topic] = whole
         else:
             lost.pop(topic, None)
+    for topic, count in facts.get("recorder", {}).get("left_out", {}).items():
+        lost[topic] = max(0, lost.get(topic, 0) - count)
+    lost = {topic: count for topic, count in lost.items() if count}
     overflow = facts.get("recorder", {}).get("overflow", {})
     return lost | {topic: count for topic, count in overflow.items() if topic not in own}
 
@@ -204,6 +222,7 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: Sequence[
         "refused_commands": container.get("refused"),
         "unreadable": facts.get("recorder", {}).get("unreadable", {}),
         "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
+        "left_out": facts.get("recorder", {}).get("left_out", {}),
         "stamps_ahead": facts.get("recorder", {}).get("ahead", {}),
         "ticks": container.get("ticks"),
         "overruns": container.get("overruns"),

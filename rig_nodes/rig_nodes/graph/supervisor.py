@@ -56,8 +56,7 @@ class Order:
     parameters: list[str] = field(default_factory=list)  # parameters of the sequence, NAME=VALUE
     processes: tuple[str, ...] = tuple(MODULES)
     delay: int = 1  # samples from a measurement to the effect of the controller's answer
-    topics: str | None = None  # patterns of the topics that the recorder takes in addition to the rig's own
-    exclude: str | None = None
+    recording: tuple[str, ...] = ()  # options of the recorder (graph/recording_options.py)
 
     def arguments(self, name: str) -> list[str]:
         """Return the command line of one of the processes, without the options that all processes have."""
@@ -73,18 +72,12 @@ class Order:
         if self.speed is not None and self.come_timeout is not None:
             come = ["--come-timeout", str(self.come_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
-        choice = [
-            part
-            for option, text in (("--topics", self.topics), ("--exclude", self.exclude))
-            if text is not None
-            for part in (option, text)
-        ]
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
         return {
             "container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
             "alfa46": [*rig, *plug, *patience, *come],
             "sequencer": [*rig, *sequence],
-            "recorder": [*rig, *plug, *choice],
+            "recorder": [*rig, *plug, *self.recording],
         }[name]
 
 

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from ..bags.definitions import installed
 from ..errors import RigError
-from ..graph.topic_choice import TopicChoice
+from ..graph.recording_options import TopicChoice
 from .message_class import message_class
 from .qos import recorder_profile
 

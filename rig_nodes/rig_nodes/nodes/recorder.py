@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recorder: it writes every topic of a run's domain into one MCAP bag, unchanged, with simulated time as log time.
+"""The recorder: it writes every topic of a run's domain into an MCAP bag, unchanged, with simulated time as log time.
 
 Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, the messages of rig
 container and alfa46 come through taps (graph/tap.py) and only the others through DDS. Topics that the catalogue does
@@ -17,17 +17,21 @@ import threading
 import time
 from collections import Counter, deque
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
+from rosbag2_interfaces.srv import IsPaused, Pause, Resume, Snapshot, SplitBagfile
 
 from ..bags import cdr
 from ..bags.definitions import installed
-from ..bags.writer import BagWriter, MessageRefused
+from ..bags.recording import Recording
+from ..bags.writer import BagWriter
 from ..catalogue import Topic, installed_topics
 from ..errors import RigError
+from ..graph.recording_options import OPTIONS as RECORDING_OPTIONS
+from ..graph.recording_options import TopicChoice, layout
 from ..graph.tap import TapReader
-from ..graph.topic_choice import EXCLUDE, TOPICS, TopicChoice
+from .answering import answering
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
 from .message_class import message_class
 from .other_topics import OtherTopics
@@ -74,8 +78,7 @@ OPTIONS = [
         },
     ),
     ("--controller", {"metavar": "SPEC", "help": "the rig's controller, which may have signals of its own"}),
-    TOPICS,
-    EXCLUDE,
+    *RECORDING_OPTIONS,
 ]
 
 
@@ -84,8 +87,8 @@ class Recorder(Node):
 
     Parameters
     ----------
-    writer : BagWriter
-        The writer of the bag.
+    recording : Recording
+        The way into the bag.
     taps : list of TapReader
         The taps, which have already sent the names of their topics.
     early : list of (str, bytes)
@@ -100,7 +103,7 @@ class Recorder(Node):
 
     def __init__(
         self,
-        writer: BagWriter,
+        recording: Recording,
         taps: list[TapReader],
         early: list[tuple[str, bytes]],
         topics: dict[str, Topic],
@@ -109,14 +112,15 @@ class Recorder(Node):
     ) -> None:
         """Subscribe to the topics and start the thread that writes."""
         super().__init__("recorder")
-        self.writer, self._taps = writer, taps
+        self.recording, self._taps = recording, taps
         self.received = 0  # messages on the rig's own topics
         self.overflow: Counter[str] = Counter()  # messages by topic that did not fit into the queue
-        self.unreadable: Counter[str] = Counter()  # messages that could not be stored, as they are not of their topic's type
+        self.unreadable = recording.refused  # messages that could not be stored, as they are not of their topic's type
         self.ahead: Counter[str] = Counter()  # messages whose stamps are not the rig's time
         self.failure: RigError | None = None
         self.longest_queue = 0
-        self._queue: deque = deque()
+        self._queue: deque = deque()  # topic, type and bytes of messages; None, function and arguments of orders
+        self._asked_paused = recording.paused
         self._closing = threading.Event()
         # simulated time of the rig's newest own message; None before the first one, as the rig may already run
         self._newest: int | None = 0 if taps else None
@@ -125,6 +129,7 @@ class Recorder(Node):
         # Definitions are read before the first message; later the callbacks would have to wait for that.
         self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
         self._types = {name: topic.ros_type for name, topic in topics.items()}
+        self._qos = {name: topic.qos for name, topic in topics.items()}
         self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
         self._timing = {name for name, topic in topics.items() if carries_time(topic)}
         tapped = {name for tap in taps for name in tap.topics or ()}
@@ -141,8 +146,32 @@ class Recorder(Node):
         self._thread.start()
         self.others = OtherTopics(self, wanted | tapped, choice, self._enqueue_other)
         self.others.look()
+        for kind, name, answer in (
+            (Pause, "pause", lambda _: self._order(self._pause, True)),
+            (Resume, "resume", lambda _: self._order(self._pause, False)),
+            (IsPaused, "is_paused", lambda _: {"paused": self._asked_paused}),
+            (SplitBagfile, "split_bagfile", lambda _: self._order(self.recording.writer.split)),
+            (Snapshot, "snapshot", lambda _: {"success": self._take_snapshot()}),
+        ):
+            self.create_service(kind, f"~/{name}", answering(answer))
         self._losing, self._misdating = Growing(), Growing()
         self.diagnostics = Diagnostics(self, self.health, lambda: self._newest or 0)
+
+    def _order(self, action: Callable[..., None], *arguments: object) -> None:
+        """Have the writer's thread do something between the messages that came before and those that come after."""
+        if action == self._pause:
+            (self._asked_paused,) = arguments
+        self._queue.append((None, action, arguments))
+
+    def _pause(self, paused: bool) -> None:
+        self.recording.paused = paused
+
+    def _take_snapshot(self) -> bool:
+        """Have what is kept in memory written; False when nothing is kept or the bag takes no more."""
+        if not self.recording.keep or self.failure is not None:
+            return False
+        self._order(self.recording.snapshot)
+        return True
 
     def health(self) -> list[Health]:
         """Return the health of the recorder, for /diagnostics."""
@@ -215,7 +244,7 @@ class Recorder(Node):
                 if closing:
                     self._store_early()
                     return
-                self.writer.flush()
+                self.recording.writer.flush()
         except RigError as error:
             self.failure = error
 
@@ -247,12 +276,15 @@ class Recorder(Node):
                     if closing and not ready:
                         return
                     if time.monotonic() > flush_at:
-                        self.writer.flush()
+                        self.recording.writer.flush()
                         flush_at = time.monotonic() + FLUSH_PERIOD
         except RigError as error:
             self.failure = error
 
-    def _store(self, topic: str, ros_type: str, data: bytes) -> None:
+    def _store(self, topic: str | None, ros_type: Any, data: Any) -> None:
+        if topic is None:
+            ros_type(*data)
+            return
         if topic in self._others:
             self._store_at_its_coming(topic, ros_type, data, 0)
             return
@@ -285,11 +317,7 @@ class Recorder(Node):
         self._put(topic, ros_type, data, stamp or now)
 
     def _put(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
-        """Write a message into the bag; a message that the bag does not take is counted."""
-        try:
-            self.writer.write(topic, ros_type, data, stamp, self._others.get(topic, "measurement"))
-        except MessageRefused:
-            self.unreadable[topic] += 1
+        self.recording.take(topic, ros_type, data, stamp, self._others.get(topic) or self._qos[topic])
 
     def _store_early(self) -> None:
         """Store the messages that came before the rig's time was known."""
@@ -306,7 +334,7 @@ class Recorder(Node):
         """Write the queued messages and the end of the bag."""
         self._closing.set()
         self._thread.join()
-        self.writer.close()
+        self.recording.close()
 
 
 def carries_time(topic: Topic) -> bool:
@@ -320,15 +348,19 @@ def carries_time(topic: Topic) -> bool:
 def work(process: Process) -> None:
     """Record until the process is stopped, then take in the messages that are still on their way."""
     arguments = process.arguments
-    (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
+    (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude, arguments.own_topics)
     for name in wanted:
         installed(topics[name].ros_type)  # read now, because with the first messages it would keep a user's controller waiting
-    with BagWriter(arguments.out, arguments.name, arguments.piece, topics) as writer:
+    name, piece = arguments.name, arguments.piece
+    while piece and (arguments.out / f"{name}_{piece}.mcap").exists():
+        piece += 1  # the recorder before this one had begun further files
+    with BagWriter(arguments.out, name, piece, topics, layout=layout(arguments)) as writer:
+        recording = Recording(writer, choice.takes_own, round(arguments.keep_last * 1e9), arguments.start_paused)
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
         taps = [TapReader(number) for number in process.descriptors().values()]
-        node = Recorder(writer, taps, receive_first_messages(process, taps), topics, wanted, choice)
+        node = Recorder(recording, taps, receive_first_messages(process, taps), topics, wanted, choice)
         executor.add_node(node)
         process.take_parameters([node])
         if not taps:  # in lockstep no process can be late
@@ -347,6 +379,7 @@ def work(process: Process) -> None:
         overflow=dict(node.overflow),
         unreadable=dict(node.unreadable),
         ahead=dict(node.ahead),
+        left_out=dict(recording.left_out),
         unrecorded=node.others.unrecorded,
         longest_queue=node.longest_queue,
     )

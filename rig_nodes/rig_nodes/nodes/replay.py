@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node `rig_replay`: publishes a recorded bag again, byte by byte, with /clock.
+"""The node `rig_replay`: publishes a recorded bag again, byte by byte, with /clock, and serves what rosbag2's player serves.
 
 Used by `rig replay`. Order and pace come from bags.player; one thread publishes, serves the services and
 listens to keys, so that nothing overtakes a pause.
@@ -17,6 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
@@ -26,8 +27,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.validate_topic_name import validate_topic_name
+from rosbag2_interfaces.srv import Burst, GetRate, IsPaused, Pause, Play, PlayNext, Resume, Seek, SetRate, Stop, TogglePaused
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from ..bags.definitions import installed, parse
 from ..bags.metadata import read_profile
@@ -35,6 +36,7 @@ from ..bags.opened import OpenedBags
 from ..bags.player import CLOCK, Player
 from ..catalogue import installed_topics
 from ..errors import RigError
+from .answering import answering
 from .executor import events_executor
 from .message_class import message_class
 from .qos import publisher_profile
@@ -51,6 +53,8 @@ LISTEN = 0.02  # s between two checks of services and keys
 REPEAT = 0.1  # s between two /clock messages while paused, for subscribers that come in the meantime
 # s that discovery takes at least; s without a new receiver after which all are connected; s after which none is waited for
 FIND, QUIET, SETTLE = 1.0, 0.4, 3.0
+RATES = 0.01, 100.0  # recorded seconds per second; beside these inf, as fast as it goes
+FASTER, SLOWER = 1.1, 0.9  # factors of the keys for the rate, those of rosbag2
 _CLOCK = struct.Struct("<4siI")
 _BIN = 1e-4  # s, resolution of the lateness
 
@@ -195,7 +199,7 @@ class Output:
 
 
 class Replay(Node):
-    """The node that publishes the messages that a player gives as due, and serves ~/pause, ~/resume and ~/step.
+    """The node that publishes the messages that a player gives as due, and serves what rosbag2's player serves.
 
     Parameters
     ----------
@@ -218,64 +222,118 @@ class Replay(Node):
             self.outputs[topic] = Output(self, kind, session.names.get(topic, topic), profile, session)
         self.clock = Output(self, Clock, CLOCK_TOPIC, publisher_profile("measurement"), session)
         self._repeat_at = 0.0
-        for name, action in (
-            ("pause", self.pause),
-            ("resume", self.resume),
-            ("step", self.step),
-            ("toggle_paused", self.toggle),
-            ("is_paused", self.told_paused),
-            ("stop", self.stop),
+        self.outcome = Outcome({})
+        self._bag = bag
+
+    def serve(self) -> None:
+        """Offer the services, by the names and types of rosbag2_interfaces."""
+        for kind, name, answer in (
+            (Pause, "pause", lambda _: self.pause()),
+            (Resume, "resume", lambda _: self.resume()),
+            (TogglePaused, "toggle_paused", lambda _: self.toggle()),
+            (IsPaused, "is_paused", lambda _: {"paused": self.player.paused}),
+            (GetRate, "get_rate", lambda _: {"rate": float(self.player.rate)}),
+            (SetRate, "set_rate", lambda asked: {"success": self.set_rate(asked.rate)}),
+            (PlayNext, "play_next", lambda _: {"success": self.burst(1) == 1}),
+            (Burst, "burst", lambda asked: {"actually_burst": self.burst(asked.num_messages or math.inf)}),
+            (Seek, "seek", lambda asked: {"success": self.seek(_nanoseconds(asked.time))}),
+            (Play, "play", lambda asked: {"success": self.play(asked)}),
+            (Stop, "stop", lambda _: self.stop()),
         ):
-            self.create_service(Trigger, f"~/{name}", self._serve(action))
+            self.create_service(kind, f"~/{name}", answering(answer))
 
-    def _serve(self, action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.message = action()
-            response.success = not response.message.startswith("not ")
-            return response
-
-        return answer
-
-    def pause(self) -> str:
-        """Pause the replay where it is; return a sentence about it."""
+    def pause(self) -> None:
+        """Pause the replay where it is."""
         self.player.pause()
-        return self._told("paused")
+        self._tell("paused")
 
-    def resume(self) -> str:
-        """Continue the replay; return a sentence about it."""
+    def resume(self) -> None:
+        """Continue the replay."""
         self.player.resume(time.monotonic())
-        return self._told("going on")
+        self._tell("going on")
 
-    def step(self) -> str:
-        """Publish all messages of the next recorded time; return a sentence about it."""
-        return "one step" if self.player.step() else "not paused: pause before stepping"
+    def toggle(self) -> None:
+        """Pause, or continue after a pause."""
+        self.resume() if self.player.paused else self.pause()
 
-    def toggle(self) -> str:
-        """Pause, or continue after a pause; return a sentence about it."""
-        return self.resume() if self.player.paused else self.pause()
+    def set_rate(self, rate: float) -> bool:
+        """Go on at another rate; return False, and change nothing, for one that the replay does not have."""
+        if not (RATES[0] <= rate <= RATES[1] or rate == math.inf):
+            self.say(f"rate {rate:g} is refused: give {RATES[0]:g} to {RATES[1]:g}, or infinity for as fast as it goes")
+            return False
+        self.player.rate = rate
+        self.say(f"rate {'max' if math.isinf(rate) else f'{rate:.3g}'}")
+        return True
 
-    def told_paused(self) -> str:
-        """Return whether the replay is paused, in a sentence that begins with "not" when it is not."""
-        return "paused" if self.player.paused else "not paused"
+    def change_rate(self, factor: float) -> None:
+        """Multiply the rate, within the rates that the replay has."""
+        if not math.isinf(self.player.rate):
+            self.set_rate(min(max(self.player.rate * factor, RATES[0]), RATES[1]))
 
-    def stop(self) -> str:
-        """End the replay; return a sentence about it."""
+    def burst(self, count: float) -> int:
+        """Publish the next messages of this pass at once, during a pause; return how many were published."""
+        player = self.player
+        if not player.paused:
+            return 0
+        self.play_due()  # what holds where a jump led to is no next message
+        before = self.sent
+        while self.sent - before < count and not self._session.over:
+            if player.finished or (math.isinf(count) and player.pass_over):
+                break
+            player.play_next()
+            self.play_due()
+        return self.sent - before
+
+    def seek(self, at: int) -> bool:
+        """Go on at a recorded time [ns], or stay paused there; return False, and change nothing, when the bag does not have it."""
+        if not self._bag.first <= at <= self._bag.last:
+            self._refuse(at)
+            return False
+        self.player.seek(at)
+        self._tell("jumped")
+        return True
+
+    def play(self, asked: Play.Request) -> bool:
+        """Play a part of the bag after a pause; return False, and change nothing, when it plays or the bag has no such part."""
+        first, end = self._bag.first + _nanoseconds(asked.start_offset), self._bag.last + 1
+        if not self.player.paused:
+            return False
+        if not self._bag.first <= first <= self._bag.last:
+            self._refuse(first)
+            return False
+        # of two ends the earlier one counts, as on the command line; what is 0 or negative is no end
+        if (length := _nanoseconds(asked.playback_duration)) > 0:
+            end = min(end, first + length)
+        if (until := _nanoseconds(asked.playback_until_timestamp)) > 0:
+            end = min(end, until)
+        self.player.play(first, end, time.monotonic())
+        self._tell("going on")
+        return True
+
+    def stop(self) -> None:
+        """End the replay."""
         self._session.stop()
-        return self._told("stopped")
+        self._tell("stopped")
 
-    def _told(self, what: str) -> str:
-        text = f"{what} at {self.player.clock / 1e9:.3f} s"
-        self.say(text)
-        return text
+    @property
+    def sent(self) -> int:
+        """Messages published so far."""
+        return sum(output.count for output in self.outputs.values())
 
-    def play_due(self, outcome: Outcome) -> None:
+    def _tell(self, what: str) -> None:
+        self.say(f"{what} at {self.player.clock / 1e9:.3f} s")
+
+    def _refuse(self, at: int) -> None:
+        self.say(f"{at / 1e9:.3f} s is refused: the bag goes from {self._bag.first / 1e9:.3f} s to {self._bag.last / 1e9:.3f} s")
+
+    def play_due(self) -> None:
         """Publish what is due now."""
-        player, outputs = self.player, self.outputs
+        player, outputs, lateness = self.player, self.outputs, self.outcome.lateness
         for message, recorded in player.take(time.monotonic()):
             if message is CLOCK:
                 self.publish_time(recorded)
                 continue
-            outcome.lateness[int(player.lateness(recorded, time.monotonic()) / _BIN)] += 1
+            lateness[int(player.lateness(recorded, time.monotonic()) / _BIN)] += 1
             topic, data = message
             outputs[topic].send(data)
 
@@ -316,6 +374,11 @@ class Replay(Node):
         ]
 
 
+def _nanoseconds(time: Any) -> int:
+    """Return a builtin_interfaces Time or Duration in nanoseconds."""
+    return time.sec * 1_000_000_000 + time.nanosec
+
+
 class Session:
     """One replay from beginning to end: it meets the receivers, plays, and handles signals and keys.
 
@@ -324,7 +387,8 @@ class Session:
     say : callable
         Prints a sentence.
     keys : callable
-        Returns what was pressed since the last call; a space pauses and resumes, s steps, q ends.
+        Returns what was pressed since the last call: a space pauses and resumes, a right arrow plays the next message, arrows
+        up and down change the rate, q ends.
     names : mapping of str to str, optional
         Topics to publish under another name.
     delay : float
@@ -339,7 +403,7 @@ class Session:
         self.ended_by = 0
         self.hurry_until = 0.0  # set when a receiver was waited for in vain: no receiver is waited for until then
         self.out_of_time = math.inf  # time after which not even receipts are waited for
-        self._over = False
+        self.over = False
         self._executor = None
 
     def run(self, bag: OpenedBags, topics: Sequence[str], player: Player, wait: int = 0) -> Outcome:
@@ -374,9 +438,9 @@ class Session:
             set_parameters(sys.argv, [node], self.say)
             self._executor.add_node(node)
             try:
-                outcome = Outcome({})
+                outcome = node.outcome
                 self._meet(node, wait)
-                self._play(node, outcome)
+                self._play(node)
                 node.confirm()
             finally:
                 self._executor.remove_node(node)
@@ -391,10 +455,10 @@ class Session:
 
     def stop(self) -> None:
         """End the replay after what is being sent."""
-        self._over = True
+        self.over = True
 
     def _on_signal(self, number: int, _frame: object) -> None:
-        self.ended_by, self._over = number, True
+        self.ended_by, self.over = number, True
         self.out_of_time = min(self.out_of_time, time.monotonic() + GRACE)
 
     def _meet(self, node: Replay, wait: int) -> None:
@@ -402,7 +466,7 @@ class Session:
         began = changed = time.monotonic()
         known = node.receivers()
         waiting_told = False
-        while not self._over:
+        while not self.over:
             self._listen(node, LISTEN)
             now, before = time.monotonic(), known
             known = node.receivers()
@@ -420,17 +484,18 @@ class Session:
         node.refuse_second_clock()
         self.say(f"{known} subscriptions are connected")
         begin = time.monotonic() + self.delay
-        while not self._over and (left := begin - time.monotonic()) > 0.0:
+        while not self.over and (left := begin - time.monotonic()) > 0.0:
             self._listen(node, min(left, LISTEN))
 
-    def _play(self, node: Replay, outcome: Outcome) -> None:
-        player = node.player
+    def _play(self, node: Replay) -> None:
+        player, outcome = node.player, node.outcome
+        node.serve()
         if player.paused:
             node.pause()
         listened = last = time.monotonic()
-        while not self._over and not player.finished:
+        while not self.over and not player.finished:
             paused = player.paused
-            node.play_due(outcome)
+            node.play_due()
             node.stand()
             wait = min(player.wait(time.monotonic()), LISTEN)
             now = time.monotonic()
@@ -447,8 +512,10 @@ class Session:
         self._executor.spin_until_future_complete(Future(), seconds)
         for key in self.keys():
             if key == " ":
-                node.resume() if node.player.paused else node.pause()
-            elif key == "s":
-                node.step()
+                node.toggle()
+            elif key == "→":
+                node.burst(1)
+            elif key in "↑↓":
+                node.change_rate(FASTER if key == "↑" else SLOWER)
             elif key == "q":
-                self._over = True
+                self.over = True

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..analysis.report import REPORT_FILE, build_report, gathering, is_of, orders_in, read_report
-from ..bags.index import BagIndex
+from ..bags.opened import OpenedBags
 from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
 from ..config.names import unknown
 from ..errors import BagError, RigError
@@ -70,18 +70,18 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
     RigError
         When rerun-sdk is missing, the file cannot be written or the window lies outside the run.
     """
-    with BagIndex(run) as index:
+    with OpenedBags([run]) as index:
         if not index.last:
-            raise BagError(f"{index.path}: {nothing_in(index.damage)}")
+            raise BagError(f"{index.files[0]}: {nothing_in(index.damage)}")
         import_rerun()
-        path = index.path.parent / VIEW_FILE
-        key = _key(index.path, window)
+        path = index.files[0].parent / VIEW_FILE
+        key = _key(index.files, window)
         if _key_of(path) == key:
             return View(path, False, list(index.damage))
-        return View(path, True, _make(index, path, key, window))
+        return View(path, True, _make(index, run, path, key, window))
 
 
-def _make(index: BagIndex, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
+def _make(index: OpenedBags, run: str | Path, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
     """Write the file completely or not at all, and return what the bag lacks."""
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
@@ -89,7 +89,7 @@ def _make(index: BagIndex, path: Path, key: str, window: tuple[float, float] | N
         raise RigError(f"{path}: cannot be written ({error.strerror}); copy the run to a folder of yours") from None
     os.close(handle)
     try:
-        notes = _write(index, Path(name), key, window)
+        notes = _write(index, run, Path(name), key, window)
         os.chmod(name, 0o644)  # mkstemp makes the file private
         os.replace(name, path)
     except OSError as error:
@@ -118,7 +118,7 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
     RigError
         When the run has no such tab.
     """
-    with BagIndex(run) as index:
+    with OpenedBags([run]) as index:
         small = _small(index)
     pages = _pages(small)
     names, own = _names(pages, index, small)
@@ -145,7 +145,7 @@ def import_rerun() -> ModuleType:
     return rerun
 
 
-def _key(bag: Path, window: tuple[float, float] | None) -> str:
+def _key(bag: list[Path], window: tuple[float, float] | None) -> str:
     """Return a key that changes with everything the file depends on: bag, report, catalogue, the code that makes it, window."""
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window}".encode())
@@ -153,7 +153,7 @@ def _key(bag: Path, window: tuple[float, float] | None) -> str:
     sources = sorted(
         path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py")
     )
-    for path in (bag, bag.parent / REPORT_FILE, *sources):
+    for path in (*bag, bag[0].parent / REPORT_FILE, *sources):
         digest.update(path.name.encode())
         if path.exists():
             with open(path, "rb") as file:
@@ -175,7 +175,7 @@ def _key_of(path: Path) -> str | None:
         return None
 
 
-def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
+def _write(index: OpenedBags, bag: str | Path, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
     """Fill the file piece by piece of the bag; return what the bag lacks, which is also shown with the report."""
     rr = import_rerun()
     small = _small(index)
@@ -187,12 +187,12 @@ def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | 
         APPLICATION, recording_id=key, send_properties=False
     )  # no properties, because they hold the wall clock
     rec.save(path, default_blueprint=layout.blueprint(pages, set(names), layout.choose(shifts), window, own=own))
-    rec.send_recording_name(index.path.stem)
+    rec.send_recording_name(index.pieces[0].path.stem)
     curves = Curves(rr, rec, pages, names, shifts)
     report, run, of_report = _report(small)
     gathered = gathering(small, run) if report is None else None
     held = last = 0
-    for piece in Bag.pieces(index.path, PIECE, recover=True):
+    for piece in Bag.pieces(bag, PIECE, recover=True):
         curves.add(piece)
         rec.flush()
         if gathered is not None:
@@ -210,7 +210,7 @@ def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | 
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
     notes += of_report
     if report is None:
-        report = build_report(Bag(index.path, recover=True) if gathered is None else gathered, run)
+        report = build_report(Bag(bag, recover=True) if gathered is None else gathered, run)
     document = report_document(report, notes)
     rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
     rec.flush()
@@ -226,12 +226,12 @@ def _pages(small: Bag) -> Pages:
         raise small.no_rig(error) from None
 
 
-def _small(index: BagIndex) -> Bag:
+def _small(index: OpenedBags) -> Bag:
     """Return a bag with the events, columns of loggers and description of the whole run."""
     return index.bag([topic for topic, ros_type in index.types.items() if ros_type in SMALL])
 
 
-def _names(pages: Pages, index: BagIndex, small: Bag) -> tuple[list[str], tuple[str, ...]]:
+def _names(pages: Pages, index: OpenedBags, small: Bag) -> tuple[list[str], tuple[str, ...]]:
     """Return the catalogue's signals that the bag holds, and the controller's own named signals, which most runs lack."""
     logged = small.columns(LOGGER_TOPIC) if index.counts.get(LOGGER_TOPIC) else []
     own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
