@@ -1,13 +1,13 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A process of its own that receives topics as raw bytes and writes them to a file in the order in which they came.
+"""A process of its own that receives topics and writes, per topic, their number and a hash over them in the order of their coming.
 
-Arguments: file to write, then topic=package/msg/Name pairs. It ends when all publishers have left and
-nothing comes any more.
+Arguments: file to write, then topic=package/msg/Name pairs. It ends when all publishers have left and nothing comes any more.
+Of /clock it also writes the times.
 """
 
-import pickle
+import json
 import sys
 import time
 
@@ -15,12 +15,14 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import HistoryPolicy
 from rclpy.task import Future
+from streams import Streams
 
+from rig_nodes.bags import cdr
 from rig_nodes.catalogue import catalogue
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import publisher_profile, recorder_profile
 
-PATIENCE = 60.0
+PATIENCE = 60.0  # s without a message, for a publisher that never comes
 
 
 def main(out, pairs):
@@ -28,24 +30,34 @@ def main(out, pairs):
     node = rclpy.create_node("listener")
     executor = EventsExecutor()
     executor.add_node(node)
-    came, inputs = [], []
+    streams, times, inputs = Streams(), [], []
+
+    def keep(topic, ros_type):
+        def on_message(data):
+            streams.add(topic, ros_type, data)
+            if topic == "/clock":
+                clock = cdr.decode(ros_type, data).clock
+                times.append(clock.sec * 10**9 + clock.nanosec)
+
+        return on_message
+
     for topic, ros_type in (pair.split("=") for pair in pairs):
         known = catalogue().topics.get(topic)
         profile = recorder_profile(known.qos) if known else publisher_profile("measurement")
         profile.history = HistoryPolicy.KEEP_ALL  # only with this history does a full receiver hold up the sender
-        keep = (lambda topic: lambda data: came.append((topic, data)))(topic)
-        inputs.append(node.create_subscription(message_class(ros_type), topic, keep, profile, raw=True))
+        inputs.append(node.create_subscription(message_class(ros_type), topic, keep(topic, ros_type), profile, raw=True))
     deadline = time.monotonic() + PATIENCE
     met = left = False
     before = -1
-    while time.monotonic() < deadline and not (left and len(came) == before):
-        before = len(came)
+    while time.monotonic() < deadline and not (left and streams.total == before):
+        if streams.total != before:
+            before, deadline = streams.total, time.monotonic() + PATIENCE
         executor.spin_until_future_complete(Future(), 0.05)
         there = sum(bool(i.get_publisher_count()) for i in inputs)
         met = met or there == len(inputs)
         left = met and not there
-    with open(out, "wb") as file:
-        pickle.dump(came, file)
+    with open(out, "w", encoding="utf-8") as file:
+        json.dump({"topics": streams.found(), "clock": times}, file)
     executor.remove_node(node)
     node.destroy_node()
     rclpy.shutdown()

@@ -4,9 +4,9 @@
 """`rig replay` as a user starts it: what reaches another process over DDS, and how it is controlled and ended."""
 
 import itertools
+import json
 import math
 import os
-import pickle
 import pty
 import re
 import signal
@@ -22,16 +22,19 @@ from mcap.writer import Writer
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbag2_interfaces.srv import Burst, GetRate, IsPaused, Pause, Play, PlayNext, Resume, Seek, SetRate, Stop, TogglePaused
 from rosgraph_msgs.msg import Clock
-from running_graph import Client
+from running_graph import BRIEF, Client
 from std_msgs.msg import String
+from streams import Streams
 
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import allocate, environment
 from rig_nodes.nodes.message_class import message_class
+from rig_nodes.nodes.qos import read_overrides
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0
@@ -48,7 +51,7 @@ def domain():
 class Replay:
     """`rig replay` in a process of its own."""
 
-    def __init__(self, domain, bag, *arguments, stdin=subprocess.DEVNULL):
+    def __init__(self, domain, bag, *arguments, stdin=subprocess.DEVNULL, patience=PATIENCE):
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "replay", str(bag), *map(str, arguments)]
         self.process = subprocess.Popen(
             command,
@@ -60,7 +63,7 @@ class Replay:
             env=environment(domain),
         )
         self.output = ""
-        self._limit = threading.Timer(PATIENCE, self.process.kill)  # a hung replay must not hang the tests
+        self._limit = threading.Timer(patience, self.process.kill)  # a hung replay must not hang the tests
         self._limit.start()
 
     def until(self, text):
@@ -80,47 +83,63 @@ class Replay:
         return self.output
 
 
-def heard(domain, folder, bag, *arguments):
-    """Replays a bag to a listener in another process; returns what it received by topic, and the replay's output."""
-    out = folder / "heard.pickle"
-    topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}
-    command = [
-        sys.executable,
-        "-P",
-        str(Path(__file__).with_name("listener.py")),
-        str(out),
-        *(f"{topic}={kind}" for topic, kind in topics.items()),
-    ]
-    listener = subprocess.Popen(command, env=environment(domain))
-    output = Replay(domain, bag.path, "--wait", len(bag.types), *arguments).end()
+def heard(domain, folder, path, *arguments, patience=PATIENCE):
+    """Replays a bag to a listener in another process; returns [number, hash] by topic as it came, the clock, and the output."""
+    out = folder / "heard.json"
+    with OpenedBags([path]) as bag:
+        topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}
+    command = [sys.executable, "-P", str(Path(__file__).with_name("listener.py")), str(out)]
+    listener = subprocess.Popen(
+        [*command, *(f"{topic}={kind}" for topic, kind in topics.items())],
+        env=environment(domain) | {"PYTHONPATH": str(Path(__file__).parent)},
+    )
+    output = Replay(domain, path, "--wait", len(topics) - 1, *arguments, patience=patience).end()
     assert listener.wait(60) == 0
-    by_topic = {}
-    for topic, data in pickle.loads(out.read_bytes()):
-        by_topic.setdefault(topic, []).append(cdr.exact(installed(topics[topic]), data))
-    return by_topic, output
+    said = json.loads(out.read_text())
+    said["topics"].pop("/clock")
+    return said["topics"], said["clock"], output
 
 
-@pytest.mark.parametrize("rate", [1, 10])
+def held(path):
+    """Returns [number, hash] by topic of a bag in the order of time, and its length [ns]."""
+    streams = Streams()
+    with OpenedBags([path]) as bag:
+        for _, (topic, data) in bag.timeline(bag.types):
+            streams.add(topic, bag.types[topic], data)
+        assert bag.first == 0
+        return streams.found(), bag.last
+
+
+def check_once_and_in_order(domain, folder, path, rate, **options):
+    expected, length = held(path)
+    topics, clock, output = heard(domain, folder, path, "--rate", rate, **options)
+    assert topics == expected
+    assert clock == list(range(0, length + 1, TICK))
+    assert f"{sum(count for count, _ in expected.values())} messages in" in output
+    assert all(re.search(rf"^  {topic} +{count}$", output, re.M) for topic, (count, _) in expected.items())
+    assert rate == "max" or float(re.search(r"messages in ([\d.]+) s", output).group(1)) >= round(length * 1e-9 / rate, 2) - 0.01
+    return output
+
+
+@pytest.mark.parametrize("rate", [1, 10, "max"])
 def test_another_process_gets_the_whole_bag_in_order(domain, tmp_path, rate):
-    bag = Bag(SAMPLE)
-    by_topic, output = heard(domain, tmp_path, bag, "--rate", rate)
-    clock = by_topic.pop("/clock")
-    assert {topic: len(data) for topic, data in by_topic.items()} == bag.counts
-    for topic, data in by_topic.items():
-        assert data == [data for _, data in bag.raw(topic)], topic
-    with BagWriter(tmp_path / "again", "again") as writer:
-        for topic, messages in by_topic.items():
-            for data in messages:
-                writer.write(topic, bag.types[topic], data, cdr.stamp(data))
-    assert Bag(tmp_path / "again").canonical_hash() == bag.canonical_hash()
-    times = [
-        message.sec * 10**9 + message.nanosec for message in (cdr.decode("rosgraph_msgs/msg/Clock", data).clock for data in clock)
-    ]
-    length = bag.timeline()[-1][0]
-    assert times == list(range(0, length + 1, TICK))
-    assert f"{sum(bag.counts.values())} messages in" in output
-    assert all(re.search(rf"^  {topic} +{count}$", output, re.M) for topic, count in bag.counts.items())
-    assert float(re.search(r"messages in ([\d.]+) s", output).group(1)) >= round(length * 1e-9 / rate, 2) - 0.01
+    check_once_and_in_order(domain, tmp_path, SAMPLE, rate)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("rate", ["max", 10, 1])
+def test_another_process_gets_ten_minutes_in_order(domain, ten_minutes, tmp_path, rate):
+    print(check_once_and_in_order(domain, tmp_path, ten_minutes, rate, patience=3600.0))
+
+
+@pytest.fixture(scope="module")
+def ten_minutes(tmp_path_factory):
+    """Folder of a run of ten minutes at 600 rpm in gear I."""
+    folder = tmp_path_factory.mktemp("long")
+    text = BRIEF.read_text(encoding="utf-8")
+    (folder / "long.yaml").write_text(text.replace("300 rpm}", "600 rpm}").replace("wait: {for: 200 ms}", "wait: {for: 600 s}"))
+    assert main(["simulate", str(folder / "long.yaml"), "--out", str(folder / "whole")]) == 0
+    return folder / "whole"
 
 
 @pytest.fixture
@@ -252,15 +271,19 @@ def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_i
     assert main(["bag", "cut", str(SAMPLE), "--to", "1", "--out", str(tmp_path / "early")]) == 0
     assert main(["bag", "cut", str(SAMPLE), "--from", "1", "--out", str(tmp_path / "late")]) == 0
     named = user.node.create_subscription(type_of("/gearbox/state"), "/again/gearbox", (heard_again := []).append, 1000)
+    (tmp_path / "qos.yaml").write_text("/gearbox/state: {depth: 500, deadline: {sec: 3, nsec: 0}}")
     replay = Replay(
         domain,
         tmp_path / "late",
         tmp_path / "early",
         *("--start", 0.5, "--duration", 1, "--regex", "/motor/.*|/gearbox/state", "--exclude-regex", ".*command"),
         *("--remap", "/gearbox/state:=/again/gearbox", "--delay", 0.2, "--paused", "--wait", 2),
+        *("--qos", tmp_path / "qos.yaml"),
     )
     samples = user.listen("/motor/state")
     replay.until("paused at")
+    (info,) = user.node.get_publishers_info_by_topic("/again/gearbox")
+    assert info.qos_profile.deadline.nanoseconds == 3 * 10**9
     user.call(TogglePaused, "/rig_replay/toggle_paused")
     output = replay.end()
     user.until(lambda: len(samples) == len(heard_again) == 200, "both topics")
@@ -344,6 +367,23 @@ def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
     assert main(["replay", *map(str, arguments)]) == 2
     said = capfd.readouterr().err
     assert sentence in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("/motor/stat: {depth: 1}", "topic in the bag '/motor/stat'; did you mean '/motor/state'"),
+        ("/motor/state: {reliability: good}", "reliability is good; expected system_default or reliable or best_effort"),
+        ("/motor/state: {depth: 0}", "depth is 0; expected a whole number"),
+        ("/motor/state: {deadline: 3}", "deadline is 3; expected 'sec' and 'nsec'"),
+        ("/motor/state: {qos: 1}", "field of a profile 'qos'"),
+        ("- 1", "expected topics with fields"),
+    ],
+)
+def test_a_wrong_quality_of_service_is_one_sentence(text, sentence, tmp_path):
+    (tmp_path / "qos.yaml").write_text(text)
+    with pytest.raises(RigError, match=re.escape(sentence)):
+        read_overrides(tmp_path / "qos.yaml", Bag(SAMPLE).types)
 
 
 def test_a_damaged_bag_is_replayed_less_its_damage_which_is_told_and_counted_as_lost(domain, tmp_path):

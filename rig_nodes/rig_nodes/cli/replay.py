@@ -10,6 +10,7 @@ import math
 import os
 import re
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .bag import chosen, pattern
@@ -50,6 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=200.0,
         metavar="HZ",
         help="/clock messages per recorded second, 1 to 10000 (default: 200)",
+    )
+    parser.add_argument(
+        "--qos",
+        type=Path,
+        metavar="FILE",
+        help="YAML file with other qualities of service of topics, as of ros2 bag play --qos-profile-overrides-path",
     )
     parser.add_argument("--no-keys", action="store_true", help="take no keys from the terminal")
     parser.add_argument(
@@ -102,15 +109,17 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
             del os.environ[name]
         os.environ.update(wanted)
         # ROS reads the environment above when it is loaded or started.
+        from ..nodes.qos import read_overrides
         from ..nodes.replay import Session, latched, obstacle, offered
 
+        profiles = {} if args.qos is None else read_overrides(args.qos, bag.types)
         sound = []
         for topic in topics:
             if why := obstacle(bag, topic):
                 _warn(f"{topic}: {bag.counts[topic]} messages are left out: {why}")
             else:
                 sound.append(topic)
-        lasting = {topic for topic in sound if latched(offered(bag, topic))}
+        lasting = {topic for topic in sound if latched(offered(bag, topic, profiles.get(topic)))}
         if next(bag.timeline(lasting, end=begin), None) is None and next(bag.timeline(sound, begin, end), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
         player = Player(
@@ -131,7 +140,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
         with Keyboard(not args.no_keys) as keys:
             if keys.there:
                 print(KEYS, flush=True)
-            session = Session(lambda text: print(text, flush=True), keys, names, args.delay)
+            session = Session(lambda text: print(text, flush=True), keys, names, args.delay, profiles)
             outcome = session.run(bag, sound, player, args.wait)
     _tell(outcome, player)
     if outcome.ended_by:

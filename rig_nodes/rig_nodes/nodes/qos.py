@@ -8,10 +8,17 @@ Every node uses them; description.signals sets the class of a topic, and catalog
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from ..catalogue import QOS
+from ..config import load_yaml
+from ..config.names import unknown
+from ..errors import RigError
 
 COMMANDS = 100  # messages that wait for their receiver: at 1 kHz, those of the time after which the rig trips
 
@@ -69,3 +76,56 @@ def recorder_profile(qos: str) -> QoSProfile:
     profile = publisher_profile(qos)
     profile.deadline = Duration()
     return profile
+
+
+WORDS = {"history": HistoryPolicy, "reliability": ReliabilityPolicy, "durability": DurabilityPolicy}
+
+
+def read_overrides(path: Path, topics: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Read the file of `ros2 bag play --qos-profile-overrides-path`: for topics, fields of the profiles to offer.
+
+    Parameters
+    ----------
+    path : Path
+        YAML file: topic, and below it ``history``, ``depth``, ``reliability``, ``durability`` or ``deadline`` (``sec``, ``nsec``).
+    topics : mapping
+        The topics that there are.
+
+    Returns
+    -------
+    dict of str to dict
+        By topic, attributes of a QoSProfile and their values.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be read, or names a topic, a field or a value that there is not.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    given = load_yaml(path)
+    if not isinstance(given, Mapping) or not all(isinstance(fields, Mapping) for fields in given.values()):
+        raise RigError(f"{path}: expected topics with fields of their profiles, as '/motor/state: {{reliability: best_effort}}'")
+    for topic, fields in given.items():
+        if topic not in topics:
+            raise RigError(f"{path}: {unknown('topic in the bag', str(topic), topics)}")
+        found[topic] = {name: _value(name, value, f"{path}: {topic}") for name, value in fields.items()}
+    return found
+
+
+def _value(name: str, value: Any, where: str) -> Any:
+    """Return the value of a field of a QoSProfile; RigError when there is no such field or value."""
+    if name in WORDS:
+        words = {policy.short_key: policy for policy in WORDS[name] if policy.short_key not in ("unknown", "best_available")}
+        if value not in words:
+            raise RigError(f"{where}: {name} is {value}; expected {' or '.join(words)}")
+        return words[value]
+    if name == "depth":
+        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 1_000_000:
+            raise RigError(f"{where}: depth is {value}; expected a whole number from 1 to 1000000")
+        return value
+    if name == "deadline":
+        try:
+            return Duration(seconds=int(value["sec"]), nanoseconds=int(value["nsec"]))
+        except (TypeError, KeyError, ValueError):
+            raise RigError(f"{where}: deadline is {value}; expected 'sec' and 'nsec'") from None
+    raise RigError(f"{where}: {unknown('field of a profile', str(name), [*WORDS, 'depth', 'deadline'])}")

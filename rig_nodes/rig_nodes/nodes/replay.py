@@ -78,7 +78,7 @@ class Outcome:
         return 0.0
 
 
-def offered(bag: OpenedBags, topic: str) -> QoSProfile:
+def offered(bag: OpenedBags, topic: str, fields: Mapping[str, Any] | None = None) -> QoSProfile:
     """Return the profile with which a topic is offered: the one of the catalogue, else the recorded one.
 
     A latched topic keeps as many messages as the bag holds of it, so that late receivers get all of them once.
@@ -89,6 +89,8 @@ def offered(bag: OpenedBags, topic: str) -> QoSProfile:
         The bag.
     topic : str
         Name of a topic in it.
+    fields : mapping of str to Any, optional
+        Attributes of the profile that are to have other values.
 
     Returns
     -------
@@ -105,6 +107,10 @@ def offered(bag: OpenedBags, topic: str) -> QoSProfile:
             profile.reliability = ReliabilityPolicy.BEST_EFFORT
         if recorded.deadline_ns:
             profile.deadline = Duration(nanoseconds=recorded.deadline_ns)
+    for name, value in (fields or {}).items():
+        setattr(profile, name, value)
+    if fields and "depth" in fields:
+        return profile
     profile.depth = min(HISTORY, max(1, bag.counts[topic])) if latched(profile) else HISTORY
     return profile
 
@@ -218,7 +224,7 @@ class Replay(Node):
         self.player, self.say, self._session = player, session.say, session
         self.outputs = {}
         for topic in topics:
-            kind, profile = message_class(bag.types[topic]), offered(bag, topic)
+            kind, profile = message_class(bag.types[topic]), offered(bag, topic, session.profiles.get(topic))
             self.outputs[topic] = Output(self, kind, session.names.get(topic, topic), profile, session)
         self.clock = Output(self, Clock, CLOCK_TOPIC, publisher_profile("measurement"), session)
         self._repeat_at = 0.0
@@ -393,13 +399,20 @@ class Session:
         Topics to publish under another name.
     delay : float
         Time between the connection of the receivers and the first message [s].
+    profiles : mapping of str to mapping, optional
+        By topic, attributes of its QoSProfile that are to have other values.
     """
 
     def __init__(
-        self, say: Callable[[str], None], keys: Callable[[], str], names: Mapping[str, str] | None = None, delay: float = 0.0
+        self,
+        say: Callable[[str], None],
+        keys: Callable[[], str],
+        names: Mapping[str, str] | None = None,
+        delay: float = 0.0,
+        profiles: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         """Keep what is given."""
-        self.say, self.keys, self.names, self.delay = say, keys, names or {}, delay
+        self.say, self.keys, self.names, self.delay, self.profiles = say, keys, names or {}, delay, profiles or {}
         self.ended_by = 0
         self.hurry_until = 0.0  # set when a receiver was waited for in vain: no receiver is waited for until then
         self.out_of_time = math.inf  # time after which not even receipts are waited for
