@@ -227,11 +227,11 @@ def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
         piston_damping=2000.0,
     )
     c = record(cylinder, config.plate_pack)
-    x, slope = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 1e-4, c)  # springs balanced: within seal friction
+    x, slope, _ = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 1e-4, c)  # springs balanced: within seal friction
     assert (x, slope) == (0.001, 0.0)
     x = 0.0
     for _ in range(20_000):
-        x, _ = clutch.piston_step(x, 0.12e6, 1e-4, c)
+        x, *_ = clutch.piston_step(x, 0.12e6, 1e-4, c)
     by_hand = (2480e-6 * 0.12e6 * 0.97 - 24 - 128) / 128e3
     assert x == pytest.approx(by_hand, rel=1e-3)
     assert clutch.pack_force(x, c)[0] == 0.0
@@ -246,7 +246,7 @@ def test_the_clamp_force_grows_with_the_pressure_as_annex_d_says(config, part, l
     for pressure in (1e6, 2e6):
         x = 0.0
         for _ in range(200):
-            x, _ = clutch.piston_step(x, pressure, 1e-2, c)
+            x, *_ = clutch.piston_step(x, pressure, 1e-2, c)
         forces.append(clutch.pack_force(x, c)[0] + cylinder.spring_rate * x)
     assert forces[1] - forces[0] == pytest.approx((linear + square * 3.0), rel=0.02)
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 THIRD = 1.0 / 3.0
+CLOSE = 1e-3  # Pa: how near Newton's method comes to the chamber pressure
 LOWEST = -1e4  # Pa: how far the integration may go below the tank's pressure
 STIFF = 9.0  # how often a pack holds up to what damps the piston in half a step; a swing then loses a fifth in each
 
@@ -109,9 +110,10 @@ def is_stiff(piston: float, half: float, clutch: Record) -> bool:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tuple[float, float]:
-    """Return (piston position after h, its derivative by pressure) by an implicit step of the massless, damped piston.
+def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tuple[float, float, float]:
+    """Return position of the piston after h, its derivative by pressure, and force on the plates, by an implicit step.
 
+    The piston has no mass and is damped.
     The balance is push = springs + pack + damping v + seal friction; the seals hold the piston while the rest is smaller than their
     friction. The push is area times p and a square term, which the laboratory's force over pressure has (Annex D).
 
@@ -129,32 +131,34 @@ def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tup
     Returns
     -------
     tuple of float
-        Position [m] and its derivative by pressure [m/Pa].
+        Position [m], its derivative by pressure [m/Pa] and :func:`pack_force` [N].
     """
     square = clutch.force_per_pressure_squared * max(pressure, 0.0)
     push, slope = (clutch.piston_area + square) * pressure, clutch.piston_area + 2.0 * square
     seal = clutch.seal_friction + clutch.seal_friction_share * abs(push)
-    resist = clutch.spring_preload + clutch.spring_rate * piston + pack_force(piston, clutch)[0]
+    force = pack_force(piston, clutch)[0]
+    resist = clutch.spring_preload + clutch.spring_rate * piston + force
     if push - resist > seal:
         drive, gain = push - seal, slope * (1.0 - clutch.seal_friction_share)
     elif push - resist < -seal and piston > 0.0:
         drive, gain = push + seal, slope * (1.0 + clutch.seal_friction_share)
     else:
-        return piston, 0.0
+        return piston, 0.0, force
     rate = clutch.piston_damping / h
     stiff = clutch.spring_rate + rate
     # the balance at the kiss point; beyond it k s / (1 - s / s_f) makes the balance a quadratic in the squeeze s
     miss = drive - clutch.spring_preload + rate * piston - stiff * clutch.clearance
     if miss <= 0.0:
-        x = clutch.clearance + miss / stiff
+        x, force = clutch.clearance + miss / stiff, 0.0
     else:
         middle = (stiff + clutch.pack_rate) * clutch.pack_travel + miss
         root = sqrt(max(0.0, middle * middle - 4.0 * stiff * miss * clutch.pack_travel))
         x = clutch.clearance + 2.0 * miss * clutch.pack_travel / (middle + root)
-        stiff += pack_force(x, clutch)[1]
+        force, slope = pack_force(x, clutch)
+        stiff += slope
     if x <= 0.0:
-        return 0.0, 0.0
-    return x, gain / stiff
+        return 0.0, 0.0, pack_force(0.0, clutch)[0]
+    return x, gain / stiff, force
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -183,6 +187,55 @@ def oil_stiffness(h: float, oil: Record, clutch: Record) -> tuple[float, float, 
     )
 
 
+@njit(**INLINED)
+def balance(
+    p: float,
+    start: float,
+    half: float,
+    per_half: float,
+    line_before: float,
+    stiff_line: float,
+    chamber_before: float,
+    stiff_chamber: float,
+    state: Record,
+    supply: float,
+    full_line: float,
+    inertia_drop: float,
+    speed_by_root: float,
+    valve: Record,
+    clutch: Record,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return what a chamber pressure p leads to, for :func:`cylinder_step`.
+
+    Parameters
+    ----------
+    p : float
+        Chamber pressure at the step's end [Pa].
+    start, half, per_half : float
+        Position from which the piston is moved by an implicit step [m], the length of this step [s], and one over the time
+        in which the piston goes this way [1/s].
+    line_before, stiff_line, chamber_before, stiff_chamber : float
+        Pressures from which the compression of line and chamber counts [Pa], and flows per pressure [m3/(s Pa)].
+    state, supply, full_line, inertia_drop, speed_by_root, valve, clutch
+        As of :func:`cylinder_step`.
+
+    Returns
+    -------
+    tuple of float
+        Line pressure [Pa], piston position [m], its speed [m/s], valve flow [m3/s], force on the plates [N], excess of the
+        line's volume flow [m3/s], and the chamber pressure at which Newton's method expects none [Pa].
+    """
+    x, dx, force = piston_step(start, p, half, clutch)
+    speed = (x - start) * per_half
+    feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * speed
+    dfeed = stiff_chamber + clutch.piston_area * dx * per_half
+    line = p + inertia_drop * feed * abs(feed)
+    dline = 1.0 + 2.0 * inertia_drop * abs(feed) * dfeed
+    flow, dflow = line_flow(state, line, supply, speed_by_root, full_line, valve)
+    miss = stiff_line * (line - line_before) + feed - flow
+    return line, x, speed, flow, force, miss, p - miss / (stiff_line * dline + dfeed - dflow * dline)
+
+
 @njit(cache=True, error_model="numpy", forceinline=True)
 def cylinder_step(
     cylinder: Record,
@@ -196,7 +249,7 @@ def cylinder_step(
     speed_by_root: float,
     valve: Record,
     clutch: Record,
-) -> tuple[float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float]:
     """Take one implicit step of line, feed orifice, chamber and piston from their states in ``port`` and ``cylinder``.
 
     The step is of second order: the compression of the oil by backward differences over two steps, which damp a stiff volume as a
@@ -226,7 +279,8 @@ def cylinder_step(
     Returns
     -------
     tuple of float
-        Line pressure [Pa], chamber pressure [Pa], piston position [m], its speed [m/s] and valve flow [m3/s].
+        Line pressure [Pa], chamber pressure [Pa], piston position [m], its speed [m/s], valve flow [m3/s] and force on the
+        plates [N].
     """
     stiff_line = 1.5 * full_line
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
@@ -244,27 +298,54 @@ def cylinder_step(
     start = max(0.0, cylinder.piston + half * cylinder.speed)
     # by the trapezoidal rule the speed of a piston on a stiff pack swings from step to step: there a backward step is taken
     if is_stiff(cylinder.piston, half, clutch):
-        half, per_half, start = h, 1.0 / h, cylinder.piston
-    line, x, flow, speed = port.pressure, start, 0.0, 0.0
-    for turn in range(120):
-        x, dx = piston_step(start, p, half, clutch)
-        speed = (x - start) * per_half
-        feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * speed
-        dfeed = stiff_chamber + clutch.piston_area * dx * per_half
-        line = p + inertia_drop * feed * abs(feed)
-        dline = 1.0 + 2.0 * inertia_drop * abs(feed) * dfeed
-        flow, dflow = line_flow(state, line, supply, speed_by_root, full_line, valve)
-        miss = stiff_line * (line - line_before) + feed - flow
+        half, per_half, start = h, 0.5 * per_half, cylinder.piston
+    # At most times the first turn is the only one. It is written before the loop, because the compiler computes in every step
+    # what stays the same in a loop's turns
+    line, x, speed, flow, force, miss, new = balance(
+        p,
+        start,
+        half,
+        per_half,
+        line_before,
+        stiff_line,
+        chamber_before,
+        stiff_chamber,
+        state,
+        supply,
+        full_line,
+        inertia_drop,
+        speed_by_root,
+        valve,
+        clutch,
+    )
+    turn = 0
+    # a root that is found lies on the bracket's edge, so this test comes before that of the bracket
+    while not abs(new - p) < CLOSE and turn < 120:
         if miss > 0.0:
             high = p
         else:
             low = p
-        new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
-        if abs(new - p) < 1e-3:  # Pa; a root that is found lies on the bracket's edge, so this test comes first
-            break
         p = new if turn < 40 and low < new < high else 0.5 * (low + high) if high < inf else 2.0 * p + 1000000.0
+        line, x, speed, flow, force, miss, new = balance(
+            p,
+            start,
+            half,
+            per_half,
+            line_before,
+            stiff_line,
+            chamber_before,
+            stiff_chamber,
+            state,
+            supply,
+            full_line,
+            inertia_drop,
+            speed_by_root,
+            valve,
+            clutch,
+        )
+        turn += 1
     # the remaining error goes into the line's pressure, so that no oil is lost or created over any number of steps
-    return line - miss / stiff_line, p, x, speed, flow
+    return line - miss / stiff_line, p, x, speed, flow, force
 
 
 @njit(**INLINED)
@@ -284,7 +365,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     port = world.oil[my.line]
     my.clearance = my.new_clearance + me.wear
     supply = world.oil[world.values.proportional_valve[my.valve].supply].pressure
-    line, chamber, piston, speed, flow = cylinder_step(
+    line, chamber, piston, speed, flow, me.clamp = cylinder_step(
         me,
         port,
         world.parts.proportional_valve[my.valve],
@@ -300,7 +381,6 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     fed(world, my.valve, line, flow, h)
     port.rise, me.chamber_rise = line - port.pressure, chamber - me.chamber
     port.pressure, me.chamber, me.piston, me.speed = line, chamber, piston, speed
-    me.clamp = pack_force(piston, my)[0]
     plates.capacities_after(me, my, me.piston, drag, world)
 
 

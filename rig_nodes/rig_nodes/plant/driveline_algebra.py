@@ -342,7 +342,7 @@ def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
     gone = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
     m = cap.shape[1]
     for f in range(m):
-        gone = gone or not abs(work[HEAD + f] - cap[VISC, f]) <= work[HEAD + m + f]
+        gone |= not abs(work[HEAD + f] - cap[VISC, f]) <= work[HEAD + m + f]
     return gone
 
 

@@ -137,7 +137,8 @@ def room(_context: TypingContext, like: types.NestedArray) -> tuple[Signature, C
     made, count = types.Array(types.float64, 1, "C"), like.shape[0]
 
     def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> ir.Value:
-        place = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), max(count, 1)))
+        with builder.goto_entry_block():  # numba's own alloca_once would fill it with zeros
+            place = builder.alloca(ir.ArrayType(ir.DoubleType(), max(count, 1)))
         array = context.make_array(made)(context, builder)
         size = context.get_constant(types.intp, 8)
         context.populate_array(
