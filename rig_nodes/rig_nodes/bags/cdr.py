@@ -41,7 +41,8 @@ class Encoder:
         self.name = definition.name
         self._fields = definition.tree.fields[2:]
         leaves = definition.leaves
-        self._pack = struct.Struct(_struct_format(leaves)).pack
+        self._format = _struct_format(leaves)
+        self._pack = struct.Struct(self._format).pack
         self._fixed_fields = self._fields[: len(self._fields) - len(definition.tail)]
         # count of numbers in each field; None for a single number
         self._counts = [None if node.kind == "number" else node.count for _, node in self._fixed_fields]
@@ -91,6 +92,11 @@ class Encoder:
             # struct would accept any value as a bool.
             if fixed[i] is not True and fixed[i] is not False and not isinstance(fixed[i], np.bool_):
                 raise TypeError(f"{self.name}.{self._fields[i][0]} is a bool, got {fixed[i]!r}")
+        if self._lists:
+            try:
+                return self._with_lists(stamp_ns, seq, fixed, values[len(fixed) :])
+            except (struct.error, TypeError, OverflowError):
+                pass  # what follows says what is wrong
         try:
             flat = self._flat(fixed) if self._arrays else fixed
             data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)
@@ -99,14 +105,6 @@ class Encoder:
             raise
         if not self._tail:
             return data
-        if self._lists:
-            try:
-                for value in values[len(fixed) :]:
-                    count = len(value)
-                    data += _list_struct(len(data) % 8, count).pack(count, *value)
-                return data
-            except (struct.error, TypeError):
-                data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)  # which says what is wrong
         out = bytearray(data)
         for (name, node), value in zip(self._tail, values[len(fixed) :]):
             _write(out, node, value, f"{self.name}.{name}")
@@ -118,6 +116,37 @@ class Encoder:
             return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *values)
         except (struct.error, TypeError, OverflowError):
             return Encoder.encode(self, stamp_ns, seq, *values)  # which says what is wrong
+
+    def encode_each(self, stamp_ns: int, seq: int, numbers: np.ndarray) -> list[bytes]:
+        """Return a message for each of some real numbers, all with the same stamp and sequence number.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Simulated time [ns].
+        seq : int
+            Number of each message on its topic.
+        numbers : (n,) array of float64
+            The numbers; each is the only other field of its message, a float64.
+
+        Returns
+        -------
+        list of bytes
+            The n encoded messages.
+        """
+        size, packed = numbers.itemsize, numbers.tobytes()
+        head = self.encode(stamp_ns, seq, 0.0)[:-size]
+        return [head + packed[at : at + size] for at in range(0, len(packed), size)]
+
+    def _with_lists(self, stamp_ns: int, seq: int, fixed: Sequence[Any], lists: Sequence[Any]) -> bytes:
+        """The message with short lists of real numbers behind the fixed part, packed at once."""
+        flat = self._flat(fixed) if self._arrays else list(fixed)
+        counts = tuple(map(len, lists))
+        for count, value in zip(counts, lists):
+            flat.append(count)
+            flat.extend(value)
+        pack = _struct_with_lists(self._format, counts).pack
+        return pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)
 
     def _flat(self, values: Sequence[Any]) -> list:
         flat: list = []
@@ -143,11 +172,14 @@ _BLOCKS = ("rig_msgs/msg/SampleBlock",)  # types whose list is already an array
 
 
 @lru_cache(maxsize=256)
-def _list_struct(end: int, count: int) -> struct.Struct:
-    """Return the struct of the length and numbers of a float64[] that follows bytes ending at ``end`` modulo 8."""
-    gap = -end % 4
-    behind = -(end + gap) % 8 if count else 0  # numbers are aligned to 8, counted from behind the encapsulation's 4 bytes
-    return struct.Struct(f"<{gap}xI{behind}x{count}d")
+def _struct_with_lists(text: str, counts: tuple[int, ...]) -> struct.Struct:
+    """Return the struct of a format and, behind it, of the lengths and numbers of float64[] with so many numbers."""
+    for count in counts:
+        end = struct.calcsize(text)
+        gap = -end % 4
+        behind = -(end + gap) % 8 if count else 0  # numbers are aligned to 8, counted from behind the encapsulation's 4 bytes
+        text += f"{gap}xI{behind}x{count}d"
+    return struct.Struct(text)
 
 
 def _struct_format(leaves: Iterable[Leaf]) -> str:

@@ -4,8 +4,8 @@
 """Writer of the MCAP container: the same bytes as mcap.writer with chunks, zstd and all CRCs, in a third of its time.
 
 The bag writer uses it. Most of a run's messages are some hundred bytes long; for those, the library's writing record by
-record and field by field costs more than the rest of recording. The library's record classes write everything except
-messages.
+record and field by field costs more than the rest of recording. Here the messages of a chunk are put together when it is
+closed, all heads and all index entries at once. The library's record classes write everything except messages.
 """
 
 from __future__ import annotations
@@ -13,35 +13,31 @@ from __future__ import annotations
 import struct
 import zlib
 from array import array
-from collections import defaultdict
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
+import numpy as np
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
+from mcap.records import Channel, DataEnd, Footer, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics, SummaryOffset
 
 from .mcap_file import MAGIC
 
 COMPRESSION = b"zstd"
-_MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
-_MESSAGE_OPCODE = int(Opcode.MESSAGE)  # a plain number, because an enumeration's member costs as much as all the packing
-_MESSAGE_HEAD = 2 + 4 + 8 + 8  # bytes of the head that the record's length includes
+_MESSAGE = np.dtype(
+    [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("logged", "<u8"), ("published", "<u8")]
+)
+_HEAD = _MESSAGE.itemsize
+_MESSAGE_LENGTH = 2 + 4 + 8 + 8  # bytes of the head that the record's length includes
 _MESSAGE_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
+_ENTRY = 16  # bytes of an entry: log time and offset
 _CHUNK = struct.Struct("<BQQQQII")  # opcode, length, first and last time, size, CRC, length of the compression's name
 _PACKED = struct.Struct("<Q")  # packed size
+_CHUNK_INDEX = struct.Struct("<BQQQQQI")  # opcode, length, first and last time, chunk's offset and length, bytes of the table
+_INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, length of the compression's name
+_SIZES = struct.Struct("<QQ")  # behind that name: packed size, size
 _FOOTER = struct.Struct("<BQQQ")
 
 
@@ -62,7 +58,7 @@ class McapWriter:
         self._data_crc = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._counts: dict[int, int] = defaultdict(int)
+        self._counts: Counter[int] = Counter()
         self._chunks, self._chunk_count = bytearray(), 0  # the index of the chunks as the file will hold it
         self._metadata: list[MetadataIndex] = []
         self._first = self._last = 0  # first and last time of the messages in closed chunks
@@ -86,12 +82,28 @@ class McapWriter:
 
     def add_message(self, channel: int, log_time: int, data: bytes, sequence: int) -> None:
         """Store a message; ``log_time`` [ns] is also its publish time."""
-        size = _MESSAGE_HEAD + len(data)
-        self._indices[channel] += log_time, self._size
-        self._parts += _MESSAGE.pack(_MESSAGE_OPCODE, size, channel, sequence, log_time, log_time), data
-        self._size += 9 + size
+        self._of.append(channel)
+        self._times.append(log_time)
+        self._sequences.append(sequence)
+        self._data.append(data)
+        self._size += _HEAD + len(data)
         if self._size > self._chunk_bytes:
             self._end_chunk()
+
+    def add_messages(
+        self, channels: Sequence[int], log_times: Sequence[int], data: Sequence[bytes], sequences: Sequence[int]
+    ) -> None:
+        """Store messages as :meth:`add_message` does, all of them at once."""
+        size = self._size + _HEAD * len(data) + sum(map(len, data))
+        if size > self._chunk_bytes:
+            for message in zip(channels, log_times, data, sequences):
+                self.add_message(*message)
+            return
+        self._of += channels
+        self._times += log_times
+        self._sequences += sequences
+        self._data += data
+        self._size = size
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Store named texts outside the chunks."""
@@ -146,21 +158,29 @@ class McapWriter:
         )
 
     def _begin_chunk(self) -> None:
-        self._parts: list[bytes] = []
+        self._of: list[int] = []  # of each message: its channel, log time, sequence number and bytes
+        self._times: list[int] = []
+        self._sequences: list[int] = []
+        self._data: list[bytes] = []
+        self._records: list[tuple[int, bytes]] = []  # other records, with the number of messages before each
         self._size = 0
-        self._indices: dict[int, list[int]] = defaultdict(list)  # channel -> log time and offset of each message
 
     def _into_chunk(self, record: bytes) -> None:
-        self._parts.append(record)
+        self._records.append((len(self._data), record))
         self._size += len(record)
 
     def _end_chunk(self) -> None:
-        if not self._indices:
+        if not self._data:
             return
-        first = min(min(index[::2]) for index in self._indices.values())
-        last = max(max(index[::2]) for index in self._indices.values())
+        first, last = min(self._times), max(self._times)
         self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
-        content = b"".join(self._parts)
+        heads = np.empty(len(self._data), _MESSAGE)
+        heads["opcode"], heads["length"] = Opcode.MESSAGE, array("Q", map(len, self._data))
+        heads["channel"], heads["sequence"] = array("H", self._of), array("I", self._sequences)
+        heads["logged"] = heads["published"] = array("Q", self._times)
+        sizes = heads["length"] + _HEAD
+        heads["length"] += _MESSAGE_LENGTH
+        content = self._content(heads.tobytes())
         packed, compression = self._compress(content), self._compression
         at = self._file.tell()
         self._write(
@@ -177,29 +197,51 @@ class McapWriter:
             + _PACKED.pack(len(packed))
             + packed
         )
-        indices_at, places, rows = self._file.tell(), {}, []
-        for channel, index in self._indices.items():
-            places[channel] = indices_at + sum(map(len, rows))
-            entries = array("Q", index).tobytes()
+        indices_at, places, rows = self._file.tell(), [], []
+        place = indices_at
+        for channel, entries in self._indices(heads, sizes):
+            places += channel, place
             rows.append(_MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries)
-            self._counts[channel] += len(index) // 2
-        table = b"".join(rows)
-        self._write(table)
+            place += len(rows[-1])
+            self._counts[channel] += len(entries) // _ENTRY
+        self._write(b"".join(rows))
         self._chunk_count += 1
-        self._chunks += _bytes(
-            ChunkIndex(
-                message_start_time=first,
-                message_end_time=last,
-                chunk_start_offset=at,
-                chunk_length=indices_at - at,
-                message_index_offsets=places,
-                message_index_length=len(table),
-                compression=compression.decode(),
-                compressed_size=len(packed),
-                uncompressed_size=len(content),
-            )
+        table = struct.pack("<" + "HQ" * len(rows), *places)
+        self._chunks += _CHUNK_INDEX.pack(
+            Opcode.CHUNK_INDEX,
+            _CHUNK_INDEX.size - 9 + len(table) + _INDICES.size + len(compression) + _SIZES.size,
+            first,
+            last,
+            at,
+            indices_at - at,
+            len(table),
         )
+        self._chunks += table + _INDICES.pack(place - indices_at, len(compression)) + compression
+        self._chunks += _SIZES.pack(len(packed), len(content))
         self._begin_chunk()
+
+    def _content(self, heads: bytes) -> bytes:
+        """The records of the chunk in their order, from the heads of its messages."""
+        parts: list[bytes] = [b""] * (2 * len(self._data))
+        parts[::2] = [heads[at : at + _HEAD] for at in range(0, len(heads), _HEAD)]
+        parts[1::2] = self._data
+        for before, record in reversed(self._records):
+            parts.insert(2 * before, record)
+        return b"".join(parts)
+
+    def _indices(self, heads: np.ndarray, sizes: np.ndarray) -> Iterator[tuple[int, bytes]]:
+        """Each channel with the log times and offsets of its messages, in the order of the channels' first messages."""
+        offsets = np.cumsum(sizes) - sizes
+        for before, record in self._records:
+            offsets[before:] += np.uint64(len(record))
+        order = np.argsort(heads["channel"], kind="stable")
+        entries = np.empty((len(order), 2), "<u8")
+        entries[:, 0], entries[:, 1] = heads["logged"][order], offsets[order]
+        table, channels = entries.tobytes(), heads["channel"][order]
+        begins = np.concatenate([[0], np.flatnonzero(channels[1:] != channels[:-1]) + 1])
+        firsts, ends = order[begins].tolist(), [*begins[1:].tolist(), len(order)]
+        for _, channel, begin, end in sorted(zip(firsts, channels[begins].tolist(), begins.tolist(), ends)):
+            yield channel, table[begin * _ENTRY : end * _ENTRY]
 
     def _write(self, data: bytes) -> None:
         """Write to the part of the file that the data's CRC covers."""

@@ -9,7 +9,8 @@ The headless run and the recorder use it. The same calls give the same bytes.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +34,7 @@ CHUNK_BYTES = 4 * 1024 * 1024
 LIBRARY = f"rig_nodes {__version__}"
 _END_OF_TIME = 1 << 63  # ns, the limit of rosbag2
 _SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
+_SEQUENCE_AT = slice(20, 24)  # its place in a message of the rig's own form
 
 
 @dataclass(slots=True)
@@ -123,6 +125,7 @@ class BagWriter:
         self._earlier: dict[str, _Topic] = {}  # topics of the files before, with all messages up to then
         self._files: list[metadata.File] = []  # files that are closed
         self._split = False
+        self._made: list[tuple[str, int, bytes]] = []  # messages that are not in their chunk yet
         self._closed = False
         self._library = library
         self._failure: tuple[type[RigError], str] | None = None
@@ -135,9 +138,7 @@ class BagWriter:
             raise RigError(f"{self.path} cannot be made ({error.strerror}); name a folder that can be written") from None
         self._writer = self._guard(self._begin)
 
-    def write(
-        self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement", made_here: bool = False
-    ) -> None:
+    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:
         """Store one encoded message as it is.
 
         On topics of the catalogue the padding that DDS may have appended is removed.
@@ -154,8 +155,6 @@ class BagWriter:
             Simulated time from 0 on [ns], stored as log and publish time.
         qos : str
             Class of catalogue.QOS in which a topic outside the catalogue is offered.
-        made_here : bool
-            True when an encoder of bags.cdr in this process made the message; it is then exact and is not checked.
 
         Raises
         ------
@@ -166,16 +165,72 @@ class BagWriter:
         """
         if self._closed or self._failure:
             self._writable()
+        self._settle()
         if not 0 <= log_time_ns < _END_OF_TIME:
             raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; time begins at 0")
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
         if known.ros_type != ros_type:
             raise MessageRefused(f"topic {topic} holds {known.ros_type}, got a {ros_type}; a topic has one type")
-        if known.own and known.definition is not None and not made_here and len(data) != known.size:
+        if known.own and known.definition is not None and len(data) != known.size:
             try:
                 data = exact(known.definition, data)
             except ValueError as error:
                 raise MessageRefused(f"topic {topic}: {error}; expected exact little-endian CDR") from None
+        self._add(topic, known, data, log_time_ns)
+
+    def write_made(self, messages: Iterable[tuple[str, int, bytes]], now: int) -> None:
+        """Store messages that an encoder of bags.cdr in this process made, on topics of the catalogue; they are not checked.
+
+        Until their chunk is closed they are only kept, and then stored all at once.
+
+        Parameters
+        ----------
+        messages : iterable of (str, int, bytes)
+            Topic, simulated time from 0 on [ns] and bytes of each message.
+        now : int
+            A time [ns] after which none of them is.
+
+        Raises
+        ------
+        RigError
+            When the bag is closed or the disk accepts no more data.
+        """
+        if self._closed or self._failure:
+            self._writable()
+        if self._flush_at is not None and now < self._flush_at:
+            self._made += messages
+        else:
+            self._settle()
+            self._add_made(messages)
+
+    def _settle(self) -> None:
+        """Store what :meth:`write_made` has kept."""
+        if not self._made:
+            return
+        made, self._made = self._made, []
+        topics, times, data = zip(*made)
+        if not self._topics.keys() >= set(topics):
+            self._add_made(made)  # which makes new topics
+            return
+        sequences = list(struct.unpack(f"<{len(made)}I", b"".join([one[_SEQUENCE_AT] for one in data])))
+        for name, count in Counter(topics).items():
+            topic = self._topics[name]
+            if not topic.counted:
+                places = [k for k, other in enumerate(topics) if other == name]
+                for k, number in zip(places, range(topic.count, topic.count + count)):
+                    sequences[k] = number
+            topic.count += count
+        channels = [self._topics[topic].channel for topic in topics]
+        self._guard(self._writer.add_messages, channels, times, data, sequences)
+        self._first, self._last = min(self._first, *times), max(self._last, *times)
+
+    def _add_made(self, messages: Iterable[tuple[str, int, bytes]]) -> None:
+        for topic, log_time_ns, data in messages:
+            known = self._topics.get(topic) or self._guard(self._add_topic, topic, self._known[topic].ros_type, "")
+            self._add(topic, known, data, log_time_ns)
+
+    def _add(self, topic: str, known: _Topic, data: bytes, log_time_ns: int) -> None:
+        """Store a message, in a new chunk where its time begins one."""
         if self._flush_at is None or log_time_ns >= self._flush_at:
             if self._flush_at is None:
                 self._first = self._last = log_time_ns
@@ -183,10 +238,10 @@ class BagWriter:
                 self._guard(self._writer.flush)
                 if self._split or self._full(log_time_ns):
                     self._guard(self._next)
-                    known = self._guard(self._add_topic, topic, ros_type, qos)
+                    known = self._guard(self._add_topic, topic, known.ros_type, known.qos)
                     self._first = self._last = log_time_ns
             self._flush_at = (log_time_ns // FLUSH_NS + 1) * FLUSH_NS
-        sequence = _SEQUENCE.unpack_from(data, 20)[0] if known.counted else known.count
+        sequence = _SEQUENCE.unpack_from(data, _SEQUENCE_AT.start)[0] if known.counted else known.count
         try:
             self._writer.add_message(known.channel, log_time_ns, data, sequence)
         except OSError as error:
@@ -216,6 +271,7 @@ class BagWriter:
             Class of catalogue.QOS that metadata.yaml names.
         """
         self._writable()
+        self._settle()
         message, _, language = encoding.partition("/")
         schema = self._schemas.get(key := f"{ros_type}\n{language}\n{text}")
         if schema is None:
@@ -231,11 +287,13 @@ class BagWriter:
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
+        self._settle()
         return {name: topic.count for name, topic in {**self._earlier, **self._topics}.items()}
 
     def flush(self) -> None:
         """Close the chunk in progress and hand all data to the operating system."""
         self._writable()
+        self._settle()
         self._guard(self._writer.flush)
 
     def close(self) -> None:
@@ -350,6 +408,7 @@ class BagWriter:
         self._files.append(this)
 
     def _finish(self) -> None:
+        self._settle()
         self._end_file()
         topics = [_told(name, topic, topic.count) for name, topic in {**self._earlier, **self._topics}.items()]
         information = metadata.bag_metadata(self._files, topics, self._layout.packing == "file", self.custom)

@@ -70,14 +70,12 @@ def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Return the same cost with a bag as ``simulate`` writes it: all topics, on disk."""
     rig = Rig(load_rig())
     outputs = Outputs(rig, {}, commands=True)
-    types = {name: topic.ros_type for name, topic in rig.config.catalogue.all_topics.items()}
     out, size = [], 0
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, BagWriter(folder, "long") as bag:
 
         def go(_phase: str, seconds: float) -> None:
             for _ in range(round(seconds * SAMPLES_PER_S)):
-                for topic, stamp, data in outputs.due():
-                    bag.write(topic, types[topic], data, stamp, made_here=True)
+                bag.write_made(outputs.due(), rig.time_ns)
                 rig.advance_samples(1)
 
         drive(rig, go)

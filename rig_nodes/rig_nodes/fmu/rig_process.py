@@ -63,14 +63,12 @@ class Recording:
             raise RigError(f"the parameter record names the folder {folder}, which is not empty; name a new one")
         self.record = run_record(config, Sequence("fmu", "driven through FMI", 0.0), seed)
         self.outputs = Outputs(rig, self.record, commands=True)
-        self._types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
         self._bag = BagWriter(folder, "fmu", topics=config.catalogue.all_topics)
         self._bag.__enter__()
 
     def due(self) -> None:
         """Write what is due now."""
-        for topic, stamp, data in self.outputs.due():
-            self._bag.write(topic, self._types[topic], data, stamp, made_here=True)
+        self._bag.write_made(self.outputs.due(), self.rig.time_ns)
 
     def _controller(self) -> dict:
         """Return what the run's record says about the shift controller, if the rig has one."""

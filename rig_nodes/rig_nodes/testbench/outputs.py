@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from itertools import repeat
+from typing import TYPE_CHECKING, Any
 
 from ..bags.cdr import encoder
 from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
@@ -21,6 +22,10 @@ from .cuts import topic_of
 from .rig import Rig
 from .topics import SCALAR_SAMPLES, Heard, States
 
+if TYPE_CHECKING:
+    import numpy as np
+
+MEASUREMENT = "rig_msgs/msg/Measurement"
 ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"
 
@@ -51,6 +56,7 @@ class Outputs:
         self._types = {name: topic.ros_type for name, topic in rig.config.catalogue.all_topics.items()}
         self._encoders: dict[str, Callable] = {}
         self._queued: list[tuple] = []
+        self._columns, self._rounds = list(self.states.measured.values()), 0  # of the transducers, and how often they went out
         self._run_info = run_info
         self._mirrors = self.states.mirrors()
         self._status, self._started = rig.status, False
@@ -117,8 +123,7 @@ class Outputs:
                 yield self._message(BLOCK, first * ROW_NS, first, ROW, *rows.shape, rows.ravel())
         if sample % SCALAR_SAMPLES == 0:
             row = rig.row()
-            for topic, column in self.states.measured.items():
-                yield self._message(topic, now, float(row[column]))
+            yield from self._measured(now, row)
             for topic, mirror, values in self._mirrors:
                 self.counts[topic] = self.counts.get(topic, 0) + 1
                 yield topic, now, mirror.encode(now, *values(row))
@@ -133,6 +138,14 @@ class Outputs:
                 yield self._message(topic_of(device, "answer"), answered * SAMPLE_NS, answered, *answer)
             if cuts.is_due():
                 yield self._message(topic_of(device, "port"), now, self.rig.sample, *cuts.port(device))
+
+    def _measured(self, now: int, row: np.ndarray) -> Iterator[tuple[str, int, bytes]]:
+        """What each transducer shows, from a logger row (channels,); these messages are the most and go out together."""
+        numbers, topics, seq = row[self._columns], self.states.measured, self._rounds
+        self._rounds += 1
+        self.counts.update(dict.fromkeys(topics, self._rounds))
+        self._heard.fields.update(zip(topics, zip(numbers.tolist())))
+        return zip(topics, repeat(now), encoder(MEASUREMENT).encode_each(now, seq, numbers))
 
     def _message(self, topic: str, stamp: int, *values: Any) -> tuple[str, int, bytes]:
         encode = self._encoders.get(topic)

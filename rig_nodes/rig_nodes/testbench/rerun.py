@@ -173,7 +173,6 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
     level = LEVELS[first.level] if first is not None else None
     rig = Rig(config, int(bag.run_info().get("seed", 1)), "external", level, delay=found.delay)
     outputs = Outputs(rig, rerun_record(bag, config, "plant"), commands=config.structure.shifts)
-    types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
     notes: list[str] = []
     stops = Uninterrupted()
     with stops, BagWriter(folder, bag.path.stem.rpartition("_")[0] or bag.path.stem, topics=config.catalogue.all_topics) as new:
@@ -181,8 +180,7 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
             _act(rig, outputs, found, sample, notes)
             stops.held = True
             try:
-                for topic, stamp, data in outputs.due():
-                    new.write(topic, types[topic], data, stamp, made_here=True)
+                new.write_made(outputs.due(), rig.time_ns)
             finally:
                 stops.let_in()
             if sample == found.last:

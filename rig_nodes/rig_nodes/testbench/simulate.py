@@ -349,7 +349,6 @@ def simulate(
     record = run_record(config, sequence, seed, delay)
     outputs = Outputs(rig, record, commands=config.structure.shifts, controller=controller)
     runner = runner_on(rig, outputs, config, sequence, controller)
-    types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
 
     stops = Uninterrupted()
@@ -357,8 +356,7 @@ def simulate(
     def record_due() -> None:
         stops.held = True
         try:
-            for topic, stamp, data in outputs.due():
-                bag.write(topic, types[topic], data, stamp, made_here=True)
+            bag.write_made(outputs.due(), rig.time_ns)
         finally:
             stops.let_in()
 
