@@ -166,7 +166,7 @@ def spool_position(spool: float, magnet: float, port_pressure: float, h: float, 
     float
         Position [m].
     """
-    return spool_after(spool, magnet, port_pressure, spool_decay(h, valve), valve)
+    return spool_after(spool, magnet, port_pressure, spool_decay(h, valve), spool_gain(valve), valve)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -176,10 +176,15 @@ def spool_decay(h: float, valve: Record) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_after(spool: float, magnet: float, port_pressure: float, decay: float, valve: Record) -> float:
-    """Return :func:`spool_position` after a time whose ``decay`` is known."""
+def spool_gain(valve: Record) -> float:
+    """Return the way of the spool per difference between the pressures of magnet and port [m/Pa]."""
+    return valve.spool_stroke / valve.full_opening_pressure
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def spool_after(spool: float, magnet: float, port_pressure: float, decay: float, gain: float, valve: Record) -> float:
+    """Return :func:`spool_position` after a time whose ``decay`` is known, with the ``gain`` of :func:`spool_gain`."""
     lowest, highest = held_pressures(magnet, valve)
-    gain = valve.spool_stroke / valve.full_opening_pressure
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
     target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
     return target + (spool - target) * decay
@@ -294,9 +299,9 @@ def held_flow(state: Record, port_pressure: float, supply_pressure: float, most:
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Compute the shares of the coil's and the spool's way that are left after a step."""
+    """Compute the shares of the coil's and the spool's way that are left after a step, and the spool's way per pressure."""
     my = world.values.proportional_valve[k]
-    my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
+    my.coil_left, my.spool_left, my.gain = coil_decay(h, my), spool_decay(h, my), spool_gain(my)
 
 
 @njit(**INLINED)
@@ -326,7 +331,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
         # in the middle of the step: the mean current, and the port's pressure continued from the last step
         line = world.oil[my.line]
         me.magnet = magnet_pressure(me.magnet, 0.5 * (current + me.current), my)
-        me.spool = spool_after(me.spool, me.magnet, line.pressure + 0.5 * line.rise, my.spool_left, my)
+        me.spool = spool_after(me.spool, me.magnet, line.pressure + 0.5 * line.rise, my.spool_left, my.gain, my)
         me.share = opening(me.spool, my)
 
 
@@ -394,7 +399,7 @@ PART = Part(
         "cut_slope",
         "cut_pressure",
     ),
-    derived=("coil_left", "spool_left", "ideal_current", "pwm", "pulses"),
+    derived=("coil_left", "spool_left", "gain", "ideal_current", "pwm", "pulses"),
     wires=("line", "supply", "output", "beside"),
     stages={"fill": fill, "command": command, "before": before, "pickup": pickup},
     role=VALVE,

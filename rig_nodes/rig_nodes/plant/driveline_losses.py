@@ -55,6 +55,24 @@ def put_loss(loss: Floats, cap: Floats, end: int, column: int, own: int, k: int)
         for other in range(loss.shape[0]):
             if loss[other, ON] == own:
                 torque += loss[other, FACTOR] * loss[other, column]
+    put_capacity(cap, end, own, torque)
+
+
+@njit(**INLINED)
+def put_foretold(loss: Floats, cap: Floats, own: int, k: int) -> None:
+    """Set the capacities of loss k's own element to those of the last step at the beginning and those of NEXT at the end."""
+    torque0 = torque1 = loss[k, BASE]
+    for other in range(loss.shape[0]):
+        if loss[other, ON] == own:
+            torque0 += loss[other, FACTOR] * loss[other, LAST]
+            torque1 += loss[other, FACTOR] * loss[other, NEXT]
+    put_capacity(cap, 0, own, torque0)
+    put_capacity(cap, 1, own, torque1)
+
+
+@njit(**INLINED)
+def put_capacity(cap: Floats, end: int, own: int, torque: float) -> None:
+    """Set all capacities of an element at one end (0 or 1)."""
     cap[KIN0 + end, own] = torque
     cap[HI0 + end, own] = torque
     cap[LO0 + end, own] = -torque

@@ -35,7 +35,7 @@ from rig_nodes.plant.driveline_algebra import (
     places,
     stale,
 )
-from rig_nodes.plant.driveline_losses import BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_loss
+from rig_nodes.plant.driveline_losses import BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_foretold
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
 
 if TYPE_CHECKING:
@@ -64,8 +64,7 @@ def quiet_step(h: float, line: Record) -> bool:
     change = add(vector(q, n, v), -1.0, force)
     foretell_losses(loss)
     for k in range(loss.shape[0]):
-        put_loss(loss, cap, 0, LAST, own[k], k)
-        put_loss(loss, cap, 1, NEXT, own[k], k)
+        put_foretold(loss, cap, own[k], k)
     vmax = 0.0
     for j in range(n):
         vmax = max(vmax, abs(v[j]))
