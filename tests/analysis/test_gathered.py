@@ -9,7 +9,7 @@ import pytest
 from mcap.writer import Writer
 
 from rig_nodes.analysis.report import build_report, gathering
-from rig_nodes.bags.index import BagIndex
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.errors import BagError
@@ -67,7 +67,7 @@ def runs(tmp_path_factory):
 
 
 def in_pieces(folder, size):
-    with BagIndex(folder) as index:
+    with OpenedBags([folder]) as index:
         small = index.bag(["/rig/run_info", "/controller/events", "/sequencer/events", "/rig/events", "/instruments/channels"])
     gathered = gathering(small, RUN)
     for piece in Bag.pieces(folder, size):

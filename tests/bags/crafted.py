@@ -232,11 +232,11 @@ def read_all(path):
 
 def index_all(path):
     """Does with a bag what the replay does, except publishing."""
-    from rig_nodes.bags.index import BagIndex
     from rig_nodes.bags.metadata import read_profile
+    from rig_nodes.bags.opened import OpenedBags
     from rig_nodes.errors import RigError
 
-    with BagIndex(path) as bag:
+    with OpenedBags([path]) as bag:
         for topic in bag.types:
             read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
         for _ in bag.timeline(list(bag.types)):

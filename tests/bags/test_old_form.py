@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
-from rig_nodes.bags.index import BagIndex
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 
@@ -73,7 +73,7 @@ def test_every_message_of_an_old_bag_says_what_it_said():
 
 def test_an_old_bag_has_todays_types_so_that_it_can_be_replayed_and_compared():
     bag = Bag(SAMPLE)
-    with BagIndex(SAMPLE) as index:
+    with OpenedBags([SAMPLE]) as index:
         for topic, ros_type in bag.types.items():
             encoding, text, _ = index.channel(topic)
             assert encoding == "cdr/ros2msg" and installed(ros_type).text.split() and bag.channel(topic)[1] == text

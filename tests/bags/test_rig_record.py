@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.old_form import record_of_today
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.cli.main import main
@@ -52,8 +52,8 @@ def test_a_bag_knows_its_rig_after_the_rigs_folder_is_gone(foreign):
     assert [clutch.name for clutch in bag.transmission.clutches] == ["B1", "K2", "C3"]
     assert bag.series("n_wheel")[0].size and "n_out" not in bag.catalogue.signals
     assert set(bag.types) <= set(bag.catalogue.all_topics)
-    with BagIndex(foreign) as index:
-        assert index.catalogue == bag.catalogue
+    with OpenedBags([foreign]) as index:
+        assert index.bag(["/rig/run_info"]).catalogue == bag.catalogue
 
 
 def test_such_a_bag_is_reported_and_viewed_under_its_own_names(foreign, capsys):

@@ -135,7 +135,7 @@ def gathering(small: Bag, run: dict) -> Gathered | None:
     Parameters
     ----------
     small : Bag
-        Events and description of the whole run, with the names of all topics (BagIndex.bag).
+        Events and description of the whole run, with the names of all topics (OpenedBags.bag).
     run : dict
         As in :func:`build_report`.
 
