@@ -85,7 +85,7 @@ def test_json_is_finite_ordered_and_repeatable(tmp_path):
     first = write_report(tmp_path, build_report(bag(), RUN)).read_bytes()
     assert write_report(tmp_path, build_report(bag(), dict(reversed(RUN.items())))).read_bytes() == first
     report = json.loads(first, parse_constant=lambda name: pytest.fail(f"{name} in the report"))
-    assert list(report) == ["run", "shifts", "energy", "uncertainty", "basis"]
+    assert list(report) == ["run", "shifts", "energy", "quality", "uncertainty", "basis"]
     assert list(report["run"]) == list(RUN)
     assert report["run"]["lateness_ms"]["max"] is None
     assert read_report(tmp_path) == report

@@ -9,6 +9,7 @@ Rigs with tests of the same kind elsewhere are left out: the laboratory's, its b
 """
 
 import json
+import re
 import subprocess
 import sys
 
@@ -80,8 +81,13 @@ def test_its_run_ends_well_and_its_energy_closes(simulated, capsys):
     _, residual = bag.series("energy_residual")
     flowed = max(abs(bag.series(name)[1]).max() for name in bag.catalogue.signals if name.endswith("_work"))
     assert abs(residual[-1]) < 1e-9 * flowed, f"{residual[-1]} J of {flowed} J"
-    assert main(["report", str(simulated)]) == 0
+    assert main(["report", str(simulated), "--html", str(simulated / "page.html")]) == 0
     assert capsys.readouterr().out.strip()
+    page = (simulated / "page.html").read_text(encoding="utf-8")
+    sections = re.split("<h2>", page)
+    assert all(re.search(r"<(td|p|svg)\b", section) for section in sections), "no section is empty"
+    assert "<h2>Plots of the run</h2>" in page and ("Plots of the shifts" in page) == bool(report["shifts"])
+    assert ("<h2>Signals</h2>" in page) == ("signals" in report)
 
 
 def test_its_nodes_in_lockstep_give_the_same_bits(rig, sequence, simulated, tmp_path):

@@ -3,6 +3,7 @@
 
 """The laboratory's procedures: every one loads, its first series runs to its end, and wrong ones are refused."""
 
+import json
 import math
 import os
 import signal
@@ -305,12 +306,18 @@ def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):
 
 def test_the_command_writes_a_bag_and_a_report_for_each_repeat(small, tmp_path, capsys):
     assert main(["procedure", str(small), "--series", "20Nm", "--out", str(tmp_path / "out")]) == 0
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["20Nm-1", "20Nm-2"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["20Nm-1", "20Nm-2", "procedure.json"]
     first, second = (Bag(tmp_path / "out" / name).run_info() for name in ("20Nm-1", "20Nm-2"))
     assert first["parameters"] == {"load": "20 Nm"} and (first["seed"], second["seed"]) == (3, 4)
     assert first["configuration"]["alfa46"]["t12"] == pytest.approx(-0.1)
     assert (tmp_path / "out" / "20Nm-2" / "report.json").is_file()
-    assert "series 20Nm, run 2 of 2" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "series 20Nm, run 2 of 2" in out and "found by loads, means of the runs of each series:" in out
+    (series,) = json.loads((tmp_path / "out" / "procedure.json").read_text())["series"]
+    assert series["label"] == "20Nm" and series["runs"] == ["20Nm-1", "20Nm-2"]
+    assert main(["report", str(tmp_path / "out"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [run["run"] for run in told["runs"]] == series["runs"] and told["spread"] == series["found"]
 
 
 def test_the_command_lists_labels_and_refuses_others(small, capsys):

@@ -23,6 +23,7 @@ from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, sprin
 if TYPE_CHECKING:
     from ..bags.reader import Bag
 
+OF_A_RUN = "run"  # what a result is of that is not of a single shift, device or model
 TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, at which the springs' line is given
 
 
@@ -41,14 +42,14 @@ def bench_report(bag: Bag, record: Mapping, problems: list[str]) -> dict:
     Returns
     -------
     dict
-        ``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench.
+        ``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench; nothing for a rig
+        without a clutch that is pressed to slip.
     """
     structure = structure_of(record["structure"])
     press = next(iter(structure.of_role(parts.PRESS)), None)
     clutch = next((one for one in structure.clutches if press is not None and one.wires.get("press") == press.name), None)
     if clutch is None:
-        problems.append("no results: there are no gears to shift, and no clutch that is pressed to slip")
-        return {}
+        return {}  # no bench of a clutch; the ranges of its signals are its results
     try:
         logger = bag.logger(fill=True)
         logged = Logged(logger.t0, logger.period, _as_chapter_8(structure, press, clutch, logger.channels))
@@ -80,6 +81,20 @@ def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels:
     }
     own = {one.name: shows.get(one.shows, "M_e" if one.type == "torque" else one.name) for one in structure.transducers}
     return {own.get(name, name): values for name, values in channels.items()}
+
+
+def bench_numbers(found: Mapping) -> list[tuple[str, str, str, str, int, float]]:
+    """Return the results of a bench as (key, name, what it is of, unit, digits, value): k_kor of each model, the lines' numbers."""
+    numbers = []
+    if line := found.get("line"):
+        numbers += [("k_kor", "k_kor", model, "-", 3, value) for model, value in line["k_kor"].items()]
+        numbers.append(("slope_nm_per_pa", "slope of M_eks", OF_A_RUN, "Nm/MPa", 2, line["slope_nm_per_pa"] * 1e6))
+        numbers.append(("m_rest_nm", "M_rest", OF_A_RUN, "Nm", 2, line["m_rest_nm"]))
+        numbers.append(("r_squared", "R2 of the line", OF_A_RUN, "-", 4, line["r_squared"]))
+    numbers += [("f_s_n", "spring force", f"{row['s_m'] * 1e3:.1f} mm", "N", 1, row["f_s_n"]) for row in found.get("springs", ())]
+    return numbers + [
+        ("f_p_n", "cylinder force", f"{row['p_z_pa'] * 1e-6:.1f} MPa", "N", 1, row["f_p_n"]) for row in found.get("cylinder", ())
+    ]
 
 
 def bench_lines(found: dict) -> list[str]:

@@ -48,6 +48,7 @@ KEYS = (
     "e_loss_j",
     "e_loss_settled_j",
     "overlap_s",
+    "kiss_s",
     "valid",
     "t_order_s",
     "why",
@@ -276,6 +277,7 @@ class _Shift:
             return
         old_slip = self.check_old_gear()
         row["overlap_s"] = self.overlap()
+        row["kiss_s"] = self.kiss()
         start = self.pressure_start()
         end = self.slip_end(start)
         if end is None:
@@ -528,6 +530,14 @@ class _Shift:
         up, old = self.pressed(self.shift.engaging), self.pressed(self.shift.releasing)
         both, neither = np.count_nonzero(up & old), np.count_nonzero(~up & ~old)
         return float((both if both else -neither) * self.period)
+
+    def kiss(self) -> float | None:
+        """Return the time from the order until all engaging clutches have more than their kiss pressure [s]; None when never.
+
+        :meth:`overlap` gives the reason for a clutch that never has it.
+        """
+        at = first_true(self.pressed(self.shift.engaging)) if self.shift.engaging else None
+        return None if at is None else at * self.period
 
 
 def smoothed(box: Transmission, raw: dict[str, np.ndarray], period: float) -> dict[str, np.ndarray]:

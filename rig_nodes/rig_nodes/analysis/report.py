@@ -31,6 +31,8 @@ from .gathered import Gathered
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
+from .quality import quality_of, sentence_of
+from .ranges import range_lines, signal_ranges
 from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
@@ -59,11 +61,12 @@ def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
 def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
     """Return the report of a bag.
 
-    It is ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``. ``uncertainty`` holds for each
-    shift the largest error of each of its metrics; ``basis`` holds the inertias, ratios and instruments used, which are those of
-    the bag's configuration. ``run["recorded_from_s"]`` is there for a bag that does not hold the start of its run. A run
-    without a change between gears has ``measured`` (no_change.measured). A run of a rig without gears has no shifts; its results
-    are under ``"bench"`` (analysis.bench_report).
+    It is ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "quality": [...], "uncertainty": [...]}``. ``quality``
+    holds the verdict on each shift (quality.quality_of), ``uncertainty`` the largest error of each of its metrics; ``basis`` holds
+    the inertias, ratios and instruments used, which are those of the bag's configuration. ``run["recorded_from_s"]`` is there for
+    a bag that does not hold the start of its run. A run without a change between gears has ``measured`` (no_change.measured). A run
+    of a rig without gears has no shifts; its results are under ``"bench"`` (analysis.bench_report) and the range of each signal
+    under ``"signals"`` (analysis.ranges).
 
     The energy of a shift covers the time from its order until its torque has settled; it is None when that was not found. When a
     bag is too damaged or too short for a part, that part is empty (or a shift's energy None) and a sentence on it is
@@ -100,7 +103,8 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
 
         found = bench_report(bag, record, problems)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
-            "bench": plain(found)
+            "bench": plain(found),
+            "signals": plain(signal_ranges(bag)),
         }
     recording, rows = None, []
     try:
@@ -245,6 +249,7 @@ def _metrics(
     """Return everything that comes from the logger's channels; a run without a change of gear also needs the bag's commands."""
     found: dict[str, Any] = {
         "shifts": rows,
+        "quality": [quality_of(row, recording.transmission) for row in rows] if recording else [],
         "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows]
         if recording
         else [],
@@ -281,7 +286,7 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
     """Return the parts in their order, as plain JSON values."""
     if problems:
         run["problems"] = problems
-    rest = {key: metrics[key] for key in ("uncertainty", "basis", "measured", "annex_a", "truth") if key in metrics}
+    rest = {key: metrics[key] for key in ("quality", "uncertainty", "basis", "measured", "annex_a", "truth") if key in metrics}
     return plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
@@ -380,12 +385,14 @@ def format_report(report: dict) -> str:
     if "bench" in report:
         from .bench_report import bench_lines
 
-        return _shown([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
+        lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
+        return _shown([*lines, "", *_run_lines(report["run"])])
     box = shown_transmission(report)
-    rows, errors = report["shifts"], report.get("uncertainty", [])
-    lines = _shift_table(rows, errors, box) if rows else [no_shift(report)]
-    for row in rows:
+    rows, errors, verdicts = report["shifts"], report.get("uncertainty", []), verdicts_in(report)
+    lines = _shift_table(rows, errors, verdicts, box) if rows else [no_shift(report)]
+    for row, verdict in zip(rows, verdicts):
         shift = f"{_gears(row, box)} at {row['t_order_s']:.2f} s"
+        lines += [f"  {shift} is {said}"] if (said := sentence_of(verdict)) else []
         lines += [f"  {shift} is not valid: {reason}" for reason in row["why"]]
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     names = [f"{_gears(row, box)} at {row['t_order_s']:.2f} s" for row in rows]
@@ -394,6 +401,12 @@ def format_report(report: dict) -> str:
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, report["truth"], box)]
     return _shown([*lines, "", *_energy_lines(report, box), *_basis_lines(report), *_run_lines(report["run"])])
+
+
+def verdicts_in(report: Mapping) -> list[dict | None]:
+    """Return the verdict on the quality of each shift of a report; None where it has none, as in older reports."""
+    found = report.get("quality") or []
+    return [found[i] if i < len(found) else None for i in range(len(report["shifts"]))]
 
 
 def _shown(lines: list[str]) -> str:
@@ -422,17 +435,18 @@ def _gears(row: dict, box: Transmission) -> str:
     return box.way(row["from_gear"], row["to_gear"])
 
 
-def _shift_table(rows: list[dict], errors: list[dict], box: Transmission) -> list[str]:
+def _shift_table(rows: list[dict], errors: list[dict], verdicts: list[dict | None], box: Transmission) -> list[str]:
     columns = columns_of(box)
-    table = [["shift"] + [heading for heading, *_ in columns] + ["valid"]]
-    for i, row in enumerate(rows):
+    table = [["shift"] + [heading for heading, *_ in columns] + ["valid", "quality"]]
+    for i, (row, verdict) in enumerate(zip(rows, verdicts)):
         cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}" for _, key, factor, digits in columns]
-        table.append([_gears(row, box), *cells, "yes" if row["valid"] else "NO"])
+        grade = (verdict or {}).get("grade") or "-"
+        table.append([_gears(row, box), *cells, "yes" if row["valid"] else "NO", grade])
         if i < len(errors) and errors[i]:
             table.append(
                 ["  +-"]
                 + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else "" for _, key, factor, digits in columns]
-                + [""]
+                + ["", ""]
             )
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
     return [

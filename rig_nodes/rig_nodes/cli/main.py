@@ -48,7 +48,7 @@ VERBS = {
     "replay": "publish a recorded bag again, with /clock",
     "bag": "look into bags, check, recover, cut, merge and hash them",
     "view": "show a run or a running rig in Rerun, or make a picture",
-    "report": "print the shift metrics of a run and rewrite its report.json",
+    "report": "print the results of a run and rewrite its report.json, or make a page of them",
     "calibrate": "find a rig's unknown parameters on the laboratory's rows, or on its own",
     "calculate": "print a calculation of a rig's folder, with its values or on a recording",
     "validate": "compare a rig with its validation rows, the HydmAG with all printed results",

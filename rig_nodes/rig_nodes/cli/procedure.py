@@ -36,9 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
     from ..analysis.report import build_report, format_report, write_report
+    from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
     from ..bags.reader import Bag
     from ..controllers.load import EMBEDDED
-    from ..errors import interrupted_code
+    from ..errors import interrupted_code, printable
     from ..testbench.folders import parse_settings, run_folder
     from ..testbench.procedure import load_procedure, prepare
     from ..testbench.simulate import simulate
@@ -53,7 +54,9 @@ def main(args: argparse.Namespace) -> int:
     folder = run_folder(args.out, procedure.name)
     if ready[0][1].structure.shifts:
         print(EMBEDDED, flush=True)
-    failed = 0
+    failed, members = 0, list[Member]()
+    about = {"procedure": procedure.name, "description": procedure.description, "source": procedure.source}
+    told = [{"label": series.label, "conditions": series.conditions} for series in chosen]
     for series, config, sequence in ready:
         for repeat in range(series.repeats):
             run_into = folder / f"{series.label}-{repeat + 1}"
@@ -63,11 +66,15 @@ def main(args: argparse.Namespace) -> int:
             report = build_report(Bag(run_into), run)
             write_report(run_into, report)
             print(format_report(report), end="\n\n", flush=True)
+            members.append(member_of(series.label, run_into.name, report))
+            write_procedure(folder, about, told, members)  # after each run, so that an interrupted procedure keeps what it found
             if run["end"]["state"] == "interrupted":
                 print(f"rig: {run['end']['reason']}", file=sys.stderr)
                 return interrupted_code(run["end"]["reason"])
             if run["end"]["state"] != "ended":
                 failed += 1
                 print(f"rig: series {series.label}: {run['end']['reason']}", file=sys.stderr)
+    print(f"found by {procedure.name}, means of the runs of each series:")
+    print("\n".join(map(printable, table_lines(*table_of(members)))))
     print(f"written to {folder}; look at one with: ./rig view {folder}/<series>-<run>", flush=True)
     return 1 if failed else 0

@@ -4,7 +4,8 @@
 """`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag, or of a logger's CSV.
 
 It rewrites the report beside the bag and keeps from it what only the run itself knew (lateness, end). A report of another
-run, or of a bag that has been damaged since, stays unchanged. For a CSV it writes nothing.
+run, or of a bag that has been damaged since, stays unchanged. For a CSV it writes nothing. A folder of runs, as procedures and
+sweeps leave it, gets a table and its spread (cli.report_folder). ``--html`` and ``--pdf`` write a page.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..analysis.annex_a import FACTOR_B
+from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
 from ..analysis.logger_csv import parse_orders, read_logger_csv
 from ..analysis.report import (
     REPORT_FILE,
@@ -26,27 +30,42 @@ from ..analysis.report import (
     report_of_recording,
     write_report,
 )
+from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
 from ..config import load_yaml
 from ..config.names import DEFAULT_RIG
 from ..config.units import quantity
-from ..errors import RigError
+from ..errors import RigError, printable
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
 from ..testbench.folders import parse_settings
+from .report_folder import check_outputs, is_folder_of_runs, report_folder, write_pages
 
 if TYPE_CHECKING:
     import argparse
 
+    from ..analysis.metrics import Recording
     from ..bags.reader import Bag
+    from ..testbench.configuration import RigConfig
 
-HELP = "print the shift metrics of a run and rewrite its report.json"
+HELP = "print the results of a run and rewrite its report.json, or make a page of them"
 METADATA = "metadata.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, or a logger's .csv file")
+    parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, a logger's .csv, or a folder of runs")
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="write one self-contained page, which prints on A4")
+    parser.add_argument("--pdf", type=Path, metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH")
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=RANGE",
+        dest="limits",
+        help="judge a result, e.g. t_c='.. 700 ms' or I-II:k='0.95 ..' (may be repeated)",
+    )
+    parser.add_argument("--limits", metavar="FILE", dest="limits_file", help="the same from a .yaml file")
     parser.add_argument(
         "--annex-a", action="store_true", help="also by the recipe of the laboratory's program (Annex A), with the difference"
     )
@@ -73,17 +92,61 @@ def main(args: argparse.Namespace) -> int:
     if args.factor is not None and not args.factor > 1.0:
         raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. {FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
+    check_outputs(args)
+    limits = [*(read_limits(args.limits_file) if args.limits_file else []), *parse_limits(args.limits)]
     if args.run.lower().endswith(".csv"):
-        _show(_report_of_csv(args, annex), args.json)
+        recording, config, report = _report_of_csv(args, annex)
+        _judge(report, limits)
+        _show(report, args.json)
+        write_pages(args, lambda: _page_of_csv(args.run, recording, config, report))
         return 0
-    return _of_bag(args, annex)
+    if is_folder_of_runs(Path(args.run)):
+        return report_folder(args, limits)
+    return _of_bag(args, annex, limits)
+
+
+def _judge(report: dict, limits: list[Limit]) -> None:
+    """Put the verdicts on the limits into a report."""
+    if limits:
+        report["limits"] = [one.as_dict() for one in judged(results_of(report), limits)]
 
 
 def _show(report: dict, as_json: bool) -> None:
-    print(json.dumps(report, indent=2, ensure_ascii=False) if as_json else format_report(report), flush=True)
+    if as_json:
+        print(json.dumps(report, indent=2, ensure_ascii=False), flush=True)
+        return
+    print("\n".join([format_report(report), *map(printable, limit_lines(report.get("limits", ())))]), flush=True)
 
 
-def _report_of_csv(args: argparse.Namespace, annex: float | None) -> dict:
+def _page_of_csv(name: str, recording: Recording, config: RigConfig, report: dict) -> str:
+    from ..view.pages import Pages
+    from ..view.report_page import Facts, report_page
+    from ..view.report_plots import Plots
+
+    t = recording.t0 + recording.period * np.arange(recording.rows)
+    plots = Plots(Pages(config.as_dict()), report["shifts"], float(t[0]), float(t[-1]))
+    for channel in plots.names & set(recording.channels):
+        plots.add(channel, t, np.asarray(recording.channels[channel], float))
+    return report_page(report, Facts(source=[("file", Path(name).name)]), plots)
+
+
+def _page_of_bag(bag: Bag, report: dict, warnings: list[str]) -> str:
+    from ..bags.rig_record import rig_record
+    from ..description.settings import CHANGED
+    from ..testbench.changed_settings import changed_settings
+    from ..view.pages import Pages
+    from ..view.report_page import Facts, report_page
+    from ..view.report_plots import plots_of_bag
+
+    record = rig_record(report["run"].get("configuration") or bag.record, bag.types)
+    settings, note = changed_settings(record)
+    changes = [(t, text) for t, _, name, text, _ in bag.events() if name == CHANGED]
+    source = [("bag", bag.path.name), ("canonical hash", bag.canonical_hash()["all"])]
+    facts = Facts(source, settings, note, changes, warnings)
+    return report_page(report, facts, plots_of_bag(bag.path, Pages(record), report["shifts"], 0.0, bag.last / 1e9))
+
+
+def _report_of_csv(args: argparse.Namespace, annex: float | None) -> tuple[Recording, RigConfig, dict]:
     if args.truth:
         raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
     period = None if args.period is None else quantity(args.period, "time", "--period")
@@ -93,10 +156,10 @@ def _report_of_csv(args: argparse.Namespace, annex: float | None) -> dict:
     box = config.transmission
     orders = None if args.orders is None else parse_orders(args.orders, box)
     recording = read_logger_csv(args.run, period, orders, box, config.catalogue.signals)
-    return report_of_recording(recording, annex, config.as_dict())
+    return recording, config, report_of_recording(recording, annex, config.as_dict())
 
 
-def _of_bag(args: argparse.Namespace, annex: float | None) -> int:
+def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) -> int:
     for option, name in (("orders", "orders"), ("period", "period"), ("rig", "rig"), ("set", "settings")):
         if getattr(args, name) is not None:
             raise RigError(f"--{option} is for a logger's .csv; a bag has its own")
@@ -113,6 +176,7 @@ def _of_bag(args: argparse.Namespace, annex: float | None) -> int:
     if damaged_since:
         run = _run_of_the_rest(bag, folder, run, old is not None)
     report = build_report(bag, run, annex, args.truth)
+    _judge(report, limits)
     _show(report, args.json)
     if bag.recovered:
         print(f"rig: {bag.path} is damaged; the report is of what is left of it", file=sys.stderr)
@@ -122,8 +186,10 @@ def _of_bag(args: argparse.Namespace, annex: float | None) -> int:
         print(f"rig: {folder / REPORT_FILE} was made when more of the bag was there and is left as it is", file=sys.stderr)
     else:
         write_report(folder, report)
-    if not bag.recovered and (lost := what_was_lost(run)):
+    lost = what_was_lost(run)
+    if not bag.recovered and lost:
         print(f"rig: lost: {lost}", file=sys.stderr)
+    write_pages(args, lambda: _page_of_bag(bag, report, [f"Lost: {lost}."] if lost else []))
     return 1 if bag.recovered else 0
 
 

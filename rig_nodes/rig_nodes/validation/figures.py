@@ -100,11 +100,11 @@ class Figure:
         return out
 
 
-def ticks(low: float, high: float) -> list[float]:
-    """Return about TICKS round numbers that enclose the range from low to high."""
+def ticks(low: float, high: float, about: int = TICKS) -> list[float]:
+    """Return some round numbers, ``about`` so many, that enclose the range from low to high."""
     if high - low <= 1e-9 * max(abs(low), abs(high), 1e-12):
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
-    rough = (high - low) / TICKS
+    rough = (high - low) / about
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * (1.0 - 1e-9))
     first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)

@@ -11,7 +11,9 @@ from __future__ import annotations
 from ..analysis.bench_report import bench_lines
 from ..analysis.energy import clutch_heat
 from ..analysis.no_change import measured_lines
-from ..analysis.report import columns_of, no_shift, shown_transmission
+from ..analysis.quality import sentence_of
+from ..analysis.ranges import range_lines
+from ..analysis.report import columns_of, no_shift, shown_transmission, verdicts_in
 from ..transmission import Transmission
 
 WIDEST = 4  # largest number of shifts side by side; with more, the table is transposed
@@ -33,10 +35,13 @@ def report_document(report: dict, problems: list[str]) -> str:
         parts.append(str(run["description"]))
     parts += [f"**{problem}**" for problem in [*problems, *run.get("problems", [])]]
     if "bench" in report:
-        parts += ["## Results", "```\n" + "\n".join(bench_lines(report["bench"])) + "\n```"]
+        lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
+        parts += ["## Results", "```\n" + "\n".join(lines) + "\n```"] if lines else []
     else:
-        parts += ["## Shifts", _shift_table(report["shifts"], box) if report["shifts"] else no_shift(report)]
+        parts += ["## Shifts", _shift_table(report, box) if report["shifts"] else no_shift(report)]
         parts += measured_lines(report["measured"], box) if "measured" in report else []
+    for row, verdict in zip(report["shifts"], verdicts_in(report)):
+        parts += [f"{_title(row, box)} is {said}"] if (said := sentence_of(verdict)) else []
     parts += [f"{_title(row, box)} is not valid: {reason}" for row in report["shifts"] for reason in row.get("why", [])]
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
@@ -44,12 +49,12 @@ def report_document(report: dict, problems: list[str]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _shift_table(rows: list[dict], box: Transmission) -> str:
-    columns = columns_of(box)
-    table = [["shift", *(heading for heading, *_ in columns), "valid"]]
-    for row in rows:
+def _shift_table(report: dict, box: Transmission) -> str:
+    columns, rows = columns_of(box), report["shifts"]
+    table = [["shift", *(heading for heading, *_ in columns), "valid", "quality"]]
+    for row, verdict in zip(rows, verdicts_in(report)):
         cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in columns]
-        table.append([_title(row, box), *cells, "yes" if row.get("valid") else "**no**"])
+        table.append([_title(row, box), *cells, "yes" if row.get("valid") else "**no**", (verdict or {}).get("grade") or "-"])
     if len(rows) <= WIDEST:
         table = [list(line) for line in zip(*table)]
     return _table(table)

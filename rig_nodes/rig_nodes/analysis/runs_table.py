@@ -1,0 +1,169 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The results of many runs side by side, a row for each series of a procedure or each member of a sweep, and their spread.
+
+`rig procedure` prints it, and `rig report` of a folder of runs prints it and makes a page of it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ..atomic_write import atomic_write
+from ..errors import RigError
+from .limits import Limit, Verdict, judged
+from .metrics import KEYS
+from .quality import GRADES
+from .report import REPORT_FILE, plain, read_report, verdicts_in
+from .results import Result, number, results_of, spread
+
+PROCEDURE_FILE = "procedure.json"
+SHORT = ("t_dt_s", "t_c_s", "input_torque_max_nm", "k", "e_loss_j")  # metrics of a shift that the table has
+MOST_NAMED = 12  # runs that are named in a warning
+_REPEAT = re.compile(r"-\d+$")
+
+
+@dataclass
+class Member:
+    """One run: the label of its series, its name, its results, the grades of its shifts, and why it did not end as planned."""
+
+    label: str
+    name: str
+    results: list[Result]
+    grades: list[str] = field(default_factory=list)
+    failed: str = ""
+
+
+def member_of(label: str, name: str, report: Mapping) -> Member:
+    """Return a run from its report."""
+    end = report["run"].get("end")
+    bad = isinstance(end, Mapping) and end.get("state") not in (None, "ended")
+    grades = [one["grade"] for one in verdicts_in(report) if one and one["grade"]]
+    return Member(label, name, results_of(report), grades, str(end.get("reason")) if bad else "")
+
+
+def members_in(folder: Path) -> list[Member]:
+    """Return the runs in the folders below a folder that have a report, in the order of the procedure, else of their names.
+
+    Raises
+    ------
+    RigError
+        When there is no run, or a report cannot be read.
+    """
+    labels = {run: one["label"] for one in read_procedure(folder).get("series", ()) for run in one["runs"]}
+    names = [path.parent.name for path in folder.glob(f"*/{REPORT_FILE}")]
+    order = {name: place for place, name in enumerate(labels)}
+    names.sort(key=lambda name: (order.get(name, len(order)), _natural(name)))
+    found = []
+    for name in names:
+        report = read_report(folder / name)
+        if report is not None and "shifts" in report:
+            found.append(member_of(labels.get(name, _REPEAT.sub("", name)), name, report))
+    if not found:
+        raise RigError(
+            f"{folder}: holds no run, and no folder in it has a {REPORT_FILE}; name the folder of a run or of several runs"
+        )
+    return found
+
+
+def _natural(name: str) -> list:
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name)]
+
+
+def read_procedure(folder: Path) -> dict:
+    """Return what `rig procedure` wrote about a folder of runs; empty when it wrote nothing there."""
+    path = folder / PROCEDURE_FILE
+    if not path.exists():
+        return {}
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        if not all(isinstance(one["label"], str) and isinstance(one["runs"], list) for one in told["series"]):
+            raise TypeError("its series are no list of labels and runs")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RigError(
+            f"{path}: is not what `rig procedure` writes ({error}); delete it, the reports beside it are enough"
+        ) from None
+    return told
+
+
+def write_procedure(folder: Path, about: Mapping, series: Iterable[Mapping], members: Sequence[Member]) -> None:
+    """Write ``procedure.json`` into the folder of a procedure: what was run, and what each series and all of them found.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    about : mapping
+        Name, description and source of the procedure.
+    series : iterable of mapping
+        ``label`` and ``conditions`` of each series that was run.
+    members : sequence of Member
+        The runs.
+    """
+    rows = []
+    for one in series:
+        own = [member for member in members if member.label == one["label"]]
+        rows.append({**one, "runs": [member.name for member in own], "found": spread(member.results for member in own)})
+    told = {**about, "series": rows, "found": spread(member.results for member in members)}
+    atomic_write(folder / PROCEDURE_FILE, json.dumps(plain(told), indent=2, ensure_ascii=False) + "\n")
+
+
+def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows: a row for each label with the mean of its runs.
+
+    Of the metrics of shifts the table has those of SHORT, for shifts under load; results that only one kind of run has, such as an
+    inertia, are there in full.
+    """
+    columns: dict[tuple[str, str], Result] = {}
+    for one in (one for member in members for one in member.results):
+        if one.value is None or one.kind in ("lowest", "highest"):
+            continue
+        if one.key not in KEYS or (one.key in SHORT and not one.kind.startswith("0-")):
+            columns.setdefault((one.kind, one.key), one)
+    several = len({one.kind for one in columns.values()}) > 1
+    head = ["series", "runs", *(_heading(one, several) for one in columns.values())]
+    graded = any(member.grades for member in members)
+    labels = dict.fromkeys(member.label for member in members)
+    rows = []
+    for label in labels:
+        own = [member for member in members if member.label == label]
+        cells = [label, str(len(own))]
+        for key, column in columns.items():
+            values = [one.value for member in own for one in member.results if (one.kind, one.key) == key and one.value is not None]
+            cells.append(number(sum(values) / len(values), column.digits) if values else "-")
+        grades = [grade for member in own for grade in member.grades]
+        rows.append([*cells, *([max(grades, key=GRADES.index) if grades else "-"] if graded else [])])
+    return [*head, *(["worst quality"] if graded else [])], rows
+
+
+def _heading(one: Result, several: bool) -> str:
+    unit = "" if one.unit == "-" else f" {one.unit}"
+    return f"{one.kind} {one.name}{unit}" if several else f"{one.name}{unit}"
+
+
+def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return a table for the terminal."""
+    lines = [list(head), *map(list, rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    return [
+        "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths))).rstrip()
+        for line in lines
+    ]
+
+
+def warnings_of(members: Sequence[Member]) -> list[str]:
+    """Return sentences on the runs that did not end as planned."""
+    bad = [member for member in members if member.failed]
+    said = [f"{member.name} did not end as planned: {member.failed}" for member in bad[:MOST_NAMED]]
+    return said + ([f"{len(bad) - MOST_NAMED} more runs did not end as planned"] if len(bad) > MOST_NAMED else [])
+
+
+def judged_members(members: Sequence[Member], limits: Sequence[Limit]) -> list[Verdict]:
+    """Return the verdicts on the results of all runs; the place of each begins with the name of its run."""
+    named = [replace(one, place=f"{member.name}, {one.place}") for member in members for one in member.results]
+    return judged(named, limits) if limits else []

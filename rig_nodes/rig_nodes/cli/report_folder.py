@@ -1,0 +1,147 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`rig report` of a folder of runs, as `rig procedure` and `rig sweep` leave it; and the pages that `rig report` writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..analysis.limits import MET, limit_lines
+from ..analysis.results import spread, spread_lines
+from ..analysis.runs_table import Member, judged_members, members_in, read_procedure, table_lines, table_of, warnings_of
+from ..atomic_write import atomic_write
+from ..errors import RigError, printable
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
+
+    from ..analysis.limits import Limit
+
+OF_ONE_RUN = (
+    ("annex_a", "annex-a"),
+    ("truth", "truth"),
+    ("orders", "orders"),
+    ("period", "period"),
+    ("rig", "rig"),
+    ("settings", "set"),
+)
+
+
+def is_folder_of_runs(path: Path) -> bool:
+    """Return True for a folder without a bag of its own in which there are runs or a sweep."""
+    if not path.is_dir() or any(path.glob("*.mcap")):
+        return False
+    from ..sweep.store import MANIFEST
+
+    return (path / MANIFEST).exists() or any(path.glob("*/report.json"))
+
+
+def check_outputs(args: argparse.Namespace) -> None:
+    """Refuse pages that cannot be written, before anything is computed."""
+    for option in ("html", "pdf"):
+        path = getattr(args, option)
+        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+            raise RigError(
+                f"--{option} {path}: {'it is a folder, expected a file' if path.is_dir() else 'there is no such folder'}"
+            )
+    if args.pdf is not None:
+        from ..view.pdf import browser
+
+        browser()
+
+
+def write_pages(args: argparse.Namespace, make: Callable[[], str]) -> None:
+    """Write the page of a report to where --html and --pdf say."""
+    if args.html is None and args.pdf is None:
+        return
+    page = make()
+    if args.html is not None:
+        atomic_write(args.html, page)
+    if args.pdf is not None:
+        from ..view.pdf import pdf_of
+
+        atomic_write(args.pdf, pdf_of(page))
+
+
+def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
+    """Print the table of a folder of runs with its spread, and write the pages that were asked for."""
+    for name, option in OF_ONE_RUN:
+        if getattr(args, name):
+            raise RigError(f"--{option} is for a single recording; {args.run} is a folder of runs")
+    folder = Path(args.run)
+    title, about, members = _read(folder)
+    verdicts = [one.as_dict() for one in judged_members(members, limits)]
+    listed = [one for one in verdicts if one["verdict"] != MET] or verdicts
+    head, rows = table_of(members)
+    spreads, warnings = spread(member.results for member in members), warnings_of(members)
+    if args.json:
+        told = [{"series": one.label, "run": one.name, "results": [result.as_dict() for result in one.results]} for one in members]
+        content = {"runs": told, "spread": spreads, "limits": verdicts}
+        print(json.dumps(content, indent=2, ensure_ascii=False), flush=True)
+    else:
+        lines = [*table_lines(head, rows), "", "spread over all runs", *spread_lines(spreads), *warnings, *limit_lines(listed)]
+        print("\n".join(map(printable, lines)), flush=True)
+
+    def make() -> str:
+        from ..view.report_page import campaign_page
+
+        return campaign_page(title, about, (head, rows), spreads, warnings, (verdicts, listed))
+
+    write_pages(args, make)
+    return 0
+
+
+def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
+    """Return title, sentences on what was run, and the runs of a folder."""
+    from ..sweep.store import MANIFEST
+
+    if (folder / MANIFEST).exists():
+        return _of_sweep(folder)
+    told, members = read_procedure(folder), members_in(folder)
+    about = [told["description"], f"Source: {told['source']}."] if told else []
+    about.append(f"{len(members)} runs of {len({one.label for one in members})} series; the table has the mean of each series.")
+    return f"Procedure {told['procedure']}" if told else f"Runs in {folder.name or folder.absolute().name}", about, members
+
+
+def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
+    from ..analysis.bench_report import OF_A_RUN
+    from ..analysis.quality import quality_of
+    from ..analysis.results import Result, results_of
+    from ..sweep.plan import plan_of
+    from ..sweep.store import JOURNAL, decode, read_manifest
+    from ..testbench.configuration import load_rig
+
+    plan = plan_of(read_manifest(folder)["plan"])
+    config = load_rig(plan.rig, plan.fixed)
+    record = config.as_dict()
+    box = config.transmission if config.structure.gears else None
+    path, members = folder / JOURNAL, []
+    lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
+    entries = [entry for line in lines if (entry := decode(line)) is not None]
+    for entry in sorted(entries, key=lambda entry: entry["member"]):
+        values = ", ".join(f"{name} = {_written(value)}" for name, value in entry["values"].items())
+        label, failed = values or f"seed {entry['seed']}", entry["end"]["state"] != "ended"
+        results, grades = [], []
+        if box is not None and entry["shifts"]:
+            results = results_of({"run": {"configuration": record}, "shifts": entry["shifts"]})
+            grades = [one["grade"] for row in entry["shifts"] if (one := quality_of(row, box)) and one["grade"]]
+        for row in entry.get("table", {}).get("rows", ()):
+            columns = entry["table"]["columns"].items()
+            results += [
+                Result(name, name, OF_A_RUN, OF_A_RUN, unit, 4, cell)
+                for (name, unit), cell in zip(columns, row)
+                if unit and cell is not None
+            ]
+        members.append(Member(label, f"member {entry['member']}", results, grades, entry["end"]["reason"] if failed else ""))
+    if not members:
+        raise RigError(f"{folder}: no member of this sweep is finished; go on with it: ./rig sweep {folder}")
+    about = [f"{len(members)} members of a sweep of rig {config.name} over {', '.join(one.name for one in plan.varied)}."]
+    return f"Sweep {plan.name}", about, members
+
+
+def _written(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

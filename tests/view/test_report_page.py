@@ -1,0 +1,189 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The page of a report: what it shows, that it needs nothing from outside, and how a browser lays it out."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
+from rig_nodes.view import pdf
+from rig_nodes.view.html_page import Axis, Curve, Envelope, on_white, page
+
+SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
+LIMITS = ["--limit", "t_c=.. 700 ms", "--limit", "I-II:k=0.95 .."]
+browser = pytest.mark.skipif(
+    not any(map(shutil.which, pdf.BROWSERS)), reason="no Chromium or Chrome on the PATH, which lays the page out"
+)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The folder of a copied run with its page."""
+    folder = tmp_path_factory.mktemp("run") / "sample"
+    shutil.copytree(SAMPLE, folder)
+    assert main(["report", str(folder), "--html", str(folder / "page.html"), *LIMITS]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def text(written):
+    return (written / "page.html").read_text(encoding="utf-8")
+
+
+class Tree(HTMLParser):
+    """Checks that each element is closed in its order, and keeps attributes and the texts of headings."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.attributes, self.headings = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.attributes += [(tag, *one) for one in attrs]
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("h1", "h2"):
+            self.headings.append(data)
+
+
+def tree_of(text):
+    tree = Tree()
+    tree.feed(text)
+    assert tree.open == []
+    return tree
+
+
+def test_it_is_well_formed_and_needs_nothing_from_outside(text):
+    tree = tree_of(text)
+    assert tree.headings[0] == "hydmag: sample" and "Plots of the shifts" in tree.headings and "Provenance" in tree.headings
+    assert not {"script", "link", "img", "iframe"} & {tag for tag, *_ in tree.attributes}
+    assert not [one for one in tree.attributes if one[1] in ("src", "href", "srcset")]
+    assert "http" not in text and "@import" not in text and "url(" not in text
+    drawings = re.findall(r"<svg.*?</svg>", text, re.DOTALL)
+    assert len(drawings) > 10
+    for drawing in drawings:
+        ElementTree.fromstring(drawing)
+
+
+def test_each_shift_has_its_metrics_with_errors_verdicts_phases_and_times(text, written):
+    report = json.loads((written / "report.json").read_text())
+    for row, error in zip(report["shifts"], report["uncertainty"]):
+        assert f"{1e3 * row['t_c_s']:.0f}<br><small>± {1e3 * error['t_c_s']:.0f}, " in text
+        assert f"t_c {1e3 * row['t_c_s']:.0f} ms</text>" in text and f"t_d {1e3 * row['t_dt_s']:.0f} ms</text>" in text
+        assert f"t_p {1e3 * row['t_p_s']:.0f} ms</text>" in text and f"t_o {1e3 * row['t_o_s']:.0f} ms</text>" in text
+    for mark in ("fill, to the kiss point", "torque phase", "inertia phase, to lock-up"):
+        assert f"{mark}</text>" in text
+    assert [one["verdict"] for one in report["limits"]] and "<h2>Limits</h2>" in text
+    assert all(f'class="{one["grade"]}"' in text for one in report["quality"] if one)
+    assert all(one in text for one in ("messages lost", "version of rig_nodes", "canonical hash", "SHA-256", "All settings are"))
+
+
+def test_a_folder_of_runs_has_a_table_and_its_spread(written, tmp_path, capsys):
+    for n in (1, 2):
+        (tmp_path / f"series-{n}").mkdir()
+        shutil.copy(written / "report.json", tmp_path / f"series-{n}")
+    assert main(["report", str(tmp_path), "--html", str(tmp_path / "page.html"), "--limit", "k=1.5 .."]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^series +2 ", out, re.MULTILINE) and "spread over all runs" in out and "limit missed: series-1, " in out
+    made = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert tree_of(made).headings[1:] == ["Limits", "Runs", "Spread over all runs"]
+    assert main(["report", str(tmp_path), "--truth"]) == 2
+    assert "--truth is for a single recording" in capsys.readouterr().err
+
+
+def test_a_page_that_cannot_be_written_or_printed_is_refused_before_anything_is_computed(written, tmp_path, monkeypatch, capsys):
+    assert main(["report", str(written), "--html", str(tmp_path / "none" / "page.html")]) == 2
+    assert "there is no such folder" in capsys.readouterr().err
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["report", str(written), "--pdf", str(tmp_path / "page.pdf")]) == 2
+    said = capsys.readouterr().err
+    assert "there is no Chromium or Chrome on the PATH" in said and "--html" in said and list(tmp_path.iterdir()) == []
+
+
+def test_names_in_a_bag_cannot_become_parts_of_the_page():
+    made = page("<script>x</script>", [])
+    assert "<script>" not in made and "&lt;script&gt;" in made
+
+
+def test_thinning_out_keeps_every_peak_and_every_gap_whatever_the_pieces():
+    t = np.arange(100_000) * 1e-4
+    values = np.sin(t)
+    values[54_321] = 9.0
+    values[70_000:75_000] = np.nan
+    whole, pieces = Envelope(0.0, 10.0), Envelope(0.0, 10.0)
+    whole.add(t, values)
+    for part in np.array_split(np.arange(len(t)), 37):
+        pieces.add(t[part], values[part])
+    assert np.array_equal(whole.low, pieces.low) and np.array_equal(whole.high, pieces.high)
+    assert whole.high.max() == 9.0 and len(list(whole.runs())) == 2
+    drawing = Axis(0.0, 10.0).plot([Curve("a", "#123456", whole)], "a")
+    assert len(drawing) < 20_000 and drawing.count("M") == 2
+
+
+def test_a_slow_signal_is_one_line_and_pale_colours_can_be_told_from_white():
+    slow = Envelope(0.0, 1.0)
+    slow.add(np.linspace(0.0, 1.0, 11), np.arange(11.0))
+    assert len(list(slow.runs())) == 1
+    assert on_white((0x12, 0x34, 0x56)) == "#123456" and on_white((255, 255, 220)) != "#ffffdc"
+
+
+@browser
+def test_a_browser_prints_it_on_a4(written, tmp_path):
+    assert main(["report", str(written), "--pdf", str(tmp_path / "page.pdf")]) == 0
+    made = (tmp_path / "page.pdf").read_bytes()
+    assert made.startswith(b"%PDF")
+    sizes = {tuple(round(float(one)) for one in box.split()) for box in re.findall(rb"/MediaBox\s*\[([^\]]*)\]", made)}
+    assert sizes and all(size[:2] == (0, 0) and abs(size[2] - 595) <= 1 and abs(size[3] - 842) <= 1 for size in sizes)
+
+
+@browser
+@pytest.mark.parametrize("width", [390, 794], ids=["phone", "A4"])
+def test_nothing_is_wider_than_the_window(text, tmp_path, width):
+    # the frame has the width of the phone whatever the narrowest window of the browser is
+    inner = tmp_path / "page.html"
+    inner.write_text(text, encoding="utf-8")
+    look = """<script>onload=()=>{const d=document.querySelector("iframe").contentDocument;
+const w=d.documentElement, texts=[...d.querySelectorAll("svg text")].map(t=>t.getBoundingClientRect());
+document.body.dataset.found=JSON.stringify({width:w.clientWidth,needed:w.scrollWidth,letters:Math.min(...texts.map(t=>t.height)),
+cut:texts.filter(t=>t.left<-1||t.right>w.clientWidth+1).length})}</script>"""
+    outer = tmp_path / "outer.html"
+    outer.write_text(f'<body>{look}<iframe src="page.html" style="border:0;width:{width}px;height:3000px"></iframe></body>')
+    alone = ["--no-sandbox"] if os.geteuid() == 0 else []
+    profile = f"--user-data-dir={tmp_path / 'profile'}"
+    command = [
+        pdf.browser(),
+        *pdf.QUIET,
+        *alone,
+        profile,
+        "--allow-file-access-from-files",
+        "--window-size=1000,3000",
+        "--dump-dom",
+    ]
+    done = subprocess.run([*command, outer.as_uri()], text=True, capture_output=True, timeout=120)
+    found = json.loads(re.search(r'data-found="([^"]*)"', done.stdout)[1].replace("&quot;", '"'))
+    assert found["width"] == width and found["needed"] <= width
+    assert found["letters"] >= 10.0 and found["cut"] == 0
+
+
+def test_a_browser_that_prints_nothing_is_told(tmp_path, monkeypatch):
+    program = tmp_path / "chromium"
+    program.write_text("#!/bin/sh\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(RigError, match="printed nothing"):
+        pdf.pdf_of("<p>")
