@@ -17,6 +17,7 @@ from .bench_report import bench_numbers
 from .report import columns_of, shown_transmission
 
 TIMES, CURVES = 1e3, 1e-6  # factors to ms and MPa
+ENDS = ("lowest", "highest")  # the kinds of results that are the range of a signal
 # key in the report -> name, unit, factor from the report's unit, digits
 ENGAGEMENT = {
     "engagement_s": ("engagement time", "ms", TIMES, 0),
@@ -148,11 +149,16 @@ def _of_row(row: Mapping, known: Mapping[str, tuple[str, str, float, int]], plac
 def signal_results(rows: Iterable[Mapping]) -> list[Result]:
     """Return the lowest and the highest value of each signal of a run without shifts, from rows of analysis.ranges."""
     return [
-        Result(row["signal"], row["signal"], end, end, row["unit"], 3, row[end])
+        Result(row["signal"], row["signal"], end, end, row["unit"], 1 if abs(row["highest"]) >= 100.0 else 3, row[end])
         for row in rows
-        for end in ("lowest", "highest")
-        if row[end] is not None
+        for end in ENDS
     ]
+
+
+def without_ranges(results: Iterable[Result]) -> list[Result]:
+    """Return the results without the ranges of signals, or these when there is nothing else."""
+    found = list(results)
+    return [one for one in found if one.kind not in ENDS] or found
 
 
 def _times(value: float | None, factor: float) -> float | None:
@@ -176,10 +182,11 @@ def spread(results: Iterable[Iterable[Result]]) -> list[dict]:
     -------
     list of dict
         ``key, name, kind, unit, digits, runs`` (number of values), ``lowest, mean, highest`` and the largest ``error`` (None when
-        no run has one), for each kind of each key in order of appearance.
+        no run has one), for each kind of each key in order of appearance. Ranges of signals are left out where a run has other
+        results.
     """
     groups: dict[tuple[str, str], list[Result]] = {}
-    for one in (one for run in results for one in run if one.value is not None):
+    for one in (one for run in results for one in without_ranges(run) if one.value is not None):
         groups.setdefault((one.kind, one.key), []).append(one)
     rows = []
     for (kind, key), group in groups.items():

@@ -20,7 +20,7 @@ from .limits import Limit, Verdict, judged
 from .metrics import KEYS
 from .quality import GRADES
 from .report import REPORT_FILE, plain, read_report, verdicts_in
-from .results import Result, number, results_of, spread
+from .results import ENDS, Result, number, results_of, spread
 
 PROCEDURE_FILE = "procedure.json"
 SHORT = ("t_dt_s", "t_c_s", "input_torque_max_nm", "k", "e_loss_j")  # metrics of a shift that the table has
@@ -121,7 +121,7 @@ def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
     """
     columns: dict[tuple[str, str], Result] = {}
     for one in (one for member in members for one in member.results):
-        if one.value is None or one.kind in ("lowest", "highest"):
+        if one.value is None or one.kind in ENDS:
             continue
         if one.key not in KEYS or (one.key in SHORT and not one.kind.startswith("0-")):
             columns.setdefault((one.kind, one.key), one)

@@ -142,7 +142,7 @@ def _page_of_bag(bag: Bag, report: dict, warnings: list[str]) -> str:
     settings, note = changed_settings(record)
     changes = [(t, text) for t, _, name, text, _ in bag.events() if name == CHANGED]
     source = [("bag", bag.path.name), ("canonical hash", bag.canonical_hash()["all"])]
-    facts = Facts(source, settings, note, changes, warnings)
+    facts = Facts(source, True, settings, note, changes, warnings)
     return report_page(report, facts, plots_of_bag(bag.path, Pages(record), report["shifts"], 0.0, bag.last / 1e9))
 
 

@@ -119,11 +119,12 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
     config = load_rig(plan.rig, plan.fixed)
     record = config.as_dict()
     box = config.transmission if config.structure.gears else None
+    units = {one.name: f" {one.unit}" if one.unit else "" for one in plan.varied}
     path, members = folder / JOURNAL, []
     lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
     entries = [entry for line in lines if (entry := decode(line)) is not None]
     for entry in sorted(entries, key=lambda entry: entry["member"]):
-        values = ", ".join(f"{name} = {_written(value)}" for name, value in entry["values"].items())
+        values = ", ".join(f"{name} = {_written(value)}{units.get(name, '')}" for name, value in entry["values"].items())
         label, failed = values or f"seed {entry['seed']}", entry["end"]["state"] != "ended"
         results, grades = [], []
         if box is not None and entry["shifts"]:

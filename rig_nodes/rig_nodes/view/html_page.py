@@ -37,7 +37,8 @@ svg{display:block;width:100%;height:auto}svg text{font:11px sans-serif;fill:#333
 .legend span{margin-right:.8em;white-space:nowrap}.key{display:inline-block;width:11px;height:11px}
 .good,.met{color:#176b2c;font-weight:600}.fair,.undecided{color:#8a5a00;font-weight:600}
 .poor,.failed,.missed,.far{color:#a01010;font-weight:700}
-.note{color:#555;font-size:12px}.warn{border-left:4px solid #c0501a;padding-left:8px}
+.note{color:#555;font-size:12px}h2+.note{break-after:avoid}
+.warn{border-left:4px solid #c0501a;padding-left:8px}
 @media (max-width:600px){body{padding:8px;font-size:15px}td,th{padding:2px 5px}svg text{font-size:17px}
 .text td:first-child{white-space:normal}td br{display:inline}small{margin-left:0}}
 @media print{body{max-width:none;padding:0;font-size:10pt}h1{font-size:16pt}h2{font-size:12pt}h3{font-size:11pt}a{color:inherit}

@@ -17,7 +17,7 @@ from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
 from ..analysis.no_change import measured_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
 from ..analysis.report import columns_of, shown_transmission, verdicts_in
-from ..analysis.results import Result, name_and_unit, number, results_of
+from ..analysis.results import ENDS, Result, name_and_unit, number, results_of
 from ..transmission import Transmission
 from .html_page import Cell, page, table
 from .report_plots import MOST_SHIFTS, Plots
@@ -38,6 +38,8 @@ class Facts:
     ----------
     source : list of (str, str)
         Names and values of the provenance: the file and what identifies it.
+    compared : bool
+        True when the settings were compared with the rig's own.
     settings : list of (str, str, str)
         Settings that differ from the rig's own: name, the rig's value, that of the run.
     settings_note : str
@@ -49,6 +51,7 @@ class Facts:
     """
 
     source: list[tuple[str, str]] = field(default_factory=list)
+    compared: bool = False
     settings: list[tuple[str, str, str]] = field(default_factory=list)
     settings_note: str = ""
     changes: list[tuple[float, str]] = field(default_factory=list)
@@ -232,7 +235,7 @@ def _plain_shift(row: Mapping, box: Transmission) -> str:
 
 
 def _bench(report: Mapping) -> list[str]:
-    results = [one for one in results_of(report) if one.place not in ("lowest", "highest")]
+    results = [one for one in results_of(report) if one.kind not in ENDS]
     rows = [
         [one.name if one.place == OF_A_RUN else f"{one.name}\n{one.place}", one.text, "" if one.unit == "-" else one.unit]
         for one in results
@@ -291,7 +294,7 @@ def _settings(facts: Facts) -> list[str]:
     parts = [table(["setting", "the rig's own", "in this run"], rows, "text") if rows else ""]
     notes = [facts.settings_note] if facts.settings_note else []
     notes += [f"{more} more settings differ; the bag holds all of them."] if more > 0 else []
-    if not rows and not notes and facts.source:
+    if not rows and not notes and facts.compared:
         notes = ["All settings are the rig's own."]
     changes = [[f"{t:.3f} s", text] for t, text in facts.changes]
     parts += [_words(notes, "note"), table(["changed at", "to"], changes, "text") if changes else ""]
@@ -359,9 +362,10 @@ def campaign_page(
     """
     head, rows = runs
     verdicts, listed = limits
+    ends = ["lowest", "mean", "highest", *(["error"] if any(row["error"] is not None for row in spread) else [])]
     numbers = [
         [row["kind"], row["name"], "" if row["unit"] == "-" else row["unit"], str(row["runs"])]
-        + [number(row[key], row["digits"]) for key in ("lowest", "mean", "highest", "error")]
+        + [number(row[key], row["digits"]) for key in ends]
         for row in spread
     ]
     return page(
@@ -372,9 +376,6 @@ def campaign_page(
             *_section("Warnings", [_words(warnings, "warn")]),
             *_limits(listed),
             *_section("Runs", [table(head, rows) if rows else ""]),
-            *_section(
-                "Spread over all runs",
-                [table(["of", "result", "unit", "values", "lowest", "mean", "highest", "error"], numbers) if numbers else ""],
-            ),
+            *_section("Spread over all runs", [table(["of", "result", "unit", "values", *ends], numbers) if numbers else ""]),
         ],
     )
