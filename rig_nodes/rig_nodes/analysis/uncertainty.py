@@ -9,13 +9,14 @@ results: a row of shift metrics, of a single engagement, or of a coast-down.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 from ..clocks import ROW
 from ..transmission import Transmission, transmission_of
-from .metrics import RPM, TORQUE_SPEED_MEAN
+from .metrics import RPM, SETTLED_BAND, SETTLED_BAND_NM, TORQUE_SPEED_MEAN
 
 STEEP_RISE = 45e-3  # s in which the steeper pressure of chapter 9, and with it the torque, rises from contact to its end
 TORQUE_CLEAR = 10.0  # Nm, a change that is certainly a rise of torque
@@ -107,7 +108,8 @@ def uncertainty(
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error divided by the slope of the signal
       that crosses a threshold there. Slip ends count both encoders' resolution divided by the slip's rate, which is the change of
       ratio over t_p. The releasing pressure falls as fitted in chapter 9; its error counts in full although a constant
-      part of it would cancel. t_c starts at the order, which is known. Torque settles from its peak within t_o.
+      part of it would cancel. t_c starts at the order, which is known. Torque decays
+      exponentially from its peak into the settled band within t_o.
     * Energies: torques by w t, speeds by M t and J w at both ends, and the times' errors by the power that they cut off; the
       torque over the shift is taken as its peak, the output speed as its lowest.
 
@@ -163,11 +165,23 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
             slip_end + ends + max(use[clutch.pressure].error / clutch.fall_rate for clutch in moved.releasing or moved.engaging)
         )
     if slip_end is not None and row["t_o_s"] is not None and row["input_torque_max_nm"]:
-        found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["input_torque_max_nm"]
+        found["t_o_s"] = slip_end + ends + _settling_error(row, use["torque"].error, box)
     if old in box.ratios and moved.releasing:
         # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other one's
         found["overlap_s"] = ends + max(use[clutch.pressure].error for clutch in moved.releasing) / KISS_RATE
     return found
+
+
+def _settling_error(row: dict, torque: float, box: Transmission) -> float:
+    """Return the torque meter's error over the slope with which the torque enters its settled band [s].
+
+    A torque that decays as exp(-t/T) from an excess P into a band B within t_o = T ln(P/B) enters it with the slope B/T.
+    """
+    peak = row["input_torque_max_nm"]
+    settled = abs(row["output_torque_nm"] or 0.0) / box.ratios[row["to_gear"]]
+    band = max(SETTLED_BAND * settled, SETTLED_BAND_NM)
+    excess = max(peak - settled, math.e * band)  # a lower peak enters its band more steeply than this
+    return torque * row["t_o_s"] / (band * math.log(excess / band))
 
 
 def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, box: Transmission) -> dict[str, float]:
