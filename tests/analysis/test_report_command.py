@@ -8,8 +8,6 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -164,54 +162,43 @@ def test_a_run_that_was_stopped_before_its_time_began_says_so(tmp_path, capsys):
     assert not (tmp_path / "view.rrd").exists()
 
 
-def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, capsys):
+def test_an_imported_file_is_reported_with_the_rig_that_its_user_named(tmp_path, capsys):
     recording = Shift().recording(1)
     names = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2")
     head = ";".join(f"{name} [{unit}]" for name, unit in zip(names, ("Nm", "rad/s", "Nm", "rad/s", "Pa", "Pa")))
     rows = np.array([recording.channels[name] for name in names]).T
     path = tmp_path / "series 19.CSV"
     path.write_text("\n".join([head, *(";".join(f"{x:.8g}" for x in row) for row in rows)]).replace(".", ","))
-    assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--annex-a", "--factor", "1.2") == 0
-    out = capsys.readouterr().out
-    assert "I -> II" in out and "factor 1.2" in out and "messages lost" not in out
+
+    def report_of(folder, *options):
+        told = ["--period", "0.1 ms", "--orders", "1:I-II", "--rig", "hydmag", "--out", str(tmp_path / folder)]
+        assert main(["import", str(path), *told, *options]) == 0
+        assert main(["report", str(tmp_path / folder), "--annex-a", "--factor", "1.2"]) == 0
+        return capsys.readouterr().out, json.loads((tmp_path / folder / "report.json").read_text())
+
+    out, report = report_of("run")
+    assert "I -> II" in out and "factor 1.2" in out
     assert "computed with inertias (0.709 and 0.1273 kg m2) and instrument errors (1.01 Nm, 1" in out
-    assert "of rig 'hydmag', ratios 1.3824 and 1.0250" in out
-    assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
-    report = json.loads(capsys.readouterr().out)
+    assert "of rig 'hydmag', named by --rig for the file series 19.CSV, ratios 1.3824 and 1.0250" in out
     (row,) = report["shifts"]
     assert report["basis"]["rig"] == "hydmag" and report["basis"]["inertia_driven"] == 0.1273
     assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
-    known = ("--period", "0.1 ms", "--orders", "1:I-II", "--json")
-    assert rig_report(path, *known, "--set", "z5.inertia=0.06 kg m2", "--set", "instruments.torque_class=2 %") == 0
-    other = json.loads(capsys.readouterr().out)
+    _, other = report_of("other", "--set", "z5.inertia=0.06 kg m2", "--set", "instruments.torque_class=2 %")
     assert other["basis"]["rig"] == "hydmag" and other["basis"]["inertia_driven"] == pytest.approx(0.06)
     # (6.108): J (41/40)^2 (w2^2 - w1^2) / 2 of the output, 1500 rpm over 47/34 and 41/40
     w1, w2 = 157.08 * 34 / 47, 157.08 * 40 / 41
     by_hand = 0.5 * (0.1273 - 0.06) * (41 / 40) ** 2 * (w2**2 - w1**2)
     assert other["shifts"][0]["e_loss_j"] - row["e_loss_j"] == pytest.approx(by_hand, rel=0.01)
     assert other["uncertainty"][0]["output_torque_nm"] == pytest.approx(10.01)
-    assert [p.name for p in tmp_path.iterdir()] == ["series 19.CSV"]
-    with pytest.raises(RigError, match="no order of a gear; give them with --orders"):
-        rig_report(path, "--period", "0.1 ms")
-    with pytest.raises(RigError, match="--truth is for bags"):
-        rig_report(path, "--truth")
 
 
 def test_options_that_do_not_fit_are_refused(rig_report, tmp_path):
-    with pytest.raises(RigError, match="--orders is for a logger's .csv"):
-        rig_report(tmp_path, "--orders", "1:I-II")
-    with pytest.raises(RigError, match="--set is for a logger's .csv; a bag has its own"):
-        rig_report(tmp_path, "--set", "instruments.torque_class=2 %")
     with pytest.raises(RigError, match="give --annex-a too"):
         rig_report(tmp_path, "--factor", "1.1")
     with pytest.raises(RigError, match="upper edge of a band"):
         rig_report(tmp_path, "--annex-a", "--factor", "0.9")
 
 
-def test_a_bad_csv_ends_in_one_sentence(tmp_path):
-    (tmp_path / "a.csv").write_text("M_wej;n_wej\n1;2\n3;4\n")
-    done = subprocess.run(
-        [sys.executable, "-m", "rig_nodes.cli.main", "report", str(tmp_path / "a.csv")], text=True, capture_output=True
-    )
-    assert done.returncode == 2 and "Traceback" not in done.stderr
-    assert "column 'M_wej' has no unit" in done.stderr and done.stderr.strip().count("\n") == 0
+def test_a_loggers_file_is_sent_to_import(rig_report, tmp_path):
+    with pytest.raises(RigError, match=r"is a logger's file; './rig import .*a.csv' makes a run of it"):
+        rig_report(tmp_path / "a.csv")

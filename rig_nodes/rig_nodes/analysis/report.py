@@ -21,7 +21,7 @@ from ..atomic_write import atomic_write
 from ..bags import limits
 from ..bags.reader import NOTHING, UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
-from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
+from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
@@ -97,7 +97,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     if not bag.began:
         return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []})
     problems: list[str] = []
-    record = _record_of(bag, run)
+    record, imported = _record_of(bag, run), info_of(bag).get("imported")
     if not record["structure"]["gears"]:
         from .bench_report import bench_report
 
@@ -115,11 +115,15 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         recording, rows = bag.shifts() if isinstance(bag, Gathered) else _with_shifts(recording_of(bag, box))
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, rows, instruments, annex_a, problems, bag)
+    metrics = _metrics(recording, rows, instruments, annex_a, problems, None if imported else bag)
     metrics["basis"] = basis_of(record, box, instruments)
+    if isinstance(imported, dict):
+        metrics["basis"]["named_by"] = f"named by {imported.get('rig_named_by')} for the file {imported.get('file')}"
     if not holds_rig(run.get("configuration") or info_of(bag).get("configuration")):
         metrics["basis"]["taken"] = True
     energy: dict[str, Any] = {"run": None, "shifts": [None] * len(rows)}
+    if imported:
+        return _assembled(_run_data(bag, run), problems, metrics, energy)  # a measurement holds no states of a plant
     try:
         energies = energies_of(bag, box)
         energy["run"] = balance(energies, *_whole(energies), box)
@@ -306,10 +310,15 @@ def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recordin
 
 
 def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tuple[float, int, int]]:
-    """Return the orders among the events of a bag as (time [s], gear before, gear ordered); the first gear before is neutral."""
+    """Return the orders among the events of a bag as (time [s], gear before, gear ordered).
+
+    The first gear before is neutral, unless an imported run says which one was in.
+    """
     orders, before = [], NEUTRAL
     for t, topic, name, _, value in events:
-        if topic == CONTROLLER_EVENTS and name == SHIFT_ORDERED:
+        if topic == CONTROLLER_EVENTS and name == GEAR_WAS:
+            before = int(value)
+        elif topic == CONTROLLER_EVENTS and name == SHIFT_ORDERED:
             orders.append((t, before, int(value)))
             before = int(value)
     return orders
@@ -417,6 +426,11 @@ def _shown(lines: list[str]) -> str:
 def no_shift(report: dict) -> str:
     """Return the sentence that replaces the table when a run has no row for it."""
     run = report["run"]
+    if run.get("imported"):
+        return (
+            "no shift: nobody said when which gear was ordered; import the file with --orders, e.g. '3.845:I-II', or with a column "
+            "of the ordered gear; 'rig compare' takes the orders of another run"
+        )
     if "measured" not in report:
         return "no shifts: there is nothing to look for them in"  # the report's problems give the reason
     what = f"{run['sequence']} ({run['description']})" if run.get("sequence") and run.get("description") else "this run"
@@ -478,11 +492,12 @@ def _basis_lines(report: dict) -> list[str]:
         return []  # no result was computed
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
+    said = ", as the bag does not say its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [
         f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
         f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig "
-        f"'{basis['rig']}'{', as the bag does not say its own' if basis.get('taken') else ''}, ratios {ratios}"
+        f"'{basis['rig']}'{said}, ratios {ratios}"
     ]
 
 

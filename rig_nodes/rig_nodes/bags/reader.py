@@ -42,6 +42,7 @@ UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexEr
 NOTHING = "nothing was recorded: the run was stopped before its time began"
 OWN = "rig_nodes "  # the project's own recorder begins its library name with this
 ENCODING = "cdr/ros2msg"
+SHIFTED = 1e-7  # s by which a stamp is later than the number of its row says, when that is not rounding
 LIFE_BITS = 32  # low bits count messages; the bits above count earlier starts of the publisher
 _PLACES = 40  # bits of a message's place in its file
 _LENGTH = struct.Struct("<I")
@@ -60,11 +61,14 @@ class Logger:
         Time between rows [s].
     channels : dict of str to (n,) array of float
         Values of each column by name [SI].
+    first : int
+        Number of row 0 since time 0.
     """
 
     t0: float
     period: float
     channels: dict[str, np.ndarray]
+    first: int = 0
 
     @property
     def rows(self) -> int:
@@ -401,7 +405,7 @@ class Bag:
         first, period = int(head["first_sample"][0]), float(head["period"][0])
         starts = head["first_sample"].astype(np.int64) - first
         ends = starts + head["rows"]
-        due = 0 if after is None else round(after.t0 / after.period) + after.rows - first
+        due = 0 if after is None else after.first + after.rows - first
         if np.any(starts < np.append(due, ends[:-1])):
             raise BagError(
                 f"{self.path}: blocks of {topic} overlap or are out of order; the bag was put together from several runs"
@@ -418,7 +422,10 @@ class Bag:
             whole[np.concatenate([np.arange(a, b) for a, b in zip(starts, ends)])] = table
             table = whole
         columns = np.ascontiguousarray(table.T)
-        return Logger(first * period, period, dict(zip(names, columns)))
+        t0, told = first * period, float(_stamps(self._heads(self._streams[topic]))[0]) / 1e9
+        if SHIFTED < told - t0 < period:
+            t0 = told  # an imported recording, whose rows do not begin at a multiple of the period
+        return Logger(t0, period, dict(zip(names, columns)), first)
 
     def gaps(self) -> dict[str, int]:
         """Count the messages that never reached the bag, by the holes in their sequence numbers.

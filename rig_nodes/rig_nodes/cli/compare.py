@@ -1,11 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig compare`: runs, bags and loggers' CSV files side by side on one clock, with differences in measuring errors."""
+"""`rig compare`: runs, bags and loggers' files side by side on one clock, with differences in measuring errors."""
 
 from __future__ import annotations
 
 import json
+from importlib import import_module  # import is a word of Python
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from ..analysis.side_by_side import Comparison, Source
     from ..catalogue import Signal
-    from ..testbench.configuration import RigConfig
     from ..transmission import Transmission
 
 HELP = "lay runs, bags and loggers' files over each other, with differences in measuring errors"
@@ -23,11 +23,10 @@ HELP = "lay runs, bags and loggers' files over each other, with differences in m
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("runs", nargs="+", metavar="RUN", help="folder of a run, its .mcap file, or a logger's .csv; two or more")
+    import_verb = import_module("rig_nodes.cli.import")
+    parser.add_argument("runs", nargs="+", metavar="RUN", help="folder of a run, its .mcap file, or a logger's file; two or more")
     parser.add_argument("--align", choices=("events", "correlation"), help="how (default: events where all hold the same orders)")
-    parser.add_argument("--orders", metavar="LIST", help="for the CSV files: when (s) which gear was ordered, e.g. '3.845:I-II'")
-    parser.add_argument("--period", metavar="TIME", help="for CSV files without times: between rows, e.g. '0.1 ms'")
-    parser.add_argument("--rig", metavar="NAME", help="for the CSV files: rig with its inertias and instruments (default: hydmag)")
+    import_verb.add_profile_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write offsets, metrics and signals as JSON")
     parser.add_argument("--html", type=Path, metavar="FILE", help="write one self-contained page")
     parser.add_argument("--rrd", type=Path, metavar="FILE", help="write a file for Rerun, with its layout")
@@ -41,14 +40,11 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.side_by_side import compare
     from ..atomic_write import atomic_write
     from ..catalogue import catalogue
-    from ..config.names import DEFAULT_RIG
     from ..errors import RigError
-    from ..testbench.configuration import load_gearbox_rig
 
     if len(args.runs) < 2:
-        raise RigError(f"{args.runs[0]} alone cannot be compared; name two or more runs, bags or .csv files")
-    config = load_gearbox_rig(args.rig or DEFAULT_RIG, None, "a logger's file")
-    sources = [_source(run, args, config) for run in args.runs]
+        raise RigError(f"{args.runs[0]} alone cannot be compared; name two or more runs, bags or loggers' files")
+    sources = _sources(args)
     found = compare(sources, args.align)
     box = sources[0].recording.transmission
     signals = catalogue(sources[0].record).signals
@@ -66,24 +62,54 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _source(run: str, args: argparse.Namespace, config: RigConfig) -> Source:
-    from ..analysis.logger_csv import parse_orders, read_logger_csv
+def _sources(args: argparse.Namespace) -> list[Source]:
+    """Return what is to be compared; a file without a rig of its own has that of the first run, and a line says so."""
     from ..analysis.report import recording_of
     from ..analysis.side_by_side import Source
     from ..bags.reader import Bag
-    from ..config.units import quantity
+    from ..bags.rig_record import rig_record
+    from ..config.names import DEFAULT_RIG
     from ..errors import RigError
+    from ..exchange.foreign import SUFFIXES
+    from ..exchange.imported import read_measurement
+    from ..testbench.configuration import load_gearbox_rig
+    from ..transmission import transmission_of
 
-    if run.lower().endswith(".csv"):
-        period = None if args.period is None else quantity(args.period, "time", "--period")
-        box = config.transmission
-        orders = None if args.orders is None else parse_orders(args.orders, box)
-        return Source(run, read_logger_csv(run, period, orders, box, config.catalogue.signals), config.as_dict())
-    bag = Bag(run)
-    bag.check_began()
-    if not bag.structure.gears:
-        raise RigError(f"{run}: is of a rig without gears; runs with shifts can be compared")
-    return Source(run, recording_of(bag, bag.transmission), bag.record)
+    import_verb = import_module("rig_nodes.cli.import")
+    profile = import_verb.profile_of(args)
+    files = [run for run in args.runs if run.lower().endswith(SUFFIXES)]
+    if (given := [name for name in ("profile", "rig", "orders", "period") if getattr(args, name) is not None]) and not files:
+        raise RigError(f"--{given[0]} is for loggers' files; runs have their own")
+    bags = {run: Bag(run) for run in args.runs if run not in files}
+    for run, bag in bags.items():
+        bag.check_began()
+        if not bag.structure.gears:
+            raise RigError(f"{run}: is of a rig without gears; runs with shifts can be compared")
+    named = args.rig or (profile.rig if profile else None)
+    record, named_by = None, ""
+    if named:
+        settings = profile.settings if profile and not args.rig else None
+        record, named_by = load_gearbox_rig(named, settings, "a logger's file").as_dict(), f"rig '{named}'"
+    elif bags:
+        first = next(iter(bags))
+        record, named_by = bags[first].record, f"rig '{bags[first].record.get('name')}' of {first}"
+    sources = []
+    for run in args.runs:
+        if run in bags:
+            sources.append(Source(run, recording_of(bags[run], bags[run].transmission), bags[run].record))
+            continue
+        found = read_measurement(run, profile, record, named_by, args.orders)
+        if found is None:
+            raise RigError(
+                f"{run}: its heads are no signals of {named_by or DEFAULT_RIG}; './rig import {run}' proposes a profile, which "
+                "--profile takes"
+            )
+        print(f"{run}: inertias and instrument errors of {named_by or 'the exported run'}")
+        for note in found.notes:
+            print(f"  {note}")
+        rig = rig_record(found.record)
+        sources.append(Source(run, found.recording(transmission_of(rig)), rig))
+    return sources
 
 
 def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) -> list[str]:

@@ -3,7 +3,7 @@
 
 """``rig export WHAT``: files for other tools.
 
-They are the rig or a controller as an FMU, the CAN database, the register map, rig_record.h.
+They are a run as CSV, Parquet, MDF4 or MAT; the rig or a controller as an FMU, the CAN database, the register map, rig_record.h.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from ..controllers.record import ControllerRecord
 
 INTERMIXED = True  # files may come before and behind options
-HELP = "write an FMU, the CAN database, the Modbus registers or rig_record.h"
+HELP = "write a run as CSV, Parquet, MDF4 or MAT; an FMU, the CAN database, the Modbus registers or rig_record.h"
+RUNS = ("csv", "parquet", "mf4", "mat")
 DEFAULTS = {
     "fmu": "{rig}.fmu",
     "controller-fmu": "{source}.fmu",
@@ -35,12 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument(
         "what",
-        choices=DEFAULTS,
-        help="fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
+        choices=(*RUNS, *DEFAULTS),
+        help="csv, parquet, mf4, mat: a run; fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
         "CAN; registers: for Modbus, .csv or .md; record: for C and C++",
     )
     parser.add_argument(
-        "sources", nargs="*", default=[], metavar="FILE.c", help="of controller-fmu: C and C++ files for rig_controller.h"
+        "sources",
+        nargs="*",
+        default=[],
+        metavar="RUN | FILE.c",
+        help="the run: its folder or .mcap file; of controller-fmu: C and C++ files for rig_controller.h",
     )
     parser.add_argument(
         "-I",
@@ -62,6 +67,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="settings",
         help="change one value of the rig, as for run (may be repeated)",
     )
+    parser.add_argument(
+        "--signals",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="of a run: names or patterns such as 'p*', with commas between (may be repeated; default: all signals)",
+    )
+    parser.add_argument("--units", choices=("si", "shown"), default="si", help="of a run: SI, or rpm, MPa and mA (default: si)")
+    parser.add_argument(
+        "--clock", metavar="TIME", help="of csv and parquet: a full row each e.g. '5 ms' (default: rows at the signals' own times)"
+    )
     parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)")
 
 
@@ -72,6 +88,10 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.configuration import rig_name
     from ..testbench.folders import parse_settings
 
+    if args.what in RUNS:
+        return _run(args)
+    if args.signals or args.clock or args.units != "si":
+        raise RigError(f"--signals, --units and --clock are for runs ({', '.join(RUNS)}), not for {args.what}")
     if args.sources and args.what != "controller-fmu":
         raise RigError(f"export {args.what} takes no files; found {' '.join(args.sources)}")
     if args.include and args.what != "controller-fmu":
@@ -89,23 +109,70 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
+def _run(args: argparse.Namespace) -> int:
+    """Write the signals of a run."""
+    from ..config.units import quantity
+    from ..errors import RigError
+    from ..exchange.files import KINDS, Order, export
+    from ..exchange.groups import Signals
+    from ..exchange.provenance import csvw_path
+    from .progress import ProgressLine
+
+    what, given = args.what, [f"-{'-' * (len(name) > 1)}{name}" for name in _OF_RIGS if getattr(args, _OF_RIGS[name])]
+    if given or args.rig != DEFAULT_RIG:
+        raise RigError(f"{(given or ['--rig'])[0]} is for FMUs and tables of a rig; a run has its own rig")
+    if len(args.sources) != 1:
+        raise RigError(f"export {what} takes one run, its folder or .mcap file; found {' '.join(args.sources) or 'none'}")
+    if what in ("mf4", "mat") and args.clock:
+        raise RigError(f"--clock is for csv and parquet, which hold one table; {what} holds each signal with its own times")
+    run = Path(args.sources[0])
+    target = Path(args.out or f"{(run if run.is_dir() else run.with_suffix('')).resolve().name}{KINDS[what][0]}")
+    _check_place(what, target, KINDS[what])
+    for path in (target, *([csvw_path(target)] if what == "csv" else [])):
+        if path.exists():
+            raise RigError(f"--out {path}: it exists; remove it first, or name another file")
+    clock = None if args.clock is None else quantity(args.clock, "time", "--clock")
+    if clock is not None and not clock >= 1e-6:
+        raise RigError(f"--clock {args.clock}: expected at least 1 us")
+    chosen = [name.strip() for text in args.signals for name in text.split(",") if name.strip()]
+    signals = Signals(run, chosen, args.units)
+    line = ProgressLine(signals.last / 1e9)
+    try:
+        export(what, Order(signals, target, None if clock is None else round(clock * 1e9), line.show))
+    finally:
+        line.leave()
+    count = sum(len(group.columns) for group in signals.groups)
+    print(f"written to {target}: {count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}")
+    return 0
+
+
+_OF_RIGS = {"I": "include", "set": "settings"}
+
+
 def _check_target(what: str, target: Path, sources: list[str]) -> None:
     """Raise RigError when the file to write is not of this kind, or is another of the user's files."""
     from ..errors import RigError
 
     endings = SUFFIXES[what]
-    if target.is_dir():
-        raise RigError(f"-o {target}: it is a folder; name the file in it, which ends in {' or '.join(endings)}")
-    if target.suffix.lower() not in endings:
-        raise RigError(f"-o {target}: export {what} writes a file that ends in {' or '.join(endings)}")
-    if not target.parent.is_dir():
-        raise RigError(f"-o {target}: there is no folder {target.parent}")
+    _check_place(what, target, endings)
     if not target.exists():
         return
     if any(Path(source).exists() and target.samefile(source) for source in sources):
         raise RigError(f"-o {target}: it is what is to be exported; name another file")
     if target.suffix.lower() != endings[0]:
         raise RigError(f"-o {target}: it exists; remove it first, or name another file")
+
+
+def _check_place(what: str, target: Path, endings: tuple[str, ...]) -> None:
+    """Raise RigError when the file to write has another ending, is a folder, or would be in a folder that does not exist."""
+    from ..errors import RigError
+
+    if target.is_dir():
+        raise RigError(f"-o {target}: it is a folder; name the file in it, which ends in {' or '.join(endings)}")
+    if target.suffix.lower() not in endings:
+        raise RigError(f"-o {target}: export {what} writes a file that ends in {' or '.join(endings)}")
+    if not target.parent.is_dir():
+        raise RigError(f"-o {target}: there is no folder {target.parent}")
 
 
 def _fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:

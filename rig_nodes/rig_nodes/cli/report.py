@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag, or of a logger's CSV.
+"""`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag.
 
 It rewrites the report beside the bag and keeps from it what only the run itself knew (lateness, end). A report of another
-run, or of a bag that has been damaged since, stays unchanged. For a CSV it writes nothing. A folder of runs, as procedures and
+run, or of a bag that has been damaged since, stays unchanged. A folder of runs, as procedures and
 sweeps leave it, gets a table and its spread (cli.report_folder). ``--html`` and ``--pdf`` write a page.
 """
 
@@ -15,37 +15,21 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
-from ..analysis.logger_csv import parse_orders, read_logger_csv
-from ..analysis.report import (
-    REPORT_FILE,
-    build_report,
-    format_report,
-    info_of,
-    is_of,
-    read_report,
-    report_of_recording,
-    write_report,
-)
+from ..analysis.report import REPORT_FILE, build_report, format_report, info_of, is_of, read_report, write_report
 from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
 from ..config import load_yaml
-from ..config.names import DEFAULT_RIG
-from ..config.units import quantity
 from ..errors import RigError, printable
+from ..exchange.foreign import SUFFIXES
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
-from ..testbench.folders import parse_settings
 from .report_folder import check_outputs, is_folder_of_runs, report_folder, write_pages
 
 if TYPE_CHECKING:
     import argparse
 
-    from ..analysis.metrics import Recording
     from ..bags.reader import Bag
-    from ..testbench.configuration import RigConfig
 
 HELP = "print the results of a run and rewrite its report.json, or make a page of them"
 METADATA = "metadata.yaml"
@@ -53,7 +37,7 @@ METADATA = "metadata.yaml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, a logger's .csv, or a folder of runs")
+    parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, or a folder of runs")
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
     parser.add_argument("--html", type=Path, metavar="FILE", help="write one self-contained page, which prints on A4")
     parser.add_argument("--pdf", type=Path, metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH")
@@ -71,18 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--factor", type=float, metavar="B", help=f"Annex A's factor of the settled torque ({FACTOR_B})")
     parser.add_argument("--truth", action="store_true", help="also what the plant's states in the bag say")
-    parser.add_argument("--orders", metavar="LIST", help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
-    parser.add_argument("--period", metavar="TIME", help="for a CSV without times: between its rows, e.g. '0.1 ms'")
-    parser.add_argument(
-        "--rig", metavar="NAME", help="for a CSV: rig or .yaml file with its inertias and instruments (default: hydmag)"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        metavar="KEY=VALUE",
-        dest="settings",
-        help='for a CSV: one value of that rig, e.g. w0.inertia="0.8 kg m2" (may be repeated)',
-    )
 
 
 def main(args: argparse.Namespace) -> int:
@@ -94,12 +66,8 @@ def main(args: argparse.Namespace) -> int:
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     check_outputs(args)
     limits = [*(read_limits(args.limits_file) if args.limits_file else []), *parse_limits(args.limits)]
-    if args.run.lower().endswith(".csv"):
-        recording, config, report = _report_of_csv(args, annex)
-        _judge(report, limits)
-        _show(report, args.json)
-        write_pages(args, lambda: _page_of_csv(args.run, recording, config, report))
-        return 0
+    if args.run.lower().endswith(SUFFIXES):
+        raise RigError(f"{args.run}: is a logger's file; './rig import {args.run}' makes a run of it, which has a report")
     if is_folder_of_runs(Path(args.run)):
         return report_folder(args, limits)
     return _of_bag(args, annex, limits)
@@ -118,18 +86,6 @@ def _show(report: dict, as_json: bool) -> None:
     print("\n".join([format_report(report), *map(printable, limit_lines(report.get("limits", ())))]), flush=True)
 
 
-def _page_of_csv(name: str, recording: Recording, config: RigConfig, report: dict) -> str:
-    from ..view.pages import Pages
-    from ..view.report_page import Facts, report_page
-    from ..view.report_plots import Plots
-
-    t = recording.t0 + recording.period * np.arange(recording.rows)
-    plots = Plots(Pages(config.as_dict()), report["shifts"], float(t[0]), float(t[-1]))
-    for channel in plots.names & set(recording.channels):
-        plots.add(channel, t, np.asarray(recording.channels[channel], float))
-    return report_page(report, Facts(source=[("file", Path(name).name)]), plots)
-
-
 def _page_of_bag(bag: Bag, report: dict, warnings: list[str]) -> str:
     from ..bags.rig_record import rig_record
     from ..description.settings import CHANGED
@@ -146,23 +102,7 @@ def _page_of_bag(bag: Bag, report: dict, warnings: list[str]) -> str:
     return report_page(report, facts, plots_of_bag(bag.path, Pages(record), report["shifts"], 0.0, bag.last / 1e9))
 
 
-def _report_of_csv(args: argparse.Namespace, annex: float | None) -> tuple[Recording, RigConfig, dict]:
-    if args.truth:
-        raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
-    period = None if args.period is None else quantity(args.period, "time", "--period")
-    from ..testbench.configuration import load_gearbox_rig
-
-    config = load_gearbox_rig(args.rig or DEFAULT_RIG, parse_settings(args.settings or []), f"{args.run}: a recording of shifts")
-    box = config.transmission
-    orders = None if args.orders is None else parse_orders(args.orders, box)
-    recording = read_logger_csv(args.run, period, orders, box, config.catalogue.signals)
-    return recording, config, report_of_recording(recording, annex, config.as_dict())
-
-
 def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) -> int:
-    for option, name in (("orders", "orders"), ("period", "period"), ("rig", "rig"), ("set", "settings")):
-        if getattr(args, name) is not None:
-            raise RigError(f"--{option} is for a logger's .csv; a bag has its own")
     bag = open_bag(args.run)
     bag.check_began()
     path = Path(args.run)

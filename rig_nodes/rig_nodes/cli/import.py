@@ -1,0 +1,128 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""`rig import`: a logger's file (CSV, Parquet, MDF4 or MAT) becomes a run, by a profile that says what its columns are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..exchange.profile import Profile
+
+HELP = "make a run of a logger's file: CSV, Parquet, MDF4 or MAT"
+INTERMIXED = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verb."""
+    parser.add_argument("file", metavar="FILE", help="file of a logger, or of rig export")
+    add_profile_arguments(parser)
+    parser.add_argument("--out", metavar="DIR", help="folder for the run (default: runs/<file>-<n>)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help='one value of the rig that is another, e.g. w0.inertia="0.8 kg m2" (may be repeated)',
+    )
+
+
+def add_profile_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `rig import` and `rig compare` take for a file."""
+    parser.add_argument(
+        "--profile",
+        metavar="P",
+        help="profile of the file: a .yaml file, or one of the project's (german, polish); without one a first one is written",
+    )
+    parser.add_argument("--rig", metavar="NAME", help="rig whose inertias, ratios and instrument errors hold for the file")
+    parser.add_argument(
+        "--orders", metavar="LIST", help="when (s of the file) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'"
+    )
+    parser.add_argument("--period", metavar="TIME", help="time between rows of a file without times, e.g. '0.1 ms'")
+
+
+def profile_of(args: argparse.Namespace) -> Profile | None:
+    """Return the profile of the arguments, with the period that they give; None when they say nothing."""
+    from dataclasses import replace
+
+    from ..config.units import quantity
+    from ..exchange.profile import Profile, read_profile
+
+    profile = read_profile(args.profile) if args.profile else None
+    if args.period is not None:
+        period = quantity(args.period, "time", "--period")
+        profile = replace(profile or Profile(), period=period, time=None)
+    return profile
+
+
+def main(args: argparse.Namespace) -> int:
+    """Import the file and print the report of the run, or write a first profile."""
+    import os
+    import shutil
+
+    from ..analysis.report import build_report, format_report, info_of, write_report
+    from ..bags.reader import Bag
+    from ..config.names import DEFAULT_RIG
+    from ..exchange.imported import read_measurement, sequence_name, write_bag
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings, run_folder, unless_empty
+
+    profile = profile_of(args)
+    settings = {**(profile.settings if profile else {}), **parse_settings(args.settings)}
+    rig = args.rig or (profile.rig if profile else None)
+    config = load_rig(rig, settings) if rig else None
+    if settings and config is None:
+        from ..errors import RigError
+        from ..exchange.imported import NO_RIG
+
+        raise RigError(f"--set {next(iter(settings))}: {NO_RIG}")
+    named_by = "--rig" if args.rig else f"profile {profile.name}" if profile else ""
+    found = read_measurement(args.file, profile, config.as_dict() if config else None, named_by, args.orders)
+    if found is None:
+        return _propose(args, rig or DEFAULT_RIG)
+    name = sequence_name(Path(args.file))
+    folder = run_folder(args.out, name)
+    part = folder.with_name(f".{folder.name}.part")
+    with unless_empty(folder):
+        try:
+            write_bag(found, part, name)
+            bag = Bag(part)
+            run = {**info_of(bag), "mode": "import", "end": {"state": "ended", "reason": f"the file {Path(args.file).name} ended"}}
+            report = build_report(bag, run)
+            write_report(part, report)
+            os.replace(part, folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    if bag.structure.gears:
+        print(format_report(report))
+    for note in found.notes:
+        print(f"note: {note}")
+    rows = len(next(iter(found.channels.values())))
+    print(f"written to {folder}: {len(found.channels)} signals, {rows} rows at {found.period * 1e3:.7g} ms")
+    print(f"look at it with: ./rig view {folder}")
+    return 0
+
+
+def _propose(args: argparse.Namespace, rig: str) -> int:
+    from ..atomic_write import atomic_write
+    from ..errors import RigError
+    from ..exchange.foreign import read_foreign
+    from ..exchange.propose import proposed
+    from ..testbench.configuration import load_rig
+
+    target = Path(f"{Path(args.file).stem}.profile.yaml")
+    if target.exists():
+        raise RigError(f"{target}: is there already; use it with --profile {target}, or remove it to have it made anew")
+    text, unsure = proposed(read_foreign(args.file), load_rig(rig).as_dict(), rig)
+    atomic_write(target, text)
+    print(f"nothing is imported yet: its heads are not signals of rig '{rig}', so {target} holds a guess which they are")
+    if unsure:
+        shown = ", ".join(f"'{head}'" for head in unsure[:6])
+        print(f"not told: {shown}{' and more' if len(unsure) > 6 else ''}; they are comments in it")
+    print(f"look at it, then: ./rig import {args.file} --profile {target} --out runs/NAME")
+    return 0

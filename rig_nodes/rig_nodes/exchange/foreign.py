@@ -1,0 +1,391 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files of loggers and of other tools as channels with a name, a unit, values and, where the file has them, times.
+
+exchange.imported makes measurements of them. What is not said of a CSV (encoding, delimiter, decimal sign, lines of the head) is
+found from its content.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..bags import limits
+from ..errors import RigError, no_file
+from .files import TIME, asammdf, pyarrow
+from .provenance import KEY, csvw_path, read_provenance
+from .units import split_head, unit_of
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
+
+TEXT, TABLE, MDF, MATLAB = (".csv", ".txt", ".asc", ".tsv"), (".parquet",), (".mf4", ".mdf", ".dat"), (".mat",)
+SUFFIXES = (*TEXT, *TABLE, *MDF, *MATLAB)
+LARGEST = 4 << 30  # bytes of a file, which is read as a whole
+DELIMITERS = (";", "\t", "|", ",")
+MISSING = ("", "nan", "NaN", "---")
+HEAD_LINES = 200  # in which the first row of values is looked for
+LOOKED_AT = 60  # lines by which delimiter and decimal sign are found
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a CSV is written; what is None is found from its content. Lines count from 1.
+
+    Attributes
+    ----------
+    encoding, delimiter, decimal : str or None
+        As Python names the encoding; the two signs.
+    header, units, data : int or None
+        Lines of the names, of the units when they have a line of their own, and of the first values.
+    missing : tuple of str
+        What a cell without a value holds.
+    """
+
+    encoding: str | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    header: int | None = None
+    units: int | None = None
+    data: int | None = None
+    missing: tuple[str, ...] = MISSING
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of a file: its head, its name and unit in it, values, and its own times [s] where the file has these."""
+
+    head: str
+    name: str
+    unit: str
+    values: Floats
+    times: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A file: its channels in their order, its form when it is text, and its provenance when it is an exported run."""
+
+    path: Path
+    channels: list[Channel]
+    form: Form = field(default_factory=Form)
+    provenance: dict | None = None
+
+    def row(self, number: int) -> str:
+        """Return where a row is, for errors."""
+        return f"line {number + self.form.data}" if self.form.data else f"row {number + 1}"
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the file."""
+        with open(self.path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
+    """Read a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV, Parquet, MDF or MAT, by its ending.
+    form : Form, optional
+        How a CSV is written.
+
+    Returns
+    -------
+    Foreign
+        The channels.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be used; the error is one sentence.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RigError(f"{path}: {no_file(path)}")
+    if path.suffix.lower() not in SUFFIXES:
+        raise RigError(f"{path}: cannot be imported by its ending; known are {', '.join(SUFFIXES)}")
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise RigError(f"{path}: has {size} bytes, and a file is read as a whole, at most {LARGEST}; split it")
+        if not size:
+            raise RigError(f"{path}: is empty")
+        suffix = path.suffix.lower()
+        if suffix in TEXT:
+            return _text(path, form or Form())
+        return _table(path) if suffix in TABLE else _mdf(path) if suffix in MDF else _matlab(path)
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _text(path: Path, form: Form) -> Foreign:
+    lines = _decoded(path, form).splitlines()
+    while lines and not lines[-1].strip():
+        lines.pop()
+    form = _found(path, lines, form)
+    heads = _fields(lines[form.header - 1], form.delimiter)
+    while heads and not heads[-1]:
+        heads.pop()  # a delimiter at the end of the line
+    units = [""] * len(heads)
+    if form.units:
+        units = [*_fields(lines[form.units - 1], form.delimiter), *units][: len(heads)]
+    table = _numbers(path, lines[form.data - 1 :], form, len(heads))
+    channels = []
+    for head, unit, values in zip(heads, units, table):
+        name, own = (head, unit_of(unit) or unit.strip("[]() ")) if unit else split_head(head)
+        channels.append(Channel(head, name, own, values))
+    return Foreign(path, channels, form, _csvw(path))
+
+
+def _csvw(path: Path) -> dict | None:
+    about = csvw_path(path)
+    if not about.is_file() or about.stat().st_size > limits.JSON:
+        return None
+    try:
+        found = json.loads(about.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError, OSError):
+        return None
+    return read_provenance(json.dumps(found.get(KEY))) if isinstance(found, dict) else None
+
+
+def _decoded(path: Path, form: Form) -> str:
+    data = path.read_bytes()
+    if form.encoding:
+        try:
+            return data.decode(form.encoding)
+        except LookupError:
+            raise RigError(
+                f"{path}: there is no encoding '{form.encoding}'; known are e.g. utf-8, cp1252, cp1250, utf-16"
+            ) from None
+        except UnicodeDecodeError as error:
+            line = data[: error.start].count(b"\n") + 1
+            raise RigError(f"{path}: line {line} is not text in {form.encoding}; is it e.g. cp1252 or cp1250?") from None
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    if b"\0" in data[:4096]:
+        raise RigError(f"{path}: is not text, although its ending is {path.suffix}; export it from the logger's program as CSV")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1250", errors="replace")  # German and Polish letters are the same in it as in cp1252
+
+
+def _fields(line: str, delimiter: str | None) -> list[str]:
+    return [one.strip() for one in next(csv.reader([line], delimiter=delimiter or "\t"), [])]
+
+
+def _number(text: str, form: Form) -> float | None:
+    """Return the number of a cell, NaN where it is empty; None when it is something else."""
+    text = text.strip()
+    if text in form.missing:
+        return np.nan
+    if form.decimal == ",":
+        text = text.replace(",", ".")
+    try:
+        return float(text)
+    except ValueError:
+        return _time_of_day(text)
+
+
+def _time_of_day(text: str) -> float | None:
+    """Return seconds of ``12:34:56.789`` with or without a date before it; None for anything else."""
+    parts = text.replace("T", " ").split(" ")[-1].split(":")
+    if len(parts) not in (2, 3):
+        return None
+    try:
+        hours, minutes, seconds = float(parts[0]), float(parts[1]), float(parts[2] if len(parts) == 3 else 0.0)
+    except ValueError:
+        return None
+    return 3600.0 * hours + 60.0 * minutes + seconds
+
+
+def _found(path: Path, lines: list[str], form: Form) -> Form:
+    """Return the form with all that was not said."""
+    last = [line for line in lines[-LOOKED_AT:] if line.strip()]
+    for name, number in (("header", form.header), ("units", form.units), ("data", form.data)):
+        if number is not None and not 1 <= number <= len(lines):
+            raise RigError(f"{path}: has {len(lines)} lines, and line {number} is said to be that of the {name}")
+    if form.delimiter is None:
+        counts = {sign: {len(_fields(line, sign)) for line in last[-20:]} for sign in DELIMITERS}
+        sign = next((sign for sign, found in counts.items() if max(found, default=1) > 1), None)
+        form = replace(form, delimiter=sign or ";")
+    if form.decimal is None:
+        commas = form.delimiter != "," and any("," in one for line in last for one in _fields(line, form.delimiter))
+        form = replace(form, decimal="," if commas else ".")
+    if form.data is None:
+        form = replace(form, data=_first_row(path, lines, form))
+    if form.header is None:
+        above = [n for n in range(form.data - 1, 0, -1) if lines[n - 1].strip() and not lines[n - 1].lstrip().startswith("#")]
+        if not above:
+            raise RigError(f"{path}: has no line with the names of its columns above the values in line {form.data}")
+        if form.units is None and len(above) > 1:
+            units, names = (_fields(lines[n - 1], form.delimiter) for n in above[:2])
+            if len(units) >= len(names) > 1 and any(units) and all(not one or one[:1] in "[(" or unit_of(one) for one in units):
+                form = replace(form, units=above[0])
+        form = replace(form, header=next(n for n in above if n != form.units))
+    if not form.header < form.data or (form.units and not form.units < form.data):
+        raise RigError(
+            f"{path}: the values are said to begin in line {form.data}, which is not below the names in line {form.header}"
+        )
+    return form
+
+
+def _first_row(path: Path, lines: list[str], form: Form) -> int:
+    def is_row(line: str) -> bool:
+        numbers = [_number(one, form) for one in _fields(line, form.delimiter)]
+        return bool(numbers) and None not in numbers and not np.all(np.isnan(np.array(numbers, float)))
+
+    for n, line in enumerate(lines[:HEAD_LINES]):
+        if line.strip() and is_row(line) and all(is_row(other) for other in lines[n + 1 : n + 2]):
+            return n + 1
+    signs = f"delimiter '{form.delimiter}' and decimal '{form.decimal}'"
+    raise RigError(f"{path}: no row of numbers is among its first {min(len(lines), HEAD_LINES)} lines, with {signs}")
+
+
+def _numbers(path: Path, lines: list[str], form: Form, columns: int) -> Floats:
+    """Return the values of each column, (columns, rows)."""
+    if len(lines) < 2:
+        raise RigError(f"{path}: has {len(lines)} rows below its header; a recording needs more")
+    text = "\n".join(lines)
+    if form.decimal == "," and form.delimiter != ",":
+        text = text.replace(",", ".")
+    try:  # this is fast, and reads neither empty cells nor times of day
+        table = np.loadtxt(io.StringIO(text), delimiter=form.delimiter, ndmin=2, comments=None, usecols=range(columns))
+        if len(table) == len(lines) and not np.isinf(table).any():
+            for one in form.missing:
+                if (number := _number(one, replace(form, missing=()))) is not None:
+                    table[table == number] = np.nan
+            return np.ascontiguousarray(table.T)
+    except ValueError:
+        pass
+    out = np.empty((len(lines), columns))
+    for n, cells in enumerate(csv.reader(lines, delimiter=form.delimiter)):
+        place = f"{path}: line {form.data + n}"
+        if not any(cells):
+            raise RigError(f"{place} is empty; rows must follow each other")
+        if len(cells) < columns:
+            raise RigError(f"{place} has {len(cells)} fields where the header names {columns}")
+        for i, cell in enumerate(cells[:columns]):
+            number = _number(cell, form)
+            if number is None or np.isinf(number):
+                hint = f"; with '{form.delimiter}' between columns the decimal sign is '{form.decimal}'"
+                raise RigError(f"{place} has '{cell.strip()[:40]}' where a number is expected{hint}")
+            out[n, i] = number
+    return np.ascontiguousarray(out.T)
+
+
+def _table(path: Path) -> Foreign:
+    pa, parquet = pyarrow()
+    try:
+        table = parquet.read_table(path)
+    except (pa.ArrowException, ValueError) as error:
+        raise RigError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from None
+    channels = []
+    for one, column in zip(table.schema, table.columns):
+        if pa.types.is_timestamp(one.type):
+            values = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy().astype(float) * 1e-9
+            channels.append(Channel(one.name, one.name, "s", values))
+        elif pa.types.is_floating(one.type) or pa.types.is_integer(one.type) or pa.types.is_boolean(one.type):
+            name, unit = split_head(one.name)
+            told = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
+            values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+            channels.append(Channel(one.name, one.name if told else name, told or unit, np.array(values, float)))
+    if not channels or table.num_rows < 2:
+        raise RigError(f"{path}: holds {len(channels)} columns of numbers with {table.num_rows} rows; a recording needs more")
+    return Foreign(path, channels, provenance=read_provenance((table.schema.metadata or {}).get(KEY.encode())))
+
+
+def _mdf(path: Path) -> Foreign:
+    package = asammdf()
+    channels, provenance = [], None
+    try:
+        with package.MDF(path) as file:
+            for number, attachment in enumerate(getattr(file, "attachments", [])):
+                if attachment.file_name == f"{KEY}.json":
+                    provenance = read_provenance(file.extract_attachment(number)[0])
+            for group in file.virtual_groups:
+                for one in file.select(
+                    [(None, *place) for place in _places(file, group)], ignore_value2text_conversions=True, copy_master=False
+                ):
+                    values = np.asarray(one.samples)
+                    if values.ndim == 1 and values.dtype.kind in "fiub" and len(values) > 1:
+                        unit = unit_of(one.unit or "") or one.unit or ""
+                        channels.append(Channel(one.name, one.name, unit, values.astype(float), np.asarray(one.timestamps, float)))
+    except RigError:
+        raise
+    except Exception as error:  # the package raises many classes for files that are damaged or no MDF
+        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+        raise RigError(f"{path}: cannot be read as MDF ({problem})") from None
+    if not channels:
+        raise RigError(f"{path}: holds no channel of numbers")
+    return Foreign(path, channels, provenance=provenance)
+
+
+def _places(file: Any, group: int) -> list[tuple[int, int]]:
+    """Return group and number of each channel of a group, without its times."""
+    included = file.included_channels(group)[group]
+    return [(number, channel) for number, found in included.items() for channel in found]
+
+
+def _matlab(path: Path) -> Foreign:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        raise RigError(f"{path}: is a MAT file of version 7.3, expected one of version 5 to 7; save it with '-v7'") from None
+    except (MatReadError, ValueError, TypeError, KeyError) as error:
+        raise RigError(f"{path}: cannot be read as a MAT file ({str(error).splitlines()[0]})") from None
+    own = found.get(KEY.replace(".", "_"))
+    provenance = read_provenance(own.get("json")) if isinstance(own, dict) else None
+    channels = []
+    for name, value in found.items():
+        if name.startswith("__"):
+            continue
+        if isinstance(value, dict):
+            channels += _of_struct(value)
+        elif (column := _vector(value)) is not None:
+            channels.append(Channel(name, *split_head(name), column))
+    if not channels:
+        raise RigError(f"{path}: holds no vector of numbers and no struct of such vectors")
+    return Foreign(path, channels, provenance=provenance)
+
+
+def _of_struct(struct: dict) -> list[Channel]:
+    """Return the vectors of a struct, with the times of the one that is named t or time, if they fit."""
+    vectors = {name: column for name, value in struct.items() if (column := _vector(value)) is not None}
+    units, names = (struct.get(one) if isinstance(struct.get(one), dict) else {} for one in ("units", "names"))
+    times = next((vectors.pop(name) for name in (TIME, "time", "Time") if name in vectors), None)
+    out = []
+    for name, column in vectors.items():
+        plain, unit = split_head(name)
+        told = units.get(name)
+        own = times if times is not None and len(times) == len(column) else None
+        out.append(
+            Channel(str(names.get(name, name)), str(names.get(name, plain if not told else name)), str(told or unit), column, own)
+        )
+    return out
+
+
+def _vector(value: object) -> Floats | None:
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim == 1 and len(value) > 1:
+        return value.astype(float)
+    return None
+
+
+def named(channels: Sequence[Channel], head: str) -> Channel | None:
+    """Return the first channel with this head or this name."""
+    return next((one for one in channels if one.head == head), None) or next((one for one in channels if one.name == head), None)

@@ -1,0 +1,532 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A logger's file as a measurement of a rig: signals in SI on one clock with the orders of gears; and as a run in a bag.
+
+`rig import` writes runs with it, `rig compare` lays files over runs without writing them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import __version__
+from ..analysis.metrics import Recording
+from ..bags.cdr import encoder
+from ..bags.rig_record import rig_record
+from ..bags.writer import BagWriter
+from ..catalogue import Signal, catalogue
+from ..config.names import meant, unknown
+from ..config.units import UNITS, with_article
+from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
+from ..errors import RigError, brief
+from ..transmission import Transmission, transmission_of
+from .foreign import Channel, Foreign, named, read_foreign
+from .orders import parse_orders
+from .profile import Mapped, Profile
+from .units import unit_of
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
+
+TIME_NAMES = ("t", "time", "czas", "zeit", "timestamp")
+ORDER_NAMES = ("gear_ordered", "order")
+BLOCK, CHANNELS, RUN_INFO = "/instruments/hmg4000", "/instruments/channels", "/rig/run_info"
+ROWS = 50  # of a block, at most
+LATEST = 24 * 3600.0  # s; a file that begins later has the times of a calendar, and its run begins at 0
+EMPTIER = 20  # times as many rows as the file has are no recording any more
+NO_RIG = (
+    "nobody says of which rig it is, whose inertias, ratios and instrument errors enter the results; name it by --rig, e.g. "
+    "--rig hydmag, or in a profile"
+)
+MOST_BLOCKS_IN = 5e-3  # s of rows in a block
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A file's signals on one clock.
+
+    Attributes
+    ----------
+    t0, period : float
+        Time of row 0 and between rows [s].
+    channels : dict of str to (n,) array of float
+        Values by signal [SI]; NaN where there are none.
+    events : list of (float, str, str, str, float)
+        Orders of gears and what else happened, as Bag.events gives it.
+    record : mapping
+        Record of the rig.
+    about : dict
+        What the run says of its import.
+    run : dict
+        The record of the run that was exported, or empty.
+    notes : list of str
+        What its user should know, as sentences.
+    """
+
+    t0: float
+    period: float
+    channels: dict[str, Floats]
+    events: list[tuple[float, str, str, str, float]]
+    record: Mapping
+    about: dict
+    run: dict = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def recording(self, box: Transmission) -> Recording:
+        """Return the measurement for the shift metrics; RigError when it lacks a signal that they need."""
+        from ..analysis.report import orders_in
+
+        return Recording(self.t0, self.period, self.channels, orders_in(self.events), box)
+
+
+def own_profile(foreign: Foreign, record: Mapping | None = None) -> Profile | None:
+    """Return a profile for a file whose heads are the rig's own names, or for an exported run; None when heads must be guessed.
+
+    Parameters
+    ----------
+    foreign : Foreign
+        The file.
+    record : mapping, optional
+        Record of the rig; that of the exported run or the default rig's by default.
+
+    Returns
+    -------
+    Profile or None
+        The profile.
+    """
+    exported = foreign.provenance is not None
+    if foreign.provenance and record is None:
+        record = rig_record(foreign.provenance["run"]["configuration"])
+    signals = catalogue(record).signals
+    measured = {one["name"] for one in record["structure"]["transducers"]} if record else set()
+    mapped = [
+        Mapped(one.head, one.name, f"{foreign.path}: column '{one.head}'")
+        for one in foreign.channels
+        if one.name in signals and (not exported or one.name in measured) and one.name not in ORDER_NAMES
+    ]
+    time = next((one.head for one in foreign.channels if one.name.lower() in TIME_NAMES), None)
+    gear = None if exported else next((one.head for one in foreign.channels if one.name in ORDER_NAMES), None)
+    if not exported and not all(name in [one.signal for one in mapped] for name in transmission_of(record).channels):
+        return None
+    return Profile(time=time, columns=tuple(mapped), gear=gear) if mapped else None
+
+
+def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, orders: str | None = None) -> Measurement:
+    """Make a measurement of a file.
+
+    Parameters
+    ----------
+    foreign : Foreign
+        The file.
+    profile : Profile
+        How it is read.
+    record : mapping
+        Record of the rig (RigConfig.as_dict).
+    named_by : str
+        Who said that it is this rig.
+    orders : str, optional
+        Orders of gears from the command line.
+
+    Returns
+    -------
+    Measurement
+        The measurement.
+
+    Raises
+    ------
+    RigError
+        When the file does not fit profile or rig.
+    """
+    signals, path = catalogue(record).signals, foreign.path
+    found = {}
+    for one in profile.columns:
+        channel = _channel(foreign, one.head, one.where)
+        if one.signal not in signals:
+            raise RigError(f"{one.where}: {unknown('signal', one.signal, signals)}")
+        if one.signal in found:
+            raise RigError(
+                f"{one.where}: signal {one.signal} is there twice, as '{found[one.signal][1].head}' and '{channel.head}'"
+            )
+        found[one.signal] = one, channel, _in_si(one, channel, signals[one.signal])
+    if not found:
+        raise RigError(f"{path}: no column is taken from it")
+    axis = _axis(foreign, profile, [channel for _, channel, _ in found.values()])
+    main = {name: values for name, (_, channel, values) in found.items() if _on(channel, axis)}
+    clock = _Clock(foreign, axis.times, profile, list(main.values()))
+    channels, counts = {}, {"missing": 0, "bridged": 0}
+    for name, (_, channel, values) in found.items():
+        if name in main:
+            channels[name] = clock.placed(values, counts)
+        else:
+            channels[name] = clock.carried(np.asarray(channel.times), values, bool(signals[name].states))
+    return _measurement(foreign, profile, record, named_by, orders, clock, channels, found, counts)
+
+
+def _measurement(
+    foreign: Foreign,
+    profile: Profile,
+    record: Mapping,
+    named_by: str,
+    orders: str | None,
+    clock: _Clock,
+    channels: dict[str, Floats],
+    found: dict[str, tuple[Mapped, Channel, Floats]],
+    counts: dict[str, int],
+) -> Measurement:
+    notes, shift = [], 0.0
+    if not 0.0 <= clock.t0 < LATEST:
+        shift = clock.t0
+        notes.append(f"time 0 of the run is {shift:.6f} s of the file")
+    events = _events(foreign, profile, orders, record, clock)
+    if counts["missing"]:
+        left = counts["missing"] - counts["bridged"]
+        notes.append(
+            f"{counts['missing']} of {clock.rows * len(channels)} values are missing: {counts['bridged']} were bridged by straight "
+            f"lines{f', {left} in gaps over {profile.bridge * 1e3:g} ms stay empty' if left else ''}"
+        )
+    taken = {channel.head for _, channel, _ in found.values()} | {profile.time, profile.gear}
+    left_out = [one.head for one in foreign.channels if one.head not in taken and one.name not in taken]
+    if left_out:
+        shown = ", ".join(f"'{head}'" for head in left_out[:5])
+        notes.append(f"{len(left_out)} columns were left out: {shown}{' and more' if len(left_out) > 5 else ''}")
+    about = {
+        "file": foreign.path.name,
+        "sha256": foreign.digest(),
+        "by": f"rig_nodes {__version__}",
+        "profile": profile.name,
+        "rig_named_by": named_by,
+        "columns": {
+            name: {"head": channel.head, "unit": one.unit or channel.unit, "factor": one.factor, "offset": one.offset}
+            for name, (one, channel, _) in found.items()
+        },
+        "rows": clock.rows,
+        **counts,
+        "time_zero_s": shift,
+    }
+    run = {key: value for key, value in foreign.provenance["run"].items() if key != "configuration"} if foreign.provenance else {}
+    events = [(t - shift, *rest) for t, *rest in events]
+    return Measurement(clock.t0 - shift, clock.period, channels, events, record, about, run, notes)
+
+
+def _channel(foreign: Foreign, head: str, where: str) -> Channel:
+    channel = named(foreign.channels, head)
+    if channel is None:
+        names = [one.name for one in foreign.channels]
+        raise RigError(f"{where}: {foreign.path} has no column {brief(head)}; {meant(head, names)}")
+    return channel
+
+
+def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
+    """Return the values of a column in SI."""
+    own, dimension = signal.display_unit, UNITS[signal.display_unit][0]
+    if not (said := one.unit or channel.unit):
+        if dimension != "ratio":
+            raise RigError(
+                f"{one.where} has no unit; write it in brackets behind the name, e.g. '{channel.name} [{own}]', or in a profile"
+            )
+        said = "-"
+    unit = unit_of(said)
+    if unit is None or UNITS[unit][0] != dimension:
+        known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
+        raise RigError(f"{one.where} is in {said}; {with_article(dimension)} such as {one.signal} is in {known}")
+    values = channel.values
+    if one.factor != 1.0 or one.offset:
+        values = values * one.factor + one.offset
+    factor = UNITS[unit][1]
+    return values if factor == 1.0 else values * factor
+
+
+def _axis(foreign: Foreign, profile: Profile, channels: Sequence[Channel]) -> Channel:
+    """Return a channel whose ``times`` are the clock: the one with the most rows, or the column of times."""
+    if profile.time is not None:
+        told = _channel(foreign, profile.time, f"{foreign.path}: time")
+        unit = unit_of(profile.time_unit or told.unit or "s")
+        if unit is None or UNITS[unit][0] != "time":
+            raise RigError(
+                f"{foreign.path}: column '{told.head}' of the times is in {profile.time_unit or told.unit}; expected s, ms, us, min"
+            )
+        return Channel(told.head, told.name, "s", told.values, told.values * UNITS[unit][1])
+    longest = max(channels, key=lambda one: len(one.values))
+    if profile.period is not None:
+        times = profile.period * np.arange(len(longest.values))
+        return Channel(longest.head, longest.name, "s", times, times)
+    if longest.times is None:
+        raise RigError(f"{foreign.path}: has no time column; add one, e.g. 't [s]', or give --period, e.g. '0.1 ms'")
+    return longest
+
+
+def _on(channel: Channel, axis: Channel) -> bool:
+    """Return True when a channel has a value at each row of the clock."""
+    own = channel.times
+    return len(channel.values) == len(axis.values) and (own is None or own is axis.times or np.array_equal(own, axis.times))
+
+
+class _Clock:
+    """The rows of the file on a clock of equal steps: time of row 0 and period [s], number of rows, and the row of each line."""
+
+    def __init__(self, foreign: Foreign, times: Floats | None, profile: Profile, columns: Sequence[Floats]) -> None:
+        self._foreign, self._bridge = foreign, profile.bridge
+        self._all = times = np.asarray(times, float)
+        # lines that hold none of the signals, as those of an exported run at the times of other signals
+        self._held = np.isfinite(times) & np.any(np.isfinite(np.stack(columns)), axis=0) if columns else np.isfinite(times)
+        times = times[self._held]
+        if len(times) < 2:
+            raise RigError(f"{foreign.path}: has {len(times)} rows with a time and a value; a recording needs more")
+        self.t0, self.period, self._row = self._steps(times)
+        self.rows = int(self._row[-1]) + 1
+        if self.rows > EMPTIER * len(times):
+            raise RigError(
+                f"{foreign.path}: has {len(times)} rows in the time of {self.rows} at {self.period * 1e3:g} ms each; it is "
+                "no recording of equal steps"
+            )
+
+    def _steps(self, times: Floats) -> tuple[float, float, np.ndarray]:
+        steps = np.diff(times)
+        mean = float(times[-1] - times[0]) / len(steps)
+        if not np.all(steps > 0.0):
+            self._refuse(times, int(np.argmax(~(steps > 0.0))))
+        number = np.arange(len(times))
+        if not np.all(steps <= 1.5 * mean):
+            single = float(np.median(steps))
+            single = float(steps[np.rint(steps / single) == 1.0].mean())
+            number = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / single), 1.0))]).astype(np.int64)
+        centre = number.mean()
+        period = float(np.dot(number - centre, times - times[0]) / np.dot(number - centre, number - centre))
+        round_one = round(period, 12)
+        period = round_one if abs(round_one - period) * number[-1] < 1e-7 else period
+        rest = times - period * number
+        t0 = float((rest.max() + rest.min()) / 2.0)
+        if (rest.max() - rest.min()) > 1.1 * period:
+            self._refuse(times, int(np.argmax(np.abs(np.diff(rest)))))
+        return (round(t0, 9) if rest.max() - rest.min() < 1e-8 else t0), period, number
+
+    def _refuse(self, times: Floats, at: int) -> None:
+        line = self._foreign.row(int(np.flatnonzero(self._held)[at + 1]))
+        raise RigError(
+            f"{self._foreign.path}: the times must grow in equal steps, but go from {times[at]:.10g} to {times[at + 1]:.10g} s at "
+            f"{line}; rows are out of order or the times have too few digits (then give the period in their place)"
+        )
+
+    def times(self) -> Floats:
+        """Time of each row [s]."""
+        return self.t0 + self.period * np.arange(self.rows, dtype=float)
+
+    def times_of(self, channel: Channel) -> Floats:
+        """Return the times of a channel's values [s], as the file has them."""
+        times = self._all if channel.times is None else channel.times
+        if len(times) != len(channel.values):
+            raise RigError(f"{self._foreign.path}: '{channel.head}' has {len(channel.values)} values and no times of its own")
+        return times
+
+    def placed(self, values: Floats, counts: dict[str, int]) -> Floats:
+        """Return a column on the clock, with short gaps bridged, and count them."""
+        out = np.full(self.rows, np.nan)
+        out[self._row] = values[self._held]
+        known = np.flatnonzero(np.isfinite(out))
+        if len(known) < 2:
+            return out
+        gaps = np.diff(known)
+        own = int(np.median(gaps))  # a slower signal has a value in every so many rows
+        longest = max(round(self._bridge / self.period), int(1.5 * own) if own > 1 else 1)
+        every = np.arange(self.rows)
+        filled = np.interp(every, known, out[known])
+        # the gap around each row; beyond the ends, where the nearest value is kept, the distance to it
+        after = np.searchsorted(known, every)
+        inside = np.append(np.insert(gaps, 0, 0), 0)[after]
+        near = (
+            np.where((every > known[0]) & (every < known[-1]), inside, np.maximum(known[0] - every, every - known[-1])) <= longest
+        )
+        empty = ~np.isfinite(out)
+        if own == 1:
+            counts["missing"] += int(empty.sum())
+            counts["bridged"] += int((empty & near).sum())
+        return np.where(empty & near, filled, out)
+
+    def carried(self, times: Floats, values: Floats, held: bool) -> Floats:
+        """Return a signal with times of its own on the clock: on straight lines, or as it was last when it is a state."""
+        known = np.isfinite(values) & np.isfinite(times)
+        times, values, own = times[known], values[known], self.times()
+        if len(times) < 2 or not np.all(np.diff(times) > 0.0):
+            raise RigError(
+                f"{self._foreign.path}: a signal with times of its own has {len(times)} values, or times that do not grow"
+            )
+        if not held:
+            return np.interp(own, times, values, np.nan, np.nan)
+        at = np.searchsorted(times, own, "right") - 1
+        return np.where(at >= 0, values[np.maximum(at, 0)], np.nan)
+
+
+def _events(
+    foreign: Foreign, profile: Profile, orders: str | None, record: Mapping, clock: _Clock
+) -> list[tuple[float, str, str, str, float]]:
+    """Return the events of an exported run, or the orders that were given or are in a column."""
+    if not (record["structure"]["gears"]):
+        return _told_events(foreign)
+    box = transmission_of(record)
+    if orders is not None:
+        return _as_events(parse_orders(orders, box), box)
+    if profile.orders is not None:
+        return _as_events(parse_orders(profile.orders, box, f"{profile.name}: orders"), box)
+    if profile.gear is None:
+        return _told_events(foreign)
+    channel = _channel(foreign, profile.gear, f"{foreign.path}: gear")
+    return _as_events(_from_column(foreign, channel, profile, box, clock), box)
+
+
+def _told_events(foreign: Foreign) -> list[tuple[float, str, str, str, float]]:
+    told = foreign.provenance["events"] if foreign.provenance else []
+    try:
+        return [(float(t), str(topic), str(name), str(text), float(value)) for t, topic, name, text, value in told]
+    except (TypeError, ValueError) as error:
+        raise RigError(f"{foreign.path}: the events of the exported run in it cannot be used ({error})") from None
+
+
+def _as_events(orders: Sequence[tuple[float, int, int]], box: Transmission) -> list[tuple[float, str, str, str, float]]:
+    out, gear = [], 0
+    for t, before, after in orders:
+        if before != gear:  # what was ordered before the file begins
+            out.append((t, CONTROLLER_EVENTS, GEAR_WAS, f"{box.names[before]} was in", float(before)))
+        out.append((t, CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {box.names[after]} ordered", float(after)))
+        gear = after
+    return out
+
+
+def _from_column(
+    foreign: Foreign, channel: Channel, profile: Profile, box: Transmission, clock: _Clock
+) -> list[tuple[float, int, int]]:
+    """Return the orders from the changes of the ordered gear."""
+    at_rows = clock.times_of(channel)
+    known = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(at_rows))
+    values = channel.values[known]
+    numbers: dict[float, int | None] = {
+        value: box.number(profile.gears.get(value, f"{value:g}")) for value in np.unique(values).tolist()
+    }
+    for value, number in numbers.items():
+        if number is None:
+            at = known[int(np.argmax(values == value))]
+            raise RigError(f"{foreign.path}: {foreign.row(int(at))} orders the gear {value:g}; gears are {box.spoken}")
+    changes = np.flatnonzero(np.diff(values)) + 1
+    times = at_rows[known]
+    return [(float(times[i]), int(numbers[values[i - 1]] or 0), int(numbers[values[i]] or 0)) for i in changes]
+
+
+def sequence_name(path: Path) -> str:
+    """Return the name of the run of a file, for the names of its folder and bag."""
+    return re.sub(r"[^\w.-]+", "_", path.stem).strip("._") or "imported"
+
+
+def write_bag(measurement: Measurement, folder: Path, name: str) -> Path:
+    """Write a measurement as a bag.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        The measurement.
+    folder : Path
+        Folder of the bag.
+    name : str
+        First part of the bag's file name.
+
+    Returns
+    -------
+    Path
+        The bag's file.
+
+    Raises
+    ------
+    RigError
+        When it cannot be written.
+    """
+    about = measurement.about
+    record = {
+        "sequence": name,
+        "description": f"imported from {about['file']}",
+        "seed": None,
+        "versions": {"rig_nodes": __version__},
+        **measurement.run,
+        "configuration": dict(measurement.record),
+        "imported": about,
+    }
+    known = catalogue(measurement.record)
+    types = {topic: one.ros_type for topic, one in known.all_topics.items()}
+    first = round(measurement.t0 * 1e9)
+    names = list(measurement.channels)
+    messages: list[tuple[int, str, tuple]] = [
+        (first, RUN_INFO, (json.dumps(record, sort_keys=True),)),
+        (first, CHANNELS, (names, [known.signal(one).unit for one in names], measurement.period)),
+    ]
+    told = [event for event in measurement.events if event[1] in types and event[0] >= 0.0]
+    messages += [(round(t * 1e9), topic, (what, text, value)) for t, topic, what, text, value in told]
+    messages += _blocks(measurement)
+    messages.sort(key=itemgetter(0))  # stable: what describes the run stays before its rows
+    encoders = {topic: encoder(types[topic]).encode for _, topic, _ in messages}
+    counts = dict.fromkeys(encoders, 0)
+    with BagWriter(folder, name, topics=known.all_topics) as bag:
+        for stamp, topic, fields in messages:
+            bag.write(topic, types[topic], encoders[topic](stamp, counts[topic], *fields), stamp, made_here=True)
+            counts[topic] += 1
+    return bag.path
+
+
+def _blocks(measurement: Measurement) -> list[tuple[int, str, tuple]]:
+    """Return the rows as the logger's blocks; the stamp of a block is the exact time of its first row."""
+    table = np.column_stack(list(measurement.channels.values()))
+    begin = math.floor(measurement.t0 / measurement.period + 1e-6)
+    rows = min(ROWS, max(1, round(MOST_BLOCKS_IN / measurement.period)))
+    out = []
+    for at in range(0, len(table), rows):
+        part = table[at : at + rows]
+        stamp = round((measurement.t0 + measurement.period * at) * 1e9)
+        out.append((stamp, BLOCK, (begin + at, measurement.period, *part.shape, part.ravel())))
+    return out
+
+
+def read_measurement(
+    path: str | Path, profile: Profile | None, record: Mapping | None, named_by: str, orders: str | None = None
+) -> Measurement | None:
+    """Read a file by a profile, or by its heads when these are the rig's own names.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    profile : Profile, optional
+        How it is read.
+    record : mapping, optional
+        Record of the rig; that of the exported run in the file by default.
+    named_by : str
+        Who named the rig.
+    orders : str, optional
+        Orders of gears.
+
+    Returns
+    -------
+    Measurement or None
+        None when a profile is needed and there is none.
+
+    Raises
+    ------
+    RigError
+        When the file cannot be used, or nobody says of which rig it is.
+    """
+    foreign = read_foreign(path, profile.form if profile else None)
+    if profile is None or not profile.columns:
+        found = own_profile(foreign, record)
+        if found is None:
+            return None
+        profile = found if profile is None else replace(found, period=profile.period, time=None if profile.period else found.time)
+    if record is None and foreign.provenance:
+        record, named_by = rig_record(foreign.provenance["run"]["configuration"]), "the exported run"
+    if record is None:
+        raise RigError(f"{path}: {NO_RIG}")
+    return measure(foreign, profile, record, named_by, orders)

@@ -1,0 +1,162 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A first profile for a logger's file: how it is written, and which columns are probably which signals.
+
+`rig import` writes it when no profile is given. Guesses come from units, sides and numbers of clutches in English, German and
+Polish heads; what is not certain is a comment in the profile.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from itertools import pairwise
+
+from ..catalogue import Signal, catalogue
+from ..config.units import UNITS
+from ..transmission import Transmission, transmission_of
+from .foreign import TEXT, Channel, Foreign
+from .imported import ORDER_NAMES, TIME_NAMES
+from .units import unit_of
+
+# beginnings of words in heads
+INPUT = ("input", "in", "eingang", "antrieb", "an", "wej", "wejś", "wejs", "motor", "silnik")
+OUTPUT = ("output", "out", "ausgang", "abtrieb", "ab", "wyj", "wyjś", "wyjs", "load", "last", "obciąż", "obciaz")
+LOAD = ("load", "last", "obciąż", "obciaz", "pumpe", "pump", "pomp")
+SUPPLY = ("supply", "versorgung", "zasil", "system")
+GEAR = ("gear", "gang", "bieg")
+OIL = ("oil", "öl", "oel", "olej")
+_WORDS = re.compile(r"[^\W\d_]+|\d+")
+ROMAN = ("i", "ii", "iii", "iv", "v", "vi")
+
+
+def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str]]:
+    """Return the text of a profile, and the heads of columns that nobody could tell.
+
+    Parameters
+    ----------
+    foreign : Foreign
+        The file.
+    record : mapping
+        Record of the rig.
+    rig : str
+        Its name, as the profile gives it.
+
+    Returns
+    -------
+    (str, list of str)
+        The profile and the columns that are only comments in it.
+    """
+    signals = catalogue(record).signals
+    measured = [one for one in signals.values() if one.name in {t["name"] for t in record["structure"]["transducers"]}]
+    box = transmission_of(record) if record["structure"]["gears"] else None
+    time = _first(foreign, lambda one: one.name.lower() in TIME_NAMES)
+    time = time or _first(foreign, lambda one: UNITS.get(unit_of(one.unit) or "", ("",))[0] == "time")
+    gear = _first(foreign, lambda one: one.name in ORDER_NAMES or any(_said(one.name, (word,)) for word in GEAR))
+    best: dict[str, Signal] = {}
+    for one in foreign.channels:
+        if one not in (time, gear) and (found := _guess(one, measured, box)):
+            best[one.head] = found
+    told = [signal.name for signal in best.values()]
+    lines = [
+        f"# How {foreign.path.name} and files like it are read; a guess, so look at each line.",
+        f"# Then: ./rig import {foreign.path.name} --profile THIS_FILE --out runs/NAME",
+        f"rig: {rig}  # its inertias, ratios and instrument errors enter the results; `./rig list rigs`",
+        "# set: {w0.inertia: 0.8 kg m2}  # values of that rig that are others",
+        "",
+    ]
+    if foreign.path.suffix.lower() in TEXT:
+        form = foreign.form
+        lines += [
+            f"delimiter: {_quoted('tab' if form.delimiter == chr(9) else form.delimiter)}",
+            f"decimal: {_quoted(form.decimal)}",
+            f"header: {form.header}  # line of the names, from 1",
+            *([f"units: {form.units}  # line of the units"] if form.units else []),
+            f"data: {form.data}  # line of the first values",
+            "# encoding: cp1250  # when letters come out wrong",
+            '# missing: ["-999"]  # what stands where a value is missing, beside an empty cell, nan and ---',
+        ]
+    if time is not None:
+        lines.append(f"time: {{column: {_quoted(time.head)}, unit: {unit_of(time.unit) or 's'}}}")
+    elif all(one.times is None for one in foreign.channels):
+        lines.append("time: {period: 0.1 ms}  # no column looks like times: is this the time between rows?")
+    lines.append("# bridge: 2 ms  # gaps up to this become straight lines")
+    if box:
+        if gear is not None:
+            names = ", ".join(f"{number}: {name}" for number, name in box.names.items())
+            lines.append(f"gear: {{column: {_quoted(gear.head)}}}  # the ordered gear; other numbers: values: {{{names}}}")
+        else:
+            first, second = list(box.ways())[:2]
+            lines.append(f'# orders: "3.845:{first}, 8.32:{second}"  # when (s) which gear was ordered')
+    lines += [
+        "",
+        "# each column: signal of the rig, unit in the file; value * factor + offset, e.g. factor: -1 for another sign",
+        "columns:",
+    ]
+    unsure = []
+    for one in foreign.channels:
+        if one in (time, gear):
+            continue
+        signal, unit = best.get(one.head), unit_of(one.unit) or ""
+        if signal is not None and told.count(signal.name) == 1:
+            said = unit or f"{signal.display_unit}"
+            doubt = "" if unit else "  # the file says no unit: is it this?"
+            lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(said)}}}{doubt}")
+        else:
+            unsure.append(one.head)
+            could = [s.name for s in measured if not unit or UNITS[s.display_unit][0] == UNITS[unit][0]]
+            hint = f"one of {', '.join(could)}" if could else "no signal of the rig has this unit"
+            lines.append(f"  # {_quoted(one.head)}: {{signal: ?, unit: {_quoted(unit or '?')}}}  # {hint}")
+    return "\n".join(lines) + "\n", unsure
+
+
+def _quoted(text: str | None) -> str:
+    return json.dumps(text or "", ensure_ascii=False)
+
+
+def _first(foreign: Foreign, which: object) -> Channel | None:
+    return next((one for one in foreign.channels if callable(which) and which(one)), None)
+
+
+def _said(head: str, words: tuple[str, ...]) -> bool:
+    """Return True when a word of the head is one of these, or begins with one of more than three letters."""
+    said = [word.lower() for word in _WORDS.findall(head)]
+    return any(word == other or (len(other) > 3 and word.startswith(other)) for word in said for other in words)
+
+
+def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Signal | None:
+    """Return the signal that a head most probably means; None when two are as probable, or it says nothing."""
+    unit = unit_of(one.unit)
+    for signal in measured:
+        if one.name == signal.name and (unit is None or UNITS[unit][0] == UNITS[signal.display_unit][0]):
+            return signal
+    if unit is None:
+        return None
+    could = [signal for signal in measured if UNITS[signal.display_unit][0] == UNITS[unit][0]]
+    if len(could) == 1:
+        return could[0]
+    marks = {signal.name: _mark(one.name, signal, box) for signal in could}
+    ranked = sorted(marks.values(), reverse=True)
+    if not ranked or ranked[0] <= 0 or (len(ranked) > 1 and ranked[0] == ranked[1]):
+        return None
+    return next(signal for signal in could if marks[signal.name] == ranked[0])
+
+
+def _mark(head: str, signal: Signal, box: Transmission | None) -> int:
+    said = [word.lower() for word in _WORDS.findall(head)]
+    own_words = [word.lower() for word in _WORDS.findall(signal.name)]
+    marks = 4 * any(said[n : n + len(own_words)] == own_words for n in range(len(said)))
+    device = signal.topic.split("/")[1]
+    if box is not None and signal.name in (box.input.torque, box.input.speed):
+        return marks + 3 * _said(head, INPUT) - 3 * _said(head, OUTPUT)
+    if box is not None and signal.name in (box.output.torque, box.output.speed):
+        return marks + 3 * _said(head, OUTPUT) - 3 * _said(head, INPUT)
+    for number, clutch in enumerate(box.clutches if box else (), 1):
+        if signal.name in (clutch.pressure, clutch.current):
+            names = {clutch.name.lower(), clutch.key.lower()}
+            own = str(number) in said or (ROMAN[number - 1] in said if number <= len(ROMAN) else False)
+            return marks + 3 * own + 3 * bool(names & {a + b for a, b in pairwise(said)} | names & set(said))
+    marks += 3 * (_said(head, LOAD) and "load" in device) + 3 * (_said(head, SUPPLY) and "supply" in device)
+    return marks + 2 * (_said(head, OIL) and "oil" in device)

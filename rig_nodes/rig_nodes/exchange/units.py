@@ -1,0 +1,47 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Heads of columns as loggers write them: a name and a unit, in their spellings."""
+
+from __future__ import annotations
+
+import re
+
+from ..config.units import UNITS
+
+# other spellings of units of config.units, by loggers and people
+ALIASES = {
+    **dict.fromkeys(("N.m", "N m", "N*m", "N·m", "N⋅m", "NM"), "Nm"),
+    **dict.fromkeys(("1/min", "min-1", "min^-1", "min⁻¹", "r/min", "U/min", "Umin", "obr/min", "obr./min", "RPM"), "rpm"),
+    **dict.fromkeys(("°C", "C", "deg C", "Grad C", "st.C", "st. C"), "degC"),
+    **dict.fromkeys(("µs", "μs"), "us"),
+    **dict.fromkeys(("sec", "sek", "Sek", "Sek.", "sek."), "s"),
+    **dict.fromkeys(("Bar", "bar(g)", "barg"), "bar"),
+    **dict.fromkeys(("1", "1/1"), "-"),
+}
+_BRACKETS = re.compile(r"\s*(.+?)\s*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\))\s*$")
+_BEHIND = (
+    re.compile(r"\s*(.+?)\s+in\s+(\S.*?)\s*$"),
+    re.compile(r"\s*(.+?)\s*/\s+(\S.*?)\s*$"),
+    re.compile(r"\s*(.+)_([A-Za-z%]+)$"),
+)
+
+
+def unit_of(text: str) -> str | None:
+    """Return the unit as config.units writes it; None when it is unknown."""
+    text = text.strip().strip("[]()").strip()
+    text = ALIASES.get(text, text)
+    return text if text in UNITS else None
+
+
+def split_head(head: str) -> tuple[str, str]:
+    """Return name and unit of a head such as ``torque [Nm]``, ``Drehzahl in 1/min`` or ``speed_rpm``.
+
+    The unit is as written when it is in brackets, otherwise one of config.units; it is empty when there is none.
+    """
+    if match := _BRACKETS.match(head):
+        return match[1], ALIASES.get(unit := match[2] or match[3] or "", unit)
+    for form in _BEHIND:
+        if (match := form.match(head)) and (unit := unit_of(match[2])):
+            return match[1], unit
+    return head.strip(), ""

@@ -1,0 +1,149 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A run goes into files of other tools and comes back as it was."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+
+import numpy as np
+import pytest
+from laboratory import SAMPLE
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.exchange import groups
+from rig_nodes.exchange.groups import Signals, on_one_clock, on_own_clocks
+
+
+@pytest.fixture(scope="module")
+def bag():
+    return Bag(SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("exported")
+
+
+def exported(kind, folder):
+    path = folder / f"sample.{kind}"
+    if not path.exists():
+        assert main(["export", kind, str(SAMPLE), "--out", str(path)]) == 0
+    return path
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat", "mf4"])
+def test_an_exported_run_comes_back_with_the_same_bits_orders_and_metrics(kind, folder, bag, tmp_path):
+    if kind == "mf4":
+        pytest.importorskip("asammdf")
+    assert main(["import", str(exported(kind, folder)), "--out", str(tmp_path / "back")]) == 0
+    back, ours = Bag(tmp_path / "back"), bag.logger()
+    theirs = back.logger()
+    assert (theirs.t0, theirs.period) == (ours.t0, ours.period) and {*ours.channels} < {*theirs.channels}
+    for name, values in ours.channels.items():
+        assert np.array_equal(theirs.channels[name], values), name
+    assert np.allclose(theirs.channels["p_p"][::100], bag.series("p_p")[1][: -(-theirs.rows // 100)])
+    assert back.events() == bag.events() and back.record == bag.record
+    told = back.run_info()
+    assert told["seed"] == bag.run_info()["seed"] and told["imported"]["rig_named_by"] == "the exported run"
+    reports = [json.loads((one / "report.json").read_text()) for one in (SAMPLE, tmp_path / "back")]
+    keys = [key for key in reports[0]["shifts"][0] if key != "why"]
+    assert [[row[key] for key in keys] for row in reports[1]["shifts"]] == [
+        [row[key] for key in keys] for row in reports[0]["shifts"]
+    ]
+
+
+def test_a_csv_is_plain_and_the_file_beside_it_describes_it(folder, bag):
+    path = exported("csv", folder)
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    torque = [float(row["M_wej [Nm]"]) for row in rows if row["M_wej [Nm]"]]
+    assert np.array_equal(torque, bag.logger().channels["M_wej"])
+    slip = [(float(row["t [s]"]), float(row["s1_slip [rad/s]"])) for row in rows if row["s1_slip [rad/s]"]]
+    assert np.array_equal(np.array(slip).T, bag.series("s1_slip"))
+    about = json.loads((folder / "sample.csv-metadata.json").read_text())
+    assert about["url"] == "sample.csv" and [one["titles"] for one in about["tableSchema"]["columns"]] == list(rows[0])
+    assert about["rig:rig"] == "hydmag" and about["rig:seed"] == "1"
+
+
+def test_other_tools_find_units_and_provenance(folder, bag):
+    parquet = pytest.importorskip("pyarrow.parquet").read_table(exported("parquet", folder))
+    assert parquet.schema.field("p1").metadata[b"unit"] == b"Pa" and parquet.schema.metadata[b"rig"] == b"hydmag"
+    assert np.array_equal(parquet.column("p1").drop_null().to_numpy(), bag.logger().channels["p1"])
+    from scipy.io import loadmat
+
+    found = loadmat(exported("mat", folder), simplify_cells=True)
+    rows = found["instruments_hmg4000"]
+    assert rows["units"]["p1"] == "Pa" and np.array_equal(rows["p1"], bag.logger().channels["p1"])
+    assert found["rig_nodes_run"]["rig"] == "hydmag" and found["motor_command"]["names"]["motor_command"] == "motor.command"
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(exported("mf4", folder)) as file:
+        signal = file.get("p1")
+        assert signal.unit == "Pa" and np.array_equal(signal.samples, bag.logger().channels["p1"])
+        assert len(file.get("s1_slip").timestamps) == bag.counts["/clutch_s1/state"] and "rig: hydmag" in file.header.comment
+
+
+def test_a_chosen_clock_gives_full_rows_in_the_units_of_people(folder, bag):
+    path = folder / "five.csv"
+    options = ["--signals", "p?,n_wej", "--clock", "5 ms", "--units", "shown"]
+    assert main(["export", "csv", str(SAMPLE), "--out", str(path), *options]) == 0
+    table = np.genfromtxt(path, delimiter=",", names=True, deletechars="")
+    assert table.dtype.names == ("t_[s]", "n_wej_[rpm]", "p1_[MPa]", "p2_[MPa]")
+    rows = bag.logger()
+    assert np.allclose(np.diff(table["t_[s]"]), 5e-3)
+    assert np.allclose(table["p1_[MPa]"], rows.channels["p1"][::50][: len(table)] * 1e-6)
+
+
+@pytest.mark.parametrize("clock", [None, 7_000_000])
+def test_rows_do_not_depend_on_the_pieces_in_which_a_bag_is_read(monkeypatch, clock):
+    def table():
+        signals = Signals(SAMPLE, ["M_wej", "s1_*", "gear*", "motor.command"])
+        parts = signals.parts()
+        found = list(on_own_clocks(signals.groups, parts) if clock is None else on_one_clock(signals.groups, parts, clock))
+        return len(found), np.concatenate([one.times for one in found]), np.concatenate([one.values for one in found])
+
+    monkeypatch.setattr(groups, "LATE", 50_000_000)
+    _, times, values = table()
+    monkeypatch.setattr(groups, "PIECE", 1 << 17)
+    pieces, other_times, other_values = table()
+    assert pieces > 5 and np.all(np.diff(times) > 0)
+    assert np.array_equal(times, other_times) and np.array_equal(values, other_values, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "words, sentence",
+    [
+        ("csv nowhere --out new.csv", "nowhere: there is no such file or folder"),
+        ("csv {run} --signals M_we --out new.csv", "has no signal 'M_we'; did you mean 'M_wej'"),
+        ("csv {run} --signals x* --out new.csv", "has no signal 'x*'"),
+        ("csv {run} --out there.csv", "there.csv: it exists; remove it first, or name another file"),
+        ("mat {run} --out new.csv", "export mat writes a file that ends in .mat"),
+        ("parquet {run} --out none/new.parquet", "there is no folder none"),
+        ("csv {run} {run} --out new.csv", "export csv takes one run"),
+        ("mat {run} --clock 5ms --out new.mat", "--clock is for csv and parquet"),
+        ("csv {run} --clock 5Nm --out new.csv", "expected a time"),
+        ("csv {run} --rig clutch_bench --out new.csv", "a run has its own rig"),
+        ("dbc --signals p1", "are for runs (csv, parquet, mf4, mat), not for dbc"),
+        ("csv {cut} --out new.csv", "have it recovered|rig bag recover|cut"),
+    ],
+)
+def test_what_cannot_be_exported_is_told_in_one_sentence_and_leaves_nothing(words, sentence, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.csv").write_text("mine")
+    whole = (SAMPLE / "sample_0.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    before = sorted(path.name for path in tmp_path.iterdir())
+    assert main(["export", *words.format(run=SAMPLE, cut="cut.mcap").split()]) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert any(part in error[-1] for part in sentence.split("|")), error
+    assert sorted(path.name for path in tmp_path.iterdir()) == before and (tmp_path / "there.csv").read_text() == "mine"
+
+
+def test_without_asammdf_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    assert main(["export", "mf4", str(SAMPLE), "--out", str(tmp_path / "a.mf4")]) == 2
+    assert "pip install -r requirements-mdf.txt" in capsys.readouterr().err and not list(tmp_path.iterdir())
