@@ -12,6 +12,7 @@ import pytest
 
 from rig_nodes.analysis.alignment import CORRELATION, EVENTS, align
 from rig_nodes.analysis.report import recording_of
+from rig_nodes.analysis.side_by_side import Source, compare
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 
@@ -80,6 +81,18 @@ def test_a_measurement_over_a_run_shows_what_differs_in_the_rows_concerned(recor
     text = page.read_text()
     assert text.count("<svg") == 2 * len(rows) and "http" not in text
     assert view.stat().st_size > 10_000
+
+
+def test_a_file_that_begins_after_the_first_order_has_the_shifts_that_it_holds(recording):
+    other = on_other_clock(recording, orders=False)
+    begin = round(0.5 / other.period)
+    late = replace(
+        other, t0=other.t0 + begin * other.period, channels={name: values[begin:] for name, values in other.channels.items()}
+    )
+    record = Bag(SAMPLE).record
+    found = compare([Source("run", recording, record), Source("file", late, record)])
+    rows = [row for row in found.metrics if row["metric"] == "t_c_s"]
+    assert len(recording.orders) == 2 and [row["shift"] for row in rows] == [1] and abs(rows[0]["difference"]) < 1e-3
 
 
 def test_one_run_alone_and_other_orders_are_refused(recording, capsys):

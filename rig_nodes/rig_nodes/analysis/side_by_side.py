@@ -99,13 +99,21 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
     clocks = [Clock(), *(align(first.recording, one.recording, by) for one in sources[1:])]
     recordings = [first.recording]
     for clock, one in zip(clocks[1:], sources[1:]):
-        orders = one.recording.orders or [(float(clock.of_first(np.array(t))), a, b) for t, a, b in first.recording.orders]
+        moved = [(float(clock.of_first(np.array(t))), a, b) for t, a, b in first.recording.orders]
+        orders = one.recording.orders or [order for order in moved if _covers(one.recording, order[0])]
         recordings.append(replace(one.recording, orders=orders))
     reports = [
         report_of_recording(recording, None, one.record) if recording.orders else {"shifts": []}
         for recording, one in zip(recordings, sources)
     ]
-    metrics = [{"run": n, **row} for n, report in enumerate(reports[1:], 1) for row in differences(reports[0], report)]
+    metrics = []
+    for n, (one, clock, report) in enumerate(zip(sources[1:], clocks[1:], reports[1:]), 1):
+        numbers = list(range(len(reports[0]["shifts"])))
+        if not one.recording.orders:  # it has the orders of the first one, of which it may not hold all
+            times = [float(clock.of_first(np.array(row["t_order_s"]))) for row in reports[0]["shifts"]]
+            numbers = [i for i in numbers if _covers(one.recording, times[i])]
+        mine = {key: [reports[0][key][i] for i in numbers] for key in ("shifts", "uncertainty") if key in reports[0]}
+        metrics += [{"run": n, **row, "shift": numbers[row["shift"] - 1] + 1} for row in differences(mine, report)]
     errors = [_errors(one.record, one.recording.transmission) for one in sources]
     names = [name for name in first.recording.channels if all(name in one.channels for one in recordings[1:])]
     signals, curves = [], []
@@ -117,6 +125,11 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
         every = max(1, len(t) // POINTS)
         curves.append(Curve(name, t[::every], [one[::every] for one in values]))
     return Comparison([one.name for one in sources], clocks, metrics, signals, curves)
+
+
+def _covers(recording: Recording, t: float) -> bool:
+    """Return True when a time of its own clock [s] lies in a recording."""
+    return recording.t0 <= t <= recording.t0 + recording.period * recording.rows
 
 
 def _on(t: np.ndarray, recording: Recording, clock: Clock, name: str) -> np.ndarray:

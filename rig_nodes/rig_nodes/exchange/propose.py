@@ -135,8 +135,6 @@ def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Si
     if unit is None:
         return None
     could = [signal for signal in measured if UNITS[signal.display_unit][0] == UNITS[unit][0]]
-    if len(could) == 1:
-        return could[0]
     marks = {signal.name: _mark(one.name, signal, box) for signal in could}
     ranked = sorted(marks.values(), reverse=True)
     if not ranked or ranked[0] <= 0 or (len(ranked) > 1 and ranked[0] == ranked[1]):

@@ -206,7 +206,8 @@ def _write(index: OpenedBags, bag: str | Path, path: Path, key: str, window: tup
     if not index.counts.get(LOGGER_TOPIC):
         notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
     notes += curves.problems
-    if lacking := [name for name in pages.known.signals if name not in names]:
+    lacking = [name for name in pages.known.signals if name not in names]
+    if lacking and not (run if report is None else report["run"]).get("imported"):  # a measurement has no states of a plant
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
     notes += of_report
     if report is None:
