@@ -473,7 +473,7 @@ def write_bag(measurement: Measurement, folder: Path, name: str) -> Path:
     counts = dict.fromkeys(encoders, 0)
     with BagWriter(folder, name, topics=known.all_topics) as bag:
         for stamp, topic, fields in messages:
-            bag.write(topic, types[topic], encoders[topic](stamp, counts[topic], *fields), stamp, made_here=True)
+            bag.write(topic, types[topic], encoders[topic](stamp, counts[topic], *fields), stamp)
             counts[topic] += 1
     return bag.path
 
