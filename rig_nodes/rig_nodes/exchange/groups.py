@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.index import BagIndex
+from ..bags.opened import OpenedBags
 from ..bags.reader import Bag, Logger, nothing_in
 from ..catalogue import Signal
 from ..config.names import unknown
@@ -93,8 +93,8 @@ class Signals:
         RigError
             When the run cannot be read or has no signal of a name.
         """
-        with BagIndex(run) as index:
-            self.path, self._counts = index.path, index.counts
+        with OpenedBags([run]) as index:
+            self._run, self.path, self._counts = run, index.files[0], index.counts
             self.small = index.bag([topic for topic, ros_type in index.types.items() if ros_type in DESCRIBING])
             self.last = index.last
         if not self.last:
@@ -124,7 +124,7 @@ class Signals:
             When the bag is damaged.
         """
         last: dict[str, Logger] = {}
-        for piece in Bag.pieces(self.path, PIECE):
+        for piece in Bag.pieces(self._run, PIECE):
             found: list[Part] = []
             for number, group in enumerate(self.groups):
                 if not piece.counts.get(group.topic):

@@ -39,13 +39,14 @@ def provenance_of(small: Bag) -> dict:
         (t [s], topic, name, text, value); ``bag`` and ``sha256`` name the bag's file; ``exported_by`` is this version.
     """
     digest = hashlib.sha256()
-    with open(small.path, "rb") as file:
+    path = small.path if small.path.is_file() else next(iter(sorted(small.path.glob("*.mcap"))))
+    with open(path, "rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)
     return {
         "run": {**small.run_info(), "configuration": dict(small.record)},
         "events": [list(event) for event in small.events()],
-        "bag": small.path.name,
+        "bag": path.name,
         "sha256": digest.hexdigest(),
         "exported_by": f"rig_nodes {__version__}",
     }
