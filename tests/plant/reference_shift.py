@@ -36,9 +36,9 @@ RPM = pi / 30.0
 SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
 STUCK = 0
 W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
-SPOOL, LINE, CHAMBER, PISTON, HELD, REST, HEAT, WEAR, PER_CLUTCH = range(9)
-# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, Nm, share, K, m
-ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-7, 1e-9, 1e-9, 1e-20))
+SPOOL, LINE, CHAMBER, PISTON, HELD, REST, BOUNDARY, HEAT, WEAR, PER_CLUTCH = range(10)
+# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, N, shares, K, m
+ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-6, 1e-9, 1e-9, 1e-9, 1e-20))
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
 
@@ -69,16 +69,11 @@ class Equations:
         self.valves = (config.valve_zr_p1, config.valve_zr_p2)
         self.cylinders = (config.clutch_s1, config.clutch_s2)
         pack = self.pack = config.plate_pack
-        cases = (
-            (pack.friction_kinetic, pack.friction_spline, False),
-            (pack.friction_static, pack.friction_spline, False),
-            (pack.friction_static, pack.friction_spline_static, True),
-        )
-        per_force = [closed.thesis(pack, 1.0, mu, spline, releasing=way) for mu, spline, way in cases]
-        self.per_force = [
-            [x.friction_correction * f for f in (*per_force[:2], per_force[1] + x.spline_hold * (per_force[2] - per_force[1]))]
-            for x in self.cylinders
-        ]
+        self.slow, self.fast = (
+            [closed.thesis(pack, pack.friction_correction, mu, pack.friction_spline, releasing=way) for way in (False, True)]
+            for mu in (pack.friction_static, pack.friction_kinetic)
+        )  # torque per force at rest and in fast slip, as the pack is pressed and as it is let go
+        self.waves = pack.rest_torque / self.slow[0]
         self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
         self.j_in, self.j_out = config.w0.inertia, config.z5.inertia * (41 / 40) ** 2
         self.stiff = [a * a / self.j_in + b * b / self.j_out for a, b in SLIPS]
@@ -144,41 +139,58 @@ class Equations:
         speed = (rest - clamp(rest, -seal, seal)) / x.piston_damping
         if piston <= 0.0:
             speed = max(0.0, speed)
-        _, engaging, releasing = self.per_force[k]
+        held = self.between(z[BOUNDARY], [a / b for b, a in (self.slow, self.fast)])
         apart = max(0.0, x.clearance + z[WEAR] - piston) / (self.pack.surfaces * self.pack.film_gap)
-        held = [
+        pulled = [
             (clamp(z[kind], low, high) - z[kind]) / PULL
             for kind, low, high in (
-                (HELD, engaging * force, releasing * force),
+                (HELD, force, held * force),
                 (REST, min(1.0, force / self.pack.film_force), max(0.0, 1.0 - apart)),
             )
         ]
         return (
-            (
+            [
                 (target - spool) / v.spool_time,
                 (flow - feed) * oil.bulk_modulus / x.line_volume,
                 (feed - x.piston_area * speed) * oil.bulk_modulus / x.chamber_volume,
                 speed,
-                *held,
-            ),
+                *pulled,
+            ],
             flow,
             force,
         )
 
     # ---- clutches and shafts
 
+    @staticmethod
+    def between(boundary, ends):
+        """Returns the value for a share of boundary friction from those at rest and in fast slip."""
+        return ends[1] + (ends[0] - ends[1]) * boundary
+
+    def oil_between(self, z):
+        """Returns the viscosity of the oil between the plates [Pa s]."""
+        oil = self.c.oil_supply
+        return oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
+
+    def pressing(self, z):
+        """Returns the force on the plates, with what splines and waves add to the clamp force [N]."""
+        return z[HELD] + self.waves * z[REST]
+
+    def settling(self, z, slip):
+        """Returns the rate of BOUNDARY: towards Stribeck's curve, as the oil is squeezed out or drawn in [1/s]."""
+        pack, thicker = self.pack, self.oil_between(z) / self.c.oil_supply.viscosity
+        area, force = pi * (pack.outer_radius**2 - pack.inner_radius**2), self.pressing(z)
+        over = abs(slip) * pack.mean_radius / pack.friction_speed * thicker * pack.friction_pressure * area
+        share = (exp(-over / force) if force > 1e-3 * over else 0.0) if over else 1.0
+        return (share - z[BOUNDARY]) / (pack.film_time * thicker)
+
     def capacities(self, k, z, force):
-        """Returns (kinetic torque [Nm], limit while stuck [Nm], drag [Nm s/rad])."""
-        x, pack, oil = self.cylinders[k], self.pack, self.c.oil_supply
-        rest = x.rest_torque * z[REST]
+        """Returns (friction torque that the clutch can have, slipping or stuck [Nm], drag [Nm s/rad])."""
+        x, pack = self.cylinders[k], self.pack
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
-        kinetic = max(factor * self.per_force[k][0] * force, x.rest_sliding * rest)
-        splines = max(0.0, z[HELD] - self.per_force[k][1] * force)
-        kinetic += factor * splines * pack.friction_kinetic / pack.friction_static
-        static = factor * z[HELD] + rest
-        viscosity = oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
+        torque = factor * self.pressing(z) * self.between(z[BOUNDARY], (self.slow[0], self.fast[0]))
         gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)
-        return kinetic, max(kinetic, static), self.film * viscosity / gap * max(0.0, 1.0 - force / pack.film_force)
+        return torque, self.film * self.oil_between(z) / gap * max(0.0, 1.0 - force / pack.film_force)
 
     def shafts(self, y, capacities):
         """Returns what the shafts do with the present modes.
@@ -195,7 +207,7 @@ class Equations:
         rest, began = into.at_rest**2, into.at_470**2
         by_speed += sqrt(rest + (began - rest) * w[0] / 49.274)
         slips = [a * w[0] + b * w[1] for a, b in SLIPS]
-        viscous = [capacity[2] * slip for capacity, slip in zip(capacities, slips)]
+        viscous = [capacity[1] * slip for capacity, slip in zip(capacities, slips)]
         stuck = [k for k in range(2) if self.modes[k] == STUCK]
         if len(stuck) > 1:
             raise ValueError("both clutches stick")
@@ -268,7 +280,7 @@ class Equations:
                 * max(0.0, 1.0 + self.pack.wear_per_kelvin * (parts[k][HEAT] - self.pack.friction_temperature))
                 * power
             )
-            out += [*oil[k][0], warmer, wear]
+            out += [*oil[k][0], self.settling(parts[k], slips[k] if self.modes[k] != STUCK else 0.0), warmer, wear]
         return out
 
     def meters(self, t, y):
@@ -286,7 +298,7 @@ class Equations:
             a, b = SLIPS[k]
             return self.modes[k] * (a * y[W_IN] + b * y[W_OUT])
         _, _, capacities, (_, torques, *_) = self.whole(t, y)
-        return capacities[k][1] - abs(torques[k])
+        return capacities[k][0] - abs(torques[k])
 
     def after_event(self, k, t, y):
         """Returns the new mode of clutch k after its event, and the speeds with a slip that is exactly zero."""
@@ -294,7 +306,7 @@ class Equations:
         before = self.modes[k]
         self.modes[k] = STUCK
         _, _, capacities, (_, torques, *_) = self.whole(t, y.tolist())
-        spare = capacities[k][1] - abs(torques[k])
+        spare = capacities[k][0] - abs(torques[k])
         if before == STUCK or spare < 0.0:
             self.modes[k] = int(copysign(1, torques[k])) if before == STUCK else -before
         slip = a * y[W_IN] + b * y[W_OUT]

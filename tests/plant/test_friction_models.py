@@ -204,7 +204,7 @@ def test_impossible_values_are_refused():
 
 def test_the_rig_uses_these_models_and_refuses_in_one_sentence():
     pack = load_rig("hydmag").plate_pack
-    assert plates.torque_per_force(pack, 0.3) == closed.thesis(GEARBOX, 1.0, 0.3, 0.12)
+    assert plates.torque_per_force(pack, 0.3) == closed.thesis(GEARBOX, 1.0, 0.3, pack.friction_spline)
     drag_at_10 = plates.drag_factor(pack) * 0.08 * 10.0 / 1e-4
     assert drag_at_10 == pytest.approx(drag.kitabayashi(GEARBOX, 10.0, 0.08, 1e-4))
     with pytest.raises(RigError, match="plate_pack: surfaces is 12.5"):

@@ -56,7 +56,7 @@ def state_of(rig):
         y += [
             valve["spool"],
             rig.line_pressure(k),
-            *(clutch[name] for name in ("chamber", "piston", "held", "rest", "temperature", "wear")),
+            *(clutch[name] for name in ("chamber", "piston", "held", "rest", "boundary", "temperature", "wear")),
         ]
     modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k))) for k, stuck in enumerate(locked(rig))]
     return reference_shift.Start(

@@ -50,8 +50,8 @@ def found_line(config, run):
 def test_a_planted_k_kor_comes_back_within_one_percent_through_the_instruments(k_kor, rest, surfaces, seed):
     config, run = slipped(
         {
-            "clutch_pack.friction_correction": f"{k_kor} -",
-            "clutch_pack.rest_torque": f"{rest} Nm",
+            "plate_pack.friction_correction": f"{k_kor} -",
+            "plate_pack.rest_torque": f"{rest} Nm",
             "plate_pack.surfaces": f"{surfaces} -",
         },
         seed,
@@ -65,7 +65,7 @@ def test_a_planted_k_kor_comes_back_within_one_percent_through_the_instruments(k
 
 def test_k_kor_of_the_gearboxes_plates_comes_back_too():
     series = next(one for one in load_procedure("clutch_bench_series").series() if one.label == "50x76-12")
-    config, _ = prepare(series, settings={"clutch_pack.friction_correction": "0.88 -"})
+    config, _ = prepare(series, settings={"plate_pack.friction_correction": "0.88 -"})
     sequence = load_sequence("clutch_bench", {"pressures": "1 MPa, 2 MPa, 3 MPa", "wetting": "200 ms"})
     assert found_line(config, record(config, sequence, 5))["k_kor"]["thesis"] == pytest.approx(0.88, rel=0.01)
 

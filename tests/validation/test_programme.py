@@ -276,8 +276,8 @@ def test_chapter_8_is_judged_by_what_the_bench_measured():
     # the steel plates were given no M_rest, and the line of what the instruments read goes through zero that closely
     assert steel.values["m_rest_nm"] == pytest.approx(0.0, abs=5.0)
     # the gearbox's plates have the M_rest of its clutches on the bench too
-    own = load_rig("hydmag").clutch_s1.rest_torque
-    assert series["50x76-10"].overrides["clutch_pack.rest_torque"] == f"{own:g} Nm"
+    own = load_rig("hydmag").plate_pack.rest_torque
+    assert series["50x76-10"].overrides["plate_pack.rest_torque"] == f"{own:g} Nm"
     assert lined.values["m_rest_nm"] == pytest.approx(own, abs=5.0)
 
 

@@ -21,6 +21,7 @@ from ..errors import RigError
 from ..plant.driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC
 from ..plant.friction import closed, drag
 from ..plant.friction.geometry import PackGeometry
+from ..plant.small_vectors import dot, vector
 from .oil_supply import viscosity_at
 from .part import Wire
 
@@ -47,13 +48,34 @@ DRAG_MODELS = ("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
 class PlatePack(PackGeometry):
     """Geometry and friction of the plates (thesis tab. 3.3)."""
 
-    friction_static: float = param("ratio", 0.0, 1.0, "Coefficient of friction of plates that stick")
-    friction_kinetic: float = param("ratio", 0.0, 1.0, "Coefficient of friction of plates that slip")
-    friction_spline: float = param(
-        "ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines as the pack is pressed"
+    friction_static: float = param("ratio", 0.0, 1.0, "Coefficient of friction at rest, with the oil squeezed out of the contact")
+    friction_kinetic: float = param("ratio", 0.0, 1.0, "Coefficient of friction that is left when the plates slip fast")
+    friction_speed: float = param(
+        "velocity",
+        1e-6,
+        100.0,
+        "Sliding speed at the mean radius at which 1/e of the difference between both is left, at friction_pressure and with the "
+        "oil's stated viscosity",
     )
-    friction_spline_static: float = param(
-        "ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines as the pack is let go"
+    friction_pressure: float = param(
+        "pressure",
+        1e3,
+        1e8,
+        "Pressure on the plates at friction_speed; a higher one keeps the asperities in contact up to more speed",
+    )
+    film_time: float = param(
+        "time",
+        0.0,
+        10.0,
+        "Time constant with which oil is squeezed out between the plates, or drawn in again, with the oil's stated viscosity",
+    )
+    friction_spline: float = param("ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines, either way")
+    friction_correction: float = param("ratio", 0.1, 10.0, "Factor on the torque of the friction model, k_kor of (6.56)")
+    rest_torque: float = param(
+        "torque",
+        0.0,
+        500.0,
+        "Torque that the pack holds at rest without being pressed, once its plates have touched: M_rest of (6.56)",
     )
     film_gap: float = param(
         "length",
@@ -86,27 +108,17 @@ class PlatePack(PackGeometry):
 
 @dataclass(frozen=True)
 class PackFriction:
-    """Models of a pack's torque and drag, the correction of the torque, and what the pack holds without being pressed (6.56)."""
+    """Models of a pack's torque and of its drag."""
 
     friction_model: str = choice("Model of the torque by the clamp force", *FRICTION_MODELS)
     drag_model: str = choice("Model of the viscous drag of the open pack", *DRAG_MODELS)
-    friction_correction: float = param("ratio", 0.1, 10.0, "Factor on the torque of the friction model")
-    rest_torque: float = param(
-        "torque", 0.0, 500.0, "Torque that the pack holds at rest without being pressed, once its plates have touched"
-    )
-    rest_sliding: float = param(
-        "ratio", 0.0, 1.0, "Share of the torque held without being pressed that is left while the pack slips"
-    )
-    spline_hold: float = param(
-        "ratio", 0.0, 1.0, "How much of the plates' sticking on their splines outlasts the clamp force: none at 0, all at 1"
-    )
 
 
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
     """Return the torque per clamp force of the whole pack by a model of chapter 6.
 
-    Only the thesis's model can be read for the release: the plates stick on their splines, so the spline friction is that at rest,
-    in the reversed direction. With the other models the pack follows its clamp force.
+    Only the thesis's model can be read for the release, with the friction of the splines in the reversed direction. With the other
+    models the pack follows its clamp force.
 
     Parameters
     ----------
@@ -129,9 +141,8 @@ def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, 
     RigError
         For a pack that is not possible.
     """
-    spline = pack.friction_spline_static if releasing and model == "thesis" else pack.friction_spline
     try:
-        return float(FRICTION_MODELS[model](pack, friction, spline, releasing))
+        return float(FRICTION_MODELS[model](pack, friction, pack.friction_spline, releasing))
     except ValueError as error:
         raise RigError(f"plate_pack: {error}") from None
 
@@ -220,13 +231,40 @@ def drag_coefficient(piston: float, clamp: float, viscosity: float, clutch: Reco
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def held_torque(before: float, clamp: float, engaging: float, releasing: float) -> float:
-    """Return the torque [Nm] at which a stuck pack slips, with the memory of the splines.
+def held_force(before: float, clamp: float, most: float) -> float:
+    """Return the force [N] that presses the plates, with the memory of the splines.
 
-    It rises along ``engaging`` times the clamp force, stays while the plates stick on their splines, and falls along ``releasing``
-    times the clamp force [Nm/N].
+    It rises with the clamp force, stays while the plates stick on their splines, and falls along ``most`` times the clamp force.
     """
-    return min(max(before, engaging * clamp), releasing * clamp)
+    return min(max(before, clamp), most * clamp)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def boundary_share(slip: float, force: float, viscosity: float, stribeck: float) -> float:
+    """Return the share of the friction at rest over that of fast slip that remains at a slip, once the film has settled.
+
+    It is the curve of Stribeck: it depends on viscosity times speed over pressure, 1 at rest and 0 where a film carries.
+
+    Parameters
+    ----------
+    slip : float
+        Slip [rad/s].
+    force : float
+        Force on the plates [N].
+    viscosity : float
+        Viscosity of the oil over that at which ``friction_speed`` is stated.
+    stribeck : float
+        Force per slip at which 1/e of the boundary friction is left [N s/rad].
+
+    Returns
+    -------
+    float
+        Share, 0 to 1.
+    """
+    over = abs(slip) * viscosity * stribeck
+    if over == 0.0:
+        return 1.0
+    return exp(-over / force) if over < FAR * force else 0.0
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -241,15 +279,32 @@ def rest_share(before: float, piston: float, clamp: float, clutch: Record) -> fl
 
 
 # states of a pack from step to step, and values derived from its configuration; clearance is new_clearance plus wear
-STATE = ("temperature", "wear", "heat", "clamp", "held", "rest", "kinetic", "static", "drag", "film_temperature", "film_viscosity")
+STATE = (
+    "temperature",
+    "wear",
+    "heat",
+    "clamp",
+    "held",
+    "rest",
+    "boundary",
+    "kinetic",
+    "static",
+    "drag",
+    "film_temperature",
+    "film_viscosity",
+)
+FAR = 40.0  # multiples of the Stribeck speed beyond which no boundary friction is left
 SERIES = 1e-3  # exponent up to which a series of five terms equals the exponential to rounding
 DERIVED = (
-    "engaging_kinetic",
-    "engaging_static",
-    "releasing_static",
-    "sliding_share",
+    "kinetic_per_force",
+    "excess_per_force",
+    "holding_kinetic",
+    "holding_excess",
+    "stribeck",
+    "rest_force",
     "drag_factor",
     "new_clearance",
+    "step",
     "plates_left",
     "plates_rise",
 )
@@ -287,16 +342,20 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
     RigError
         For a pack that is not possible.
     """
-    kinetic, static, held = (
-        pack.friction_correction * torque_per_force(plates, mu, turned, pack.friction_model)
-        for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False), (plates.friction_static, True))
+    (kinetic, slow), (static, fast) = (
+        tuple(plates.friction_correction * torque_per_force(plates, mu, way, pack.friction_model) for way in (False, True))
+        for mu in (plates.friction_kinetic, plates.friction_static)
     )
-    hold = pack.spline_hold if spline_hysteresis else 0.0
+    if not spline_hysteresis:
+        slow, fast = kinetic, static
+    hold_kinetic, hold_static = (most / least if least else 1.0 for most, least in ((slow, kinetic), (fast, static)))
     return {
-        "engaging_kinetic": kinetic,
-        "engaging_static": static,
-        "releasing_static": static + hold * (held - static),
-        "sliding_share": plates.friction_kinetic / plates.friction_static if plates.friction_static else 1.0,
+        "kinetic_per_force": kinetic,
+        "excess_per_force": static - kinetic,
+        "holding_kinetic": hold_kinetic,
+        "holding_excess": hold_static - hold_kinetic,
+        "stribeck": plates.mean_radius * plates.area * plates.friction_pressure / plates.friction_speed,
+        "rest_force": plates.rest_torque / static if static else 0.0,
         "drag_factor": drag_factor(plates, pack.drag_model),
         "new_clearance": clearance,
     }
@@ -354,6 +413,7 @@ def film_viscosity(me: Record, oil: Record) -> float:
 def fill_plates(my: Record, h: float) -> None:
     """Compute the values of the plates' cooling that depend on the step's length."""
     my.plates_left, my.plates_rise = plates_cooling(h, my)
+    my.step = h
 
 
 @njit(**INLINED)
@@ -370,17 +430,26 @@ def capacities_after(me: Record, my: Record, piston: float, drag: float, world: 
 
     ``drag`` is that at the step's start.
     """
-    me.held = held_torque(me.held, me.clamp, my.engaging_static, my.releasing_static)
+    line, f, oil = world.driveline, my.element, world.values.oil_supply[my.oil]
+    film = film_viscosity(me, oil)
+    viscosity = film / oil.viscosity
     me.rest = rest_share(me.rest, piston, me.clamp, my)
-    rest = my.rest_torque * me.rest
-    factor = friction_factor(me.temperature, my)
-    # sliding breaks the adhesion; the force of the waves is the clamp force itself until the piston no longer presses them. The
-    # force that the splines hold back presses the plates whether they slip or not
-    me.kinetic = max(factor * my.engaging_kinetic * me.clamp, my.rest_sliding * rest)
-    me.kinetic += factor * my.sliding_share * (me.held - my.engaging_static * me.clamp)
-    me.static = factor * me.held + rest
-    me.drag = drag_coefficient(piston, me.clamp, film_viscosity(me, world.values.oil_supply[my.oil]), my)
-    cap, f = world.driveline.cap, my.element
+    me.held = held_force(me.held, me.clamp, my.holding_kinetic + my.holding_excess * me.boundary)
+    # the waves of the plates press them without the piston; with this force, (6.56) holds at rest
+    force = me.held + my.rest_force * me.rest
+    n = line.v.shape[0]
+    across = vector(line.w, f * n, line.v)
+    slip = dot(across, vector(line.v, 0, line.v)) + 0.5 * dot(across, vector(line.gain, 0, line.v))  # expected in the middle
+    twice = 2.0 * my.film_time * viscosity
+    left = max(0.0, (twice - my.step) / (twice + my.step))
+    at_rest = 1.0 - (1.0 - me.boundary) * left
+    share = boundary_share(slip, force, viscosity, my.stribeck)
+    me.boundary = share + (me.boundary - share) * left
+    force *= friction_factor(me.temperature, my)
+    me.kinetic = force * (my.kinetic_per_force + my.excess_per_force * me.boundary)
+    me.static = force * (my.kinetic_per_force + my.excess_per_force * at_rest)
+    me.drag = drag_coefficient(piston, me.clamp, film, my)
+    cap = line.cap
     cap[KIN1, f], cap[HI1, f], cap[LO1, f] = me.kinetic, me.static, -me.static
     cap[VISC, f] = 0.5 * (drag + me.drag)
 
