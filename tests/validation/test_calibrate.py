@@ -151,9 +151,27 @@ def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
         return [rows.Miss("curve", 0.0, float(np.hypot(*parts)), parts)]
 
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
-    slopes, spread = c.sensitivities(config, parameters, {"loss_out_constant": 2.8}, curve)
-    assert spread["loss_out_constant"] == pytest.approx(18.0**-0.5)
+    slopes, spread, profile = c.sensitivities(config, parameters, {"loss_out_constant": 2.8}, curve)
+    assert spread["loss_out_constant"] == profile["loss_out_constant"] == pytest.approx(18.0**-0.5)
     assert slopes["loss_out_constant"]["curve"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_parameter_that_another_can_replace_is_less_determined_than_its_slope_says(config):
+    """Rows 3 x + 4 y and 3 x: with y held, x is determined to 1 / sqrt(18); with y fitted again, by the second row alone."""
+
+    def both(config, targets):
+        x, y = config.loss_in.at_rest, config.loss_out.drag
+        return [rows.Miss("sum", 0.0, 3.0 * x + 4.0 * y), rows.Miss("one", 0.0, 3.0 * x)]
+
+    parameters = {name: p for name, p in c.load_stages()["losses"].items() if name != "loss_at_470"}
+    _, spread, profile = c.sensitivities(config, parameters, {"loss_at_rest": 3.0, "loss_out_constant": 5.0}, both)
+    assert spread["loss_at_rest"] == pytest.approx(18.0**-0.5) and profile["loss_at_rest"] == pytest.approx(1.0 / 3.0)
+
+
+def test_no_calibrated_value_stands_at_a_bound(config):
+    for stage, parameters in c.load_stages().items():
+        for name, share in zip(parameters, c.shares_of(config, parameters), strict=True):
+            assert 0.01 < share < 0.99, f"{stage}.{name} at {share:.3f} of its bounds"
 
 
 def test_random_places_are_no_worse_than_the_one_at_hand(config):

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="put what was found into the rig's rig.yaml and the settings of its controller; without it nothing is changed",
     )
-    parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities and spreads")
+    parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities, spreads and profiles")
     parser.add_argument(
         "--generations",
         type=int,
@@ -107,9 +107,11 @@ def main(args: argparse.Namespace) -> int:
         print(f"\nrig: {what}; nothing was changed", file=sys.stderr)
         return code
     line.leave()
-    print(f"{'parameter':24} {'value':>12} {'spread':>12}  (SI)")
+    print(f"{'parameter':24} {'value':>12} {'spread':>12} {'profile':>12} {'bounds':>25}  (SI)")
     for name, value in found.values.items():
-        print(f"{name:24} {value:12.5g} {found.spread[name]:12.3g}  {', '.join(parameters[name].of)}")
+        p = parameters[name]
+        bounds = f"{p.low:.4g} to {p.high:.4g}"
+        print(f"{name:24} {value:12.5g} {found.spread[name]:12.3g} {found.profile[name]:12.3g} {bounds:>25}  {', '.join(p.of)}")
     print(f"\n{'row':30} {'before':>12} {'after':>12} {'miss':>8}  (SI; miss in tolerances)")
     for stage, misses in found.after.items():
         for before, after in zip(found.before[stage], misses):
@@ -124,6 +126,7 @@ def main(args: argparse.Namespace) -> int:
             {
                 "values": found.values,
                 "spread": found.spread,
+                "profile": found.profile,
                 "sensitivities": found.sensitivities,
                 "before": [plain(miss) for misses in found.before.values() for miss in misses],
                 "after": [plain(miss) for misses in found.after.values() for miss in misses],

@@ -148,6 +148,8 @@ class Found:
         The rows' misses of each stage before and after the search.
     spread : dict of str to float
         How well each parameter is determined: the change [SI] that moves the sum of squared misses by 1 with the others held.
+    profile : dict of str to float
+        The same with the others fitted again, so that what one parameter can do in place of another is counted.
     sensitivities : dict of str to dict
         Parameter -> row -> change of its miss [tolerances] by a tenth of the parameter's bounds.
     """
@@ -156,6 +158,7 @@ class Found:
     before: dict[str, list[Miss]]  # misses of each stage
     after: dict[str, list[Miss]]
     spread: dict[str, float] = field(default_factory=dict)
+    profile: dict[str, float] = field(default_factory=dict)
     sensitivities: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
@@ -385,11 +388,12 @@ def shares_of(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray
 
 def sensitivities(
     config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float], misses: Callable
-) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+) -> tuple[dict[str, dict[str, float]], dict[str, float], dict[str, float]]:
     """Determine how much the rows' misses depend on each parameter, by differences to both sides.
 
-    The spread of a parameter is the change that moves the sum of squared misses by 1, to second order and with the others held.
-    It is at most the width of the bounds, which a parameter without any effect on the rows has.
+    The spread of a parameter is the change that moves the sum of squared misses by 1, to second order and with the others held; its
+    profile is the change that does so with the others fitted again. Both are at most the width of the bounds, which a parameter
+    without any effect on the rows has.
 
     Parameters
     ----------
@@ -406,12 +410,12 @@ def sensitivities(
     -------
     rows : dict of str to dict
         Parameter -> row -> change of its miss [tolerances] by a tenth of the parameter's bounds.
-    spread : dict of str to float
-        Spread of each parameter [SI].
+    spread, profile : dict of str to float
+        Spread and profile of each parameter [SI].
     """
     targets, step = calibrating(), 0.02
     rows: dict[str, dict[str, float]] = {}
-    spread = {}
+    slopes = []
     for name, p in parameters.items():
         width = p.high - p.low
         below, above = (
@@ -420,9 +424,18 @@ def sensitivities(
         rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step) for one, other in zip(below, above)}
         # A curve counts by its milliseconds: its mean distance has no slope where it is least, and would allow any value.
         one, other = (np.concatenate([miss.residuals for miss in side]) for side in (below, above))
-        curvature = np.sum(((other - one) / (2.0 * step)) ** 2)
-        spread[name] = width * min(1.0, 1.0 / np.sqrt(curvature)) if curvature > 0.0 else width
-    return rows, spread
+        slopes.append((other - one) / (2.0 * step))
+    return rows, *_determined(np.array(slopes), parameters)
+
+
+def _determined(slopes: Floats, parameters: dict[str, Parameter]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return spread and profile [SI] of parameters by the (n, m) slopes of m misses over the n shares of their bounds."""
+    spread, profile = {}, {}
+    for k, (name, p) in enumerate(parameters.items()):
+        own, others = slopes[k], np.delete(slopes, k, 0).T
+        rest = own - others @ np.linalg.lstsq(others, own, rcond=1e-9)[0] if len(slopes) > 1 else own
+        spread[name], profile[name] = ((p.high - p.low) / max(1.0, float(np.linalg.norm(slope))) for slope in (own, rest))
+    return spread, profile
 
 
 def calibrate(
@@ -482,10 +495,11 @@ def calibrate(
         values = search(config, those, misses, turns, jobs, seed, tell, starts)
         config = with_values(config, those, values)
         found.after[stage] = misses(config, targets)
-        changes, spread = sensitivities(config, those, values, misses)
+        changes, spread, profile = sensitivities(config, those, values, misses)
         found.values |= {f"{stage}.{name}": value for name, value in values.items()}
         found.sensitivities |= {f"{stage}.{name}": row for name, row in changes.items()}
         found.spread |= {f"{stage}.{name}": value for name, value in spread.items()}
+        found.profile |= {f"{stage}.{name}": value for name, value in profile.items()}
     return found, config
 
 
