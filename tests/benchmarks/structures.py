@@ -4,7 +4,7 @@
 """Structures of the plates' friction, each calibrated on some figures and judged on another: the table of
 docs/background/physics.md.
 
-.venv/bin/python tests/benchmarks/structures.py [--samples N] [--json FILE]
+.venv/bin/python tests/benchmarks/structures.py [NUMBER ...] [--samples N] [--json FILE]    # numbers: rows of the table, from 1
 
 Each structure is the rig with some settings held and the others drawn over their bounds in calibration.yaml, as many times for
 each. For each fold the draw that costs least on the rows of the other folds is judged on the rows of this one.
@@ -131,11 +131,14 @@ def judge(found):
 def main():
     """Prints the table; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("numbers", type=int, nargs="*", choices=range(1, len(STRUCTURES) + 1), metavar="NUMBER")
     parser.add_argument("--samples", type=int, default=40)
     parser.add_argument("--json")
     args = parser.parse_args()
     table = {}
-    for name, structure in STRUCTURES.items():
+    for number, (name, structure) in enumerate(STRUCTURES.items(), 1):
+        if args.numbers and number not in args.numbers:
+            continue
 
         def progress(k, name=name):
             print(f"\r{name}: {k} of {args.samples}", end="", file=sys.stderr, flush=True)
