@@ -18,12 +18,12 @@ from rig_nodes.bags.writer import BagWriter
 
 # old fields that have another name or another place today
 OLD_NAMES = {"stamp", "n_wej", "n_wyj", "p1", "p2", "w_wej", "w_wyj", "m_wej", "m_wyj", "__msgtype__"}
-SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
+BEFORE = Path(__file__).parent / "before"  # the sample bag of version 0.1.0
 
 
 def as_written(topic):
-    """Returns messages of a topic of the sample bag, decoded by other programs and by the definition in the bag."""
-    (path,) = SAMPLE.glob("*.mcap")
+    """Returns messages of a topic of the old bag, decoded by other programs and by the definition in the bag."""
+    (path,) = BEFORE.glob("*.mcap")
     store, found = get_typestore(Stores.EMPTY), []
     with path.open("rb") as file:
         for schema, _, message in mcap.reader.make_reader(file).iter_messages([topic]):
@@ -33,13 +33,13 @@ def as_written(topic):
     return found
 
 
-def test_the_sample_bag_is_one_of_before():
+def test_the_old_bag_is_one_of_before():
     assert hasattr(as_written("/alfa46/command")[0], "stamp")
     assert hasattr(as_written("/instruments/controller")[0], "n_wej")
 
 
 def test_every_message_of_an_old_bag_says_what_it_said():
-    bag = Bag(SAMPLE)
+    bag = Bag(BEFORE)
     assert not [topic for topic in bag.types if topic.startswith("/alfa46/")]
     pairs = {"/alfa46/command": "/controller/command", "/alfa46/events": "/controller/events"}
     for before in (
@@ -72,8 +72,8 @@ def test_every_message_of_an_old_bag_says_what_it_said():
 
 
 def test_an_old_bag_has_todays_types_so_that_it_can_be_replayed_and_compared():
-    bag = Bag(SAMPLE)
-    with OpenedBags([SAMPLE]) as index:
+    bag = Bag(BEFORE)
+    with OpenedBags([BEFORE]) as index:
         for topic, ros_type in bag.types.items():
             encoding, text, _ = index.channel(topic)
             assert encoding == "cdr/ros2msg" and installed(ros_type).text.split() and bag.channel(topic)[1] == text

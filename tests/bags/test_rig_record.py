@@ -20,7 +20,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
+BEFORE = Path(__file__).parent / "before"  # the sample bag of version 0.1.0
 SHORT = """
 rig: ./mine
 description: a gear laid in
@@ -67,7 +67,7 @@ def test_such_a_bag_is_reported_and_viewed_under_its_own_names(foreign, capsys):
 
 
 def test_a_record_of_before_has_the_structure_and_values_of_today():
-    old = Bag(SAMPLE).run_info()["configuration"]
+    old = Bag(BEFORE).run_info()["configuration"]
     record, today = rig_record(old), load_rig("hydmag").as_dict()
     assert "structure" not in old and record["structure"] == today["structure"]
     changed = {**old, "gearbox": {**old["gearbox"], "inertia_in": 0.5, "loss_out_constant": 3.0}}
@@ -112,7 +112,7 @@ def test_a_bag_that_says_nothing_of_its_rig_is_of_the_one_with_its_topics(rig):
     ids=["values that are none", "empty", "a number", "a thousand bodies", "a part that there is not"],
 )
 def test_a_record_that_is_none_is_refused_in_one_sentence(record, monkeypatch):
-    bag = Bag(SAMPLE)
+    bag = Bag(BEFORE)
     monkeypatch.setattr(bag, "run_info", lambda: {"configuration": record})
     with pytest.raises(BagError, match="what it says of its rig cannot be used"):
         bag.catalogue

@@ -24,9 +24,7 @@ def test_sample_bag_is_what_its_command_makes(tmp_path):
     assert shift["valid"] and (shift["from_gear"], shift["to_gear"]) == (1, 2)
     simulate(load_rig("hydmag"), load_sequence("sample"), tmp_path / "again")
     again = Bag(tmp_path / "again")
-    new = {topic for topic in again.counts if topic not in bag.counts}
-    assert new == {"/instruments/controller_record"}, "the bag is of before there was such a topic"
-    assert {topic: again.counts[topic] for topic in bag.counts} == bag.counts
+    assert again.counts == bag.counts
     for name in ("M_wej", "n_wyj", "p1", "p2"):
         # not bit by bit, because another processor may round differently
         assert again.series(name)[1] == pytest.approx(bag.series(name)[1], rel=1e-3, abs=1e-3 * bag.series(name)[1].max())
