@@ -62,10 +62,9 @@ Only two bases are facts of their own: **calibrated** rows may be fitted, **pred
 themselves. **Implied** rows follow from such a row or repeat one, rows of **consistency** come out by construction,
 because the rig was given what they say; both are judged, and counted apart. Rows for **information** cannot be
 judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not
-all predicted rows are untouched: on which side the loss by the load brakes was decided with them in view (both
-readings meet as many), and so were some assumptions (that the plates of both clutches stick in their splines when
-clamp force is taken off, S2's by 0.31 of what S1's do, and press a slipping pack too; that all of S2's M_rest is left
-while it slips; that chapter 9's output speed is bounded; the drive's tuning and short overload); see "Calibration" in
+all predicted rows are untouched: the form of the friction law and that Annex D's losses by torque are left out were
+decided with them in view, and so were some assumptions (that the plates stick in their splines when clamp force is
+taken off; that chapter 9's output speed is bounded; the drive's tuning); see "Calibration" in
 [physics.md](../background/physics.md).
 
 The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](../how_to/benches.md)). Its
