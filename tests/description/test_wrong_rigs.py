@@ -126,6 +126,8 @@ WRONG = {
     # transducers
     "a type that is not there": (N_IN, N_IN.replace("speed, shows", "tacho, shows"), "type is 'tacho', expected one of"),
     "what nobody can show": (N_IN, N_IN.replace("input.speed", "inputs.speed"), "'inputs.speed'; did you mean 'input.speed'"),
+    "a device without a state": (N_IN, N_IN.replace("input.speed", "plate_pack.speed"), "a plate_pack has no state of its own"),
+    "more than the meter": ("torque, shows: M_in,", "torque, shows: M_in.torque,", "'M_in.torque'; known are M_in"),
     "a device that is not there": (N_IN, N_IN.replace("at: motor", "at: moter"), "did you mean 'motor'"),
     "a range the wrong way round": (N_IN, N_IN.replace("[0 rpm, 3000 rpm]", "[3000 rpm, 0 rpm]"), "give the lowest value first"),
     "a range of another dimension": (N_IN, N_IN.replace("3000 rpm]", "3000 Nm]"), "expected an angular velocity"),

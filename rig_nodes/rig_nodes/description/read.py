@@ -471,7 +471,10 @@ class _Reader:
         ]
         if shows not in known:
             if dot and owner in by_name:
-                known = [one for one in known if one.startswith(f"{owner}.")]
+                known = [one for one in known if one == owner or one.startswith(f"{owner}.")]
+                if not known:
+                    kind = by_name[owner].part
+                    raise RigError(f"{where} is {brief(shows)}; nothing of {owner} can be shown: a {kind} has no state of its own")
             raise RigError(f"{where} is {brief(shows)}; {meant(shows, known)}")
         return shows
 
