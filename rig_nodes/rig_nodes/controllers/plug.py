@@ -407,7 +407,11 @@ class Plug(ABC):
 
     @abstractmethod
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        """Return the controller's own answer to a sample, before the checks."""
+        """Return the controller's own answer to a sample, before the checks.
+
+        Where there is none, a plug ends with :meth:`_fail` or :meth:`_overdue`, whose sentence trips the rig; any other exception
+        ends the whole run with a traceback.
+        """
 
     def _abandon(self) -> None:
         """Release what is outside this process after a fatal status, once, without a call into the controller."""
