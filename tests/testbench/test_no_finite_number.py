@@ -51,7 +51,7 @@ def test_all_runs_of_a_procedure_are_named_and_their_bags_are_whole(tmp_path, ca
     assert main(["procedure", "delay_series", "--series", "19", "--out", str(tmp_path / "p")]) == 1
     errors = capsys.readouterr().err.splitlines()
     assert [line.partition(": clutch_s1")[0] for line in errors] == ["rig: series 19"] * 2
-    for folder in sorted((tmp_path / "p").iterdir()):
+    for folder in sorted(path for path in (tmp_path / "p").iterdir() if path.is_dir()):
         end = json.loads((folder / "report.json").read_text())["run"]["end"]
         assert end["state"] == "tripped" and "between 0.800 s and 0.801 s" in end["reason"]
         bag = Bag(folder)

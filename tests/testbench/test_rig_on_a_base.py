@@ -15,7 +15,7 @@ CHAPTER9 = (RIGS_DIR / "chapter9" / "rig.yaml").read_text()
 
 def test_what_is_not_named_is_that_of_the_base():
     base, other = load_rig(), load_rig("chapter9")
-    assert other.name == "chapter9" and other.plate_pack == base.plate_pack and other.load_pump == base.load_pump
+    assert other.name == "chapter9" and other.oil_supply == base.oil_supply and other.load_pump == base.load_pump
     assert not other.effects.motor_speed and base.effects.motor_speed
     assert other.alfa46.values.t12 == 0.0 and base.alfa46.values.t12 == -0.22
     assert other.as_dict()["prescribed"]["forces"][0]["contact_force"] == 389.0 and "prescribed" not in base.as_dict()

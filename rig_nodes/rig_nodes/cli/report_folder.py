@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 OF_ONE_RUN = (
     ("annex_a", "annex-a"),
     ("truth", "truth"),
-    ("orders", "orders"),
-    ("period", "period"),
-    ("rig", "rig"),
-    ("settings", "set"),
 )
 
 

@@ -141,7 +141,7 @@ class _Reader:
         self.only(node, KEYS, "profile")
         columns = self.map_at(node, "columns")
         if not columns:
-            raise RigError(f"{self.path}: names no columns; write e.g. columns: {{'Moment': {{signal: M_wej, unit: Nm}}}}")
+            raise RigError(f"{self.path}: names no columns; write e.g. columns: {{'Moment': {{signal: NAME, unit: Nm}}}}")
         time, gear = node.get("time"), node.get("gear")
         time = time if isinstance(time, Map) else {"column": time} if isinstance(time, str) else self.map_at(node, "time")
         gear = gear if isinstance(gear, Map) else {"column": gear} if isinstance(gear, str) else self.map_at(node, "gear")
@@ -224,10 +224,10 @@ class _Reader:
         if isinstance(node, str):
             return Mapped(str(head), node, where)
         if not isinstance(node, Map):
-            raise RigError(f"{where}: column {head!r} is {brief(node)}, expected e.g. {{signal: M_wej, unit: Nm}}")
+            raise RigError(f"{where}: column {head!r} is {brief(node)}, expected e.g. {{signal: NAME, unit: Nm}}")
         self.only(node, ("signal", "unit", "factor", "offset"), "column")
         if (signal := self.text(node, "signal")) is None:
-            raise RigError(f"{where}: column {head!r} names no signal; write e.g. {{signal: M_wej, unit: Nm}}")
+            raise RigError(f"{where}: column {head!r} names no signal; write e.g. {{signal: NAME, unit: Nm}}")
         factor = self.number(node, "factor", 1.0)
         if not factor:
             raise RigError(f"{where}: the factor of column {head!r} is 0")
