@@ -478,7 +478,7 @@ def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsy
                 "--spreads",
                 str(tmp_path / "s.json"),
                 "--set",
-                "valve_zr_p2.pressure_gain=1 MPa/A",
+                "valve_zr_p2.pressure_gain=0.3 MPa/A",
                 "--out",
                 str(tmp_path / "t"),
             ]
