@@ -60,7 +60,7 @@ def lanes(image: np.ndarray) -> list[np.ndarray]:
 
     Each is one row of RGB from the bar's upper edge, free of text.
     """
-    full = (image.max(axis=2) > 50).mean(axis=1) > 0.9  # dark letters on a bar
+    full = (image.max(axis=2) > 50).mean(axis=1) > 0.65  # dark letters on a bar, which ends with the run
     edges = np.flatnonzero(np.diff(np.concatenate([[False], full, [False]]).astype(int)))
     return [image[start + 2] for start, end in edges.reshape(-1, 2) if end - start >= 10]
 

@@ -31,7 +31,7 @@ PAGES = Pages()
 
 def plots(*groups):
     """Returns (name of the view, signals) of plots."""
-    return [(f"{title} [{catalogue().signal(names[0]).display_unit}]", names) for group in groups for title, names in group]
+    return [(f"{title} [{PAGES.signal(names[0]).display_unit}]", names) for group in groups for title, names in group]
 
 
 RUN, OTHER = plots(PAGES.run_left, PAGES.run_right), plots(PAGES.other_plots)

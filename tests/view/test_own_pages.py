@@ -4,14 +4,18 @@
 """Pages of the view from a rig's folder: they replace the ones made from its parts, or stand beside them."""
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 
 from rig_nodes.cli.main import main
+from rig_nodes.config.names import installed
 from rig_nodes.description.structure import structure_of
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.view import layout
+from rig_nodes.view import pages as pages_module
 from rig_nodes.view.other_tools import tabs
 from rig_nodes.view.pages import Pages
 
@@ -43,7 +47,12 @@ def titles(blueprint) -> list[str]:
 def test_its_pages_are_tabs_and_replace_those_of_the_same_name(tmp_path):
     pages, plain = Pages(load_rig(written(tmp_path / "own")).as_dict()), Pages(load_rig("clutch_bench").as_dict())
     present = set(pages.known.signals)
-    assert titles(layout.blueprint(pages, present, [], None)) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
+    assert titles(layout.blueprint(pages, present, (0.0, 1.0), None)) == [
+        "Run",
+        "Planetary set",
+        "Slips at a glance",
+        "Other signals",
+    ]
     assert titles(layout.live_blueprint(pages, 5.0)) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
     assert titles(layout.live_blueprint(plain, 5.0)) == ["Run", "Other signals"]
     assert [title for title, _ in (*pages.run_left, *pages.run_right)] == ["Both shafts", "Load", "What they carry"]
@@ -98,3 +107,12 @@ def test_what_cannot_be_shown_is_refused_with_its_line(tmp_path, old, new, sente
     assert old in OWN
     with pytest.raises(RigError, match=sentence):
         load_rig(written(tmp_path / "wrong", OWN.replace(old, new)))
+
+
+def test_no_rig_and_no_signal_of_a_rig_is_named_in_the_view():
+    named = {*installed("rigs"), *load_rig("hydmag").catalogue.signals, *load_rig("three_speed").catalogue.signals}
+    words = re.compile(rf"\b({'|'.join(sorted(name for name in named if re.search(r'[_0-9A-Z]', name)))})\b")
+    # every rig with gears has the first four, the fifth is a quantity of a part, the last two are keys of every report's energy
+    allowed = {"rig_state", "gear_ordered", "loss_in", "loss_out", "relief_setting", "motor_work", "load_work"}
+    for path in Path(pages_module.__file__).parent.glob("*.py"):
+        assert set(words.findall(path.read_text())) <= allowed, path.name

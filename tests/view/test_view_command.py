@@ -39,7 +39,6 @@ def test_without_display_and_driver_the_view_is_still_written(run, no_display, n
 def test_a_picture_asked_for_needs_the_driver(run, no_driver, capsys):
     assert main(["view", str(run), "--picture", str(run / "x.png")]) == 2
     assert "mesa-vulkan-drivers" in capsys.readouterr().err
-    assert (run / "view.rrd").exists()
 
 
 def test_no_open_only_writes(run, monkeypatch, capsys):
@@ -56,6 +55,14 @@ REFUSED = {
     "picture of a live view": (["--live", "--picture", "{run}/x.png"], "--picture goes with a run only"),
     "domain of a run": (["{run}", "--domain", "0"], "--domain goes with --live only"),
     "tab without picture": (["{run}", "--tab", "run"], "--tab goes with --picture only"),
+    "shift of a live view": (["--live", "--shift", "1"], "--shift goes with a run only"),
+    "theme of a layout": (["--layout", "foxglove", "--theme", "light"], "--theme goes with a run or --live only"),
+    "no shift": (["{run}", "--shift", "0"], "0 is no shift; give a number from 1, several as 2,5, or all"),
+    "no such shift": (["{run}", "--shift", "7", "--no-open"], "--shift 7: the run has the shifts 1 to 3"),
+    "no valve response": (
+        ["{run}", "--tab", "valve", "--picture", "{run}/x.png"],
+        "the run has no tab 'valve'; --tab can be shifts",
+    ),
     "out without layout": (["{run}", "--out", "x.xml"], "--out goes with --layout only"),
     "no domain": (["--live", "--domain", "x"], "x is no ROS domain; give a number from 0 to 232"),
     "no port": (["--live", "--domain", "9", "--port", "0"], "0 is no port"),
@@ -122,6 +129,27 @@ def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, 
     finally:
         os.kill(process, signal.SIGKILL)
         os.waitpid(process, 0)
+
+
+def test_a_window_opens_in_the_theme_that_was_asked_for(tmp_path, monkeypatch):
+    program = tmp_path / "viewer"
+    program.write_text(f'#!/bin/sh\ncat "$XDG_DATA_HOME/rerun/app.ron" > {tmp_path / "told"}\nexit 3\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(viewer, "program", lambda: str(program))
+    monkeypatch.setattr(viewer, "START", 20.0)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with pytest.raises(RigError, match="ended at once"):
+        viewer.open_window(Path("view.rrd"), "light")
+    assert "theme_preference:Light" in (tmp_path / "told").read_text()
+
+
+def test_a_campaign_is_told_by_its_folder(tmp_path, run):
+    from rig_nodes.view.campaign import is_campaign
+
+    (tmp_path / "campaign" / "one").mkdir(parents=True)
+    assert not is_campaign(tmp_path / "campaign") and not is_campaign(run)
+    (tmp_path / "campaign" / "one" / "report.json").write_text("{}")
+    assert is_campaign(tmp_path / "campaign")
 
 
 def test_the_viewers_program_is_not_the_script_that_leaves_it_behind():

@@ -17,13 +17,13 @@ from ..bags.reader import Bag
 from ..catalogue import Signal
 from ..errors import RigError
 from . import layout
-from .pages import OTHER, Pages
+from .pages import OTHER, Pages, Plates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-    from rerun import RecordingStream, TimeColumn
+    from rerun import RecordingStream, SeriesLines, TimeColumn
 
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
@@ -33,11 +33,15 @@ def times(rr: ModuleType, t: Sequence[float] | np.ndarray) -> TimeColumn:
     return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
 
 
-def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
-    """Log the name with unit and the colour of a curve."""
+def style(rr: ModuleType, pages: Pages, signal: Signal) -> SeriesLines:
+    """Return the name with unit, the colour and the width of a curve."""
     name = f"{signal.name} [{signal.display_unit}]"
-    line = rr.SeriesLines(names=name, colors=pages.colour(signal.name), widths=pages.width(signal.name))
-    rec.log(layout.entity(signal), line, static=True)
+    return rr.SeriesLines(names=name, colors=pages.colour(signal.name), widths=pages.width(signal.name))
+
+
+def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
+    """Log the look of a signal's curve of the whole run."""
+    rec.log(layout.entity(signal), style(rr, pages, signal), static=True)
 
 
 def log_state_styles(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
@@ -82,6 +86,8 @@ class Curves:
         self._styled: set[str] = set()
         self._states: dict[str, float] = {}  # last value of each state
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
+        # heat [J] and temperature [degC] of plates at the last time [s] of the piece before
+        self._plates: dict[str, tuple[float, float, float]] = {}
         self._heights = {}  # (plot, index of the shift) -> lowest and highest value during the shift
 
     def add(self, piece: Bag) -> None:
@@ -99,6 +105,9 @@ class Curves:
                 self.ends = min(self.ends[0], t[0]), max(self.ends[1], t[-1])
                 self._measure(signal, t, values)
                 (self._send_states if signal.states else self._send_series)(signal, t, values)
+        for name, plates in self._pages.plates.items():
+            if plates.heat in self._names:
+                self._send_plates(name, plates, *self._series(piece, self._pages.known.signal(plates.heat)))
         for name, (t, values) in self._rows(piece, OWN_TOPIC).items():
             if self._first(name):
                 self._rec.log(layout.own_entity(name), self._rr.SeriesLines(names=name), static=True)
@@ -145,6 +154,25 @@ class Curves:
         if self._first(signal.name):
             log_style(self._rr, self._rec, self._pages, signal)
         self._send(layout.entity(signal), t, signal.shown(values))
+
+    def _send_plates(self, name: str, plates: Plates, t: np.ndarray, heat: np.ndarray) -> None:
+        """Send the temperature of plates: the exact solution for heat that comes evenly between two messages."""
+        if not len(t):
+            return
+        before = self._plates.get(name, (float(t[0]), float(heat[0]), plates.oil))
+        steps = np.diff(t, prepend=before[0])
+        spent = steps * plates.cooling / plates.capacity
+        left = np.exp(-spent)
+        rise = np.divide(-np.expm1(-spent), spent, out=np.ones_like(spent), where=spent > 0.0) / plates.capacity
+        over, values = before[2] - plates.oil, []
+        for share, more in zip(left.tolist(), (np.diff(heat, prepend=before[1]) * rise).tolist()):
+            over = over * share + more
+            values.append(over)
+        warm = plates.oil + np.array(values)
+        self._plates[name] = float(t[-1]), float(heat[-1]), float(warm[-1])
+        if self._first(name):
+            log_style(self._rr, self._rec, self._pages, plates.signal)
+        self._send(layout.entity(plates.signal), t, warm)
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send one row for each change of state."""
