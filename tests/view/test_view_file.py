@@ -217,7 +217,7 @@ def test_a_window_outside_the_run_is_refused(run, window):
 
 
 def test_a_folder_without_a_bag_is_refused(tmp_path):
-    with pytest.raises(BagError, match="holds one .mcap file"):
+    with pytest.raises(BagError, match="holds no bag; expected .mcap"):
         make_view(tmp_path)
 
 
