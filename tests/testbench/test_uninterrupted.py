@@ -28,7 +28,9 @@ class Interrupted:
         return self._original.pack(*values)
 
 
-@pytest.mark.parametrize("what, call", [("_CHUNK", 1), ("_CHUNK", 2), ("_MESSAGE_INDEX", 1), ("_MESSAGE_INDEX", 30), ("_CHUNK_INDEX", 3)])
+@pytest.mark.parametrize(
+    "what, call", [("_CHUNK", 1), ("_CHUNK", 2), ("_MESSAGE_INDEX", 1), ("_MESSAGE_INDEX", 30), ("_CHUNK_INDEX", 3)]
+)
 def test_a_bag_is_whole_wherever_it_comes(tmp_path, monkeypatch, what, call):
     monkeypatch.setattr(mcap_writer, what, Interrupted(getattr(mcap_writer, what), call))
     run = simulate(load_rig("hydmag"), load_sequence("sample"), tmp_path / "run")

@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 
     from ..analysis.limits import Limit
 
-OF_ONE_RUN = (
-    ("annex_a", "annex-a"),
-    ("truth", "truth"),
-)
+OF_ONE_RUN = (("annex_a", "annex-a"), ("truth", "truth"))
 
 
 def is_folder_of_runs(path: Path) -> bool:
