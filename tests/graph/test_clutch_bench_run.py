@@ -42,10 +42,12 @@ def test_every_topic_of_the_bench_is_in_the_bag_and_nothing_is_lost(run):
 def test_the_results_are_those_of_the_run_in_one_process(run):
     folder, _ = run
     report = json.loads((folder / "report.json").read_text())["bench"]
-    same = record(load_rig("clutch_bench"), load_sequence("clutch_bench", PARAMETERS)).recording.channels
+    logged = record(load_rig("clutch_bench"), load_sequence("clutch_bench", PARAMETERS)).recording
+    same = logged.channels
     assert [round(row["p_z_pa"] * 1e-6, 1) for row in report["slip_tests"]] == [1.0, 1.3, 1.5]
     # over DDS commands come some samples later, which does not change the torque at slip
     assert report["slip_tests"][-1]["m_eks_nm"] == pytest.approx(same["M_e"].max(), abs=1.0)
     assert report["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
     t, work = Bag(folder).series("motor_sh_work")
-    assert np.all(np.diff(t) > 0.0) and work[-1] > 100.0
+    assert np.all(np.diff(t) > 0.0)
+    assert work[-1] > (same["M_e"] * same["n"]).sum() * logged.period > 10.0, "more than the slipping plates took"
