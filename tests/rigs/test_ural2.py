@@ -11,9 +11,10 @@ import pytest
 
 from rig_nodes.analysis.modes import system_of
 from rig_nodes.cli.main import main
+from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_modes import modes
-from rig_nodes.testbench.calculations import Recorded, calculations_of
+from rig_nodes.testbench.calculations import Recorded, calculations_of, module_of
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
@@ -63,13 +64,7 @@ def test_the_flywheel_has_the_largest_amplitude_and_shaft_2_the_largest_twist_as
 
 
 def test_the_calculation_identifies_what_the_rig_has():
-    from importlib.util import module_from_spec, spec_from_file_location
-
-    from rig_nodes.config import RIGS_DIR
-
-    spec = spec_from_file_location("ural2_calculations", RIGS_DIR / "ural2" / "calculations.py")
-    calculations = module_from_spec(spec)
-    spec.loader.exec_module(calculations)
+    calculations = module_of(RIGS_DIR / "ural2" / "calculations.py")  # the one that the rows above have run
     rig = calculations._values(load_rig("ural2"))
     assert rig == pytest.approx(calculations.identified(), rel=1e-3)
     # its slopes against differences

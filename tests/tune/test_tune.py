@@ -294,7 +294,7 @@ def study(config, rigs=()):
 
 def test_a_search_that_goes_on_is_as_one_that_was_never_stopped(config, monkeypatch):
     pytest.importorskip("optuna")
-    monkeypatch.setattr(search, "POPULATION", 12)
+    monkeypatch.setattr(search, "POPULATION", 6)
     with Workers(1) as workers:
         whole, first, second = study(config), study(config), study(config)
         notes = []
@@ -348,7 +348,7 @@ def test_a_scout_lowers_the_worst_shift_and_goes_on_as_if_not_stopped(config):
 
 def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     pytest.importorskip("optuna")
-    monkeypatch.setattr(search, "POPULATION", 12)
+    monkeypatch.setattr(search, "POPULATION", 6)
     pq = pytest.importorskip("pyarrow.parquet")
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
     out = tmp_path / "tune"

@@ -223,7 +223,7 @@ class Calculation:
         NotRecorded
             When a run in memory does not hold a signal that is asked for.
         """
-        function = getattr(_module(self.path), TABLE)[self.name]
+        function = getattr(module_of(self.path), TABLE)[self.name]
         try:
             found = function(config, recording) if self.of_recording else function(config)
         except NotRecorded:
@@ -335,7 +335,7 @@ def recorded_with(
 
 
 @lru_cache(maxsize=16)
-def _module(path: Path) -> ModuleType:
+def module_of(path: Path) -> ModuleType:
     """Return the module of a calculations.py, run once in a process; RigError with file and line when it fails."""
     spec = importlib.util.spec_from_file_location(f"calculations_of_{path.parent.name}", path)
     if spec is None or spec.loader is None:
