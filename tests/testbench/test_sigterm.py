@@ -51,7 +51,7 @@ class Verb:
         """Returns exit code and output after SIGTERM to the verb alone, as from a service manager or `timeout`."""
         self.process.send_signal(signal.SIGTERM)
         output, _ = self.process.communicate(timeout=PATIENCE)
-        until = time.monotonic() + 5.0
+        until = time.monotonic() + PATIENCE  # at the lowest priority, the last process may wait for its turn to end
         while self.session() and time.monotonic() < until:
             time.sleep(0.02)
         assert self.session() == [], "something that it started runs on"
