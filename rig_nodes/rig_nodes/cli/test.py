@@ -40,7 +40,7 @@ FIRST = {"controllers": 2, "graph": 1, "fmu": 1}
 # tests against the clock, at the lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should
 # not run last, and those whose processes have time limits too should not run first. Short folders form one part with
 # others, because to start a part costs two seconds.
-BESIDE = ("plant", "tune", "testbench", "description", "view", "the rest", "validation")
+BESIDE = ("plant", "testbench", "rigs", "the rest", "description", "view", "tune", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
