@@ -19,6 +19,7 @@ from rig_nodes.testbench.outputs import Outputs
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from rig_nodes.view.convert import make_view
 
 REQUIRED = os.environ.get("RIG_REQUIRE_VIEW") == "1"  # with this variable set, no test here may be skipped
 HERE = Path(__file__).parent
@@ -44,6 +45,14 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded") / "demo"
     run = simulate(load_rig(), load_sequence("demo"), folder)
     write_report(folder, build_report(Bag(folder), run))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def viewed(recorded, tmp_path_factory):
+    """The folder of the demo run with its view, which tests must not change."""
+    folder = shutil.copytree(recorded, tmp_path_factory.mktemp("viewed") / "demo")
+    make_view(folder)
     return folder
 
 

@@ -13,7 +13,7 @@ from rig_nodes.view.pages import Pages
 PAGES = Pages()
 LONGEST = 300.0  # s for the requests to one viewer on a busy machine
 DOT = 5  # px; a square of this size fits into a legend's dot, but into no curve
-LEGEND = 0.3  # share of the width in which the legend lies
+LEGEND = 0.4  # share of the width in which the legend lies
 WHITE = 200  # least brightness of each channel of a text
 BAR = 0.78  # brightness of a state's bar relative to its given colour
 
@@ -58,14 +58,31 @@ def text_pixels(image: np.ndarray) -> int:
 def lanes(image: np.ndarray) -> list[np.ndarray]:
     """Returns the bars of a picture of states, from the top.
 
-    Each is one row of RGB from the bar's upper edge, free of text.
+    Each is one row of RGB from the bar's upper edge, free of text, up to the bar's end.
     """
-    full = (image.max(axis=2) > 50).mean(axis=1) > 0.9  # dark letters on a bar
+    bright = image.max(axis=2) > 50
+    full = bright.mean(axis=1) > 0.55  # dark letters on a bar, which ends with the run
     edges = np.flatnonzero(np.diff(np.concatenate([[False], full, [False]]).astype(int)))
-    return [image[start + 2] for start, end in edges.reshape(-1, 2) if end - start >= 10]
+    rows = [start + 2 for start, end in edges.reshape(-1, 2) if end - start >= 10]
+    return [image[row, : 1 + np.flatnonzero(bright[row])[-1]] for row in rows]
 
 
-def share(bar: np.ndarray, signal: str, label: str) -> float:
-    """Returns the part of a bar's length that has the colour of a state."""
+def upright(image: np.ndarray, colour) -> np.ndarray:
+    """Returns the columns in which a line of a colour, one pixel wide, goes through most of a plot.
+
+    A line between two columns of pixels has a part of its colour in both.
+    """
+    plot = image[:-18]
+    ground = np.median(plot, axis=(0, 1))
+    way = np.array(colour) - ground
+    part = ((plot - ground) @ way) / (way @ way)
+    of_colour = np.abs(plot - ground - part[:, :, None] * way).max(axis=2) < 30
+    part = np.where(of_colour & (part > 0.2), part, 0.0)
+    both = part + np.roll(part, -1, axis=1)
+    return np.flatnonzero((np.abs(both - 1.0) < 0.35).mean(axis=0) > 0.55)
+
+
+def of_state(bar: np.ndarray, signal: str, label: str) -> np.ndarray:
+    """Returns which pixels of a bar have the colour of a state."""
     colour = np.array(PAGES.state_colour(signal, label)) * BAR
-    return float((np.abs(bar - colour).max(axis=1) <= 12).mean())
+    return np.abs(bar - colour).max(axis=1) <= 12

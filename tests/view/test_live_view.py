@@ -13,7 +13,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from pixels import LONGEST, curve_pixels, dots, image_of, lanes, share, text_pixels
+from pixels import LONGEST, curve_pixels, dots, image_of, lanes, of_state, text_pixels
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
@@ -31,7 +31,7 @@ PAGES = Pages()
 
 def plots(*groups):
     """Returns (name of the view, signals) of plots."""
-    return [(f"{title} [{catalogue().signal(names[0]).display_unit}]", names) for group in groups for title, names in group]
+    return [(f"{title} [{PAGES.signal(names[0]).display_unit}]", names) for group in groups for title, names in group]
 
 
 RUN, OTHER = plots(PAGES.run_left, PAGES.run_right), plots(PAGES.other_plots)
@@ -123,7 +123,7 @@ def test_a_late_viewer_and_one_after_a_killed_one_see_the_newest(server, message
         t, values = bag.series(name)
         shown = values[t > end - live.WINDOW]
         for number, label in catalogue().signal(name).states.items():
-            assert share(bar, name, label) == pytest.approx((shown == number).mean(), abs=0.03), (name, label)
+            assert of_state(bar, name, label).mean() == pytest.approx((shown == number).mean(), abs=0.03), (name, label)
     assert sender.close(5.0) and not sender.failure
     assert (sender.received, sender.dropped, sender.lost, sender.unreadable) == (len(messages), 0, 0, 0)
 

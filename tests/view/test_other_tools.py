@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.view.other_tools import tabs
 from rig_nodes.view.pages import Pages
@@ -42,7 +41,7 @@ def signal_at(fields, topic, field):
     kind, count = fields[topic][name]
     assert PLOTTED.fullmatch(kind), f"{topic} {field} is a {kind}"
     assert (index is None) == (count is None) and (index is None or not count or int(index) < int(count))
-    return next(s.name for s in catalogue().signals.values() if (s.topic, s.field) == (topic, field))
+    return next(s.name for s in PAGES.known.signals.values() if (s.topic, s.field) == (topic, field))
 
 
 @pytest.fixture
@@ -82,14 +81,14 @@ def test_plotjuggler_shows_every_signal_in_peoples_units(plotjuggler, fields):
     found = set()
     for curve in plotjuggler.iter("curve"):
         topic, _, field = curve.get("name").rpartition("/")
-        signal = catalogue().signal(signal_at(fields, topic, field))
+        signal = PAGES.known.signal(signal_at(fields, topic, field))
         transform = curve.find("transform")
         assert transform.get("name") == "Scale/Offset"
         assert float(transform.find("options").get("value_scale")) == signal.scale
         assert signal.states or transform.get("alias") == f"{signal.name} [{signal.display_unit}]"
         assert re.fullmatch("#[0-9a-f]{6}", curve.get("color"))
         found.add(signal.name)
-    assert found == set(catalogue().signals)
+    assert found == set(PAGES.known.signals)
 
 
 def test_plotjuggler_finds_the_tree_that_it_walks(plotjuggler):
@@ -115,14 +114,14 @@ def test_foxglove_shows_every_signal_and_says_its_unit(foxglove, fields):
     for key, panel in foxglove["configById"].items():
         for path in panel.get("paths", ()):
             topic, _, field = path["value"].partition(".")
-            signal = catalogue().signal(signal_at(fields, topic, field))
+            signal = PAGES.known.signal(signal_at(fields, topic, field))
             assert path["enabled"] and path["timestampMethod"] == "receiveTime"
             assert key.startswith("StateTransitions!" if signal.states else "Plot!")
             if not signal.states:
                 assert panel["foxglovePanelTitle"].endswith(f" [{signal.unit}]")
                 assert path["label"] == f"{signal.name} [{signal.unit}]"
             found.add(signal.name)
-    assert found == set(catalogue().signals)
+    assert found == set(PAGES.known.signals)
 
 
 def test_foxglove_finds_each_panel_once(foxglove):

@@ -4,14 +4,19 @@
 """Pages of the view from a rig's folder: they replace the ones made from its parts, or stand beside them."""
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 
 from rig_nodes.cli.main import main
+from rig_nodes.config.names import installed
 from rig_nodes.description.structure import structure_of
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.view import layout
+from rig_nodes.view import pages as pages_module
+from rig_nodes.view.convert import make_tab_view, make_view
 from rig_nodes.view.other_tools import tabs
 from rig_nodes.view.pages import Pages
 
@@ -43,7 +48,7 @@ def titles(blueprint) -> list[str]:
 def test_its_pages_are_tabs_and_replace_those_of_the_same_name(tmp_path):
     pages, plain = Pages(load_rig(written(tmp_path / "own")).as_dict()), Pages(load_rig("clutch_bench").as_dict())
     present = set(pages.known.signals)
-    assert titles(layout.blueprint(pages, present, [], None)) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
+    assert titles(layout.blueprint(pages, present, (0.0, 1.0))) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
     assert titles(layout.live_blueprint(pages, 5.0)) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
     assert titles(layout.live_blueprint(plain, 5.0)) == ["Run", "Other signals"]
     assert [title for title, _ in (*pages.run_left, *pages.run_right)] == ["Both shafts", "Load", "What they carry"]
@@ -61,17 +66,19 @@ def test_a_bag_knows_them_when_the_folder_is_gone(tmp_path):
     assert "view" not in load_rig("hydmag").as_dict()["structure"], "a rig without pages of its own has the record that it had"
 
 
-def test_a_picture_is_made_of_a_page_by_its_name(tmp_path, capsys):
+def test_a_picture_is_made_of_a_page_by_its_name(tmp_path, read_rrd):
     folder = written(tmp_path / "own")
     (folder / "sequences").mkdir()
     (folder / "sequences" / "short.yaml").write_text("description: x\nsteps:\n  - wait: {for: 100 ms}\n")
     assert main(["simulate", "short", "--rig", str(folder), "--out", str(tmp_path / "run")]) == 0
-    from rig_nodes.view.convert import save_bare_layout
-
-    save_bare_layout(tmp_path / "run", None, tmp_path / "page.rbl", "Slips at a glance")
-    assert (tmp_path / "page.rbl").stat().st_size > 0
+    view, page = make_view(tmp_path / "run").path, tmp_path / "page.rrd"
+    make_tab_view(view, tmp_path / "run", None, page, "Slips at a glance")
+    whole, shown = read_rrd(view), read_rrd(page)
+    assert set(shown.views()) == {"Slip [rpm]", "Oil of B1 [MPa]"} < set(whole.views())
+    entity = "/" + layout.entity(Pages(load_rig(folder).as_dict()).signal("b1_slip"))
+    assert shown.data[entity]["t"] == whole.data[entity]["t"], "with all its curves"
     with pytest.raises(RigError, match="--tab: there is no tab 'Slips at a glanze'; did you mean 'Slips at a glance'"):
-        save_bare_layout(tmp_path / "run", None, tmp_path / "page.rbl", "Slips at a glanze")
+        make_tab_view(view, tmp_path / "run", None, page, "Slips at a glanze")
 
 
 @pytest.mark.parametrize(
@@ -98,3 +105,12 @@ def test_what_cannot_be_shown_is_refused_with_its_line(tmp_path, old, new, sente
     assert old in OWN
     with pytest.raises(RigError, match=sentence):
         load_rig(written(tmp_path / "wrong", OWN.replace(old, new)))
+
+
+def test_no_rig_and_no_signal_of_a_rig_is_named_in_the_view():
+    named = {*installed("rigs"), *load_rig("hydmag").catalogue.signals, *load_rig("three_speed").catalogue.signals}
+    words = re.compile(rf"\b({'|'.join(sorted(name for name in named if re.search(r'[_0-9A-Z]', name)))})\b")
+    # every rig with gears has the first four, the fifth is a quantity of a part, the last two are keys of every report's energy
+    allowed = {"rig_state", "gear_ordered", "loss_in", "loss_out", "relief_setting", "motor_work", "load_work"}
+    for path in Path(pages_module.__file__).parent.glob("*.py"):
+        assert set(words.findall(path.read_text())) <= allowed, path.name

@@ -11,9 +11,13 @@ from pathlib import Path
 import pytest
 import rerun
 
+from rig_nodes.analysis.report import write_report
+from rig_nodes.analysis.runs_table import Member, write_procedure
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.view import picture, viewer
+from rig_nodes.view.campaign import is_campaign, read_campaign
 
 
 @pytest.fixture
@@ -39,7 +43,6 @@ def test_without_display_and_driver_the_view_is_still_written(run, no_display, n
 def test_a_picture_asked_for_needs_the_driver(run, no_driver, capsys):
     assert main(["view", str(run), "--picture", str(run / "x.png")]) == 2
     assert "mesa-vulkan-drivers" in capsys.readouterr().err
-    assert (run / "view.rrd").exists()
 
 
 def test_no_open_only_writes(run, monkeypatch, capsys):
@@ -56,6 +59,14 @@ REFUSED = {
     "picture of a live view": (["--live", "--picture", "{run}/x.png"], "--picture goes with a run only"),
     "domain of a run": (["{run}", "--domain", "0"], "--domain goes with --live only"),
     "tab without picture": (["{run}", "--tab", "run"], "--tab goes with --picture only"),
+    "shift of a live view": (["--live", "--shift", "1"], "--shift goes with a run only"),
+    "theme of a layout": (["--layout", "foxglove", "--theme", "light"], "--theme goes with a run or --live only"),
+    "no shift": (["{run}", "--shift", "0"], "0 is no shift; give a number from 1, several as 2,5, or all"),
+    "no such shift": (["{run}", "--shift", "7", "--no-open"], "--shift 7: the run has the shifts 1 to 3"),
+    "no valve response": (
+        ["{run}", "--tab", "valve", "--picture", "{run}/x.png"],
+        "the run has no tab 'valve'; --tab can be shifts",
+    ),
     "out without layout": (["{run}", "--out", "x.xml"], "--out goes with --layout only"),
     "no domain": (["--live", "--domain", "x"], "x is no ROS domain; give a number from 0 to 232"),
     "no port": (["--live", "--domain", "9", "--port", "0"], "0 is no port"),
@@ -124,6 +135,41 @@ def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, 
         os.waitpid(process, 0)
 
 
+def test_a_window_opens_in_the_theme_that_was_asked_for(tmp_path, monkeypatch):
+    program = tmp_path / "viewer"
+    program.write_text(f'#!/bin/sh\ncat "$XDG_DATA_HOME/rerun/app.ron" > {tmp_path / "told"}\nexit 3\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(viewer, "program", lambda: str(program))
+    monkeypatch.setattr(viewer, "START", 20.0)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with pytest.raises(RigError, match="ended at once"):
+        viewer.open_window(Path("view.rrd"), "light")
+    assert "theme_preference:Light" in (tmp_path / "told").read_text()
+
+
+def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(tmp_path):
+    series = []
+    for t12 in (-0.22, -0.12):
+        (tmp_path / f"{t12}").mkdir()
+        row = {"from_gear": 1, "to_gear": 2, "t_c_s": 0.5 - t12, "valid": True}
+        run = {"configuration": load_rig().as_dict(), "parameters": {"speed": "500 rpm"}}
+        write_report(tmp_path / f"{t12}", {"run": run, "shifts": [row]})
+        conditions = {"series": len(series) + 1, "t12": t12, "n_wej": 52.36}
+        series.append({"label": f"{t12}", "conditions": conditions, "runs": [f"{t12}"]})
+    write_procedure(tmp_path, {"procedure": "x"}, series, [Member(one["label"], one["label"], []) for one in series])
+    found = read_campaign(tmp_path)
+    names = ["-0.12", "-0.22"]
+    assert found.names == names and found.conditions == {"t12": ("ms", pytest.approx([-120.0, -220.0]))}
+    assert [row["t_c_s"] for row in found.rows] == pytest.approx([0.62, 0.72])
+
+
+def test_a_campaign_is_told_by_its_folder(tmp_path, run):
+    (tmp_path / "campaign" / "one").mkdir(parents=True)
+    assert not is_campaign(tmp_path / "campaign") and not is_campaign(run)
+    (tmp_path / "campaign" / "one" / "report.json").write_text("{}")
+    assert is_campaign(tmp_path / "campaign")
+
+
 def test_the_viewers_program_is_not_the_script_that_leaves_it_behind():
     assert Path(viewer.program()).read_bytes()[:4] == b"\x7fELF"
 
@@ -136,6 +182,6 @@ def test_a_viewer_that_does_not_answer_is_ended_in_time(run, monkeypatch, tmp_pa
     monkeypatch.setattr(picture, "DRIVER_FOLDERS", (str(tmp_path),))
     monkeypatch.setattr(picture, "program", lambda: str(mute))
     with pytest.raises(RigError, match="did not finish within 1 s"):
-        picture.take_picture(run / "view.rrd", None, tmp_path / "x.png", longest=1.0)
+        picture.take_picture(run / "view.rrd", tmp_path / "x.png", longest=1.0)
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)

@@ -21,16 +21,14 @@ from rig_nodes.testbench.simulate import simulate
 from rig_nodes.transmission import transmission_of
 from rig_nodes.view import convert, layout
 from rig_nodes.view.convert import make_view
+from rig_nodes.view.curves import thinned
 from rig_nodes.view.pages import Pages
 
 
 @pytest.fixture(scope="module")
-def shown(recorded, tmp_path_factory, read_rrd):
+def shown(viewed, read_rrd):
     """The view of the demo run, read back."""
-    folder = tmp_path_factory.mktemp("shown")
-    (folder / "demo_0.mcap").write_bytes((recorded / "demo_0.mcap").read_bytes())
-    (folder / "report.json").write_bytes((recorded / "report.json").read_bytes())
-    return read_rrd(make_view(folder).path)
+    return read_rrd(viewed / "view.rrd")
 
 
 @pytest.fixture
@@ -84,7 +82,7 @@ def test_events_are_logged_with_their_time(shown, recorded):
 
 def test_an_upright_line_marks_each_order(shown, recorded):
     orders = [t for t, _, name, _, _ in Bag(recorded).events() if name == "shift_ordered"]
-    times, values = shown.rows("/orders/shaft_torque", "Scalars:scalars")
+    times, values = shown.rows("/orders/slip", "Scalars:scalars")
     upright = [(a, values[i], values[i + 1]) for i, (a, b) in enumerate(pairwise(times)) if a == b and values[i] < values[i + 1]]
     assert [a for a, _, _ in upright] == [round(t * 1e9) for t in orders]
 
@@ -109,7 +107,7 @@ def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
         "Speed [rpm]",
         "Report",
         "Events",
-        *(f"{way} at {t:.3f} s" for way, t in zip(("I → II", "II → I"), orders)),
+        *(f"shift {n}: {way} at {t:.3f} s" for n, (way, t) in enumerate(zip(("I → II", "II → I"), orders), 2)),
     } <= set(views)
     drawn = {entity for contents in views.values() for entity in contents}
     assert {path_of(name) for name in catalogue().signals} <= drawn
@@ -122,13 +120,109 @@ def window_of(rrd):
     return view_range["start"] / 1e9, view_range["end"] / 1e9
 
 
-def test_linked_plots_open_with_the_shifts(shown, orders):
-    window = layout.with_room((orders[0] - layout.BEFORE, orders[1] + layout.AFTER))
-    assert window_of(shown) == pytest.approx(window, abs=1e-6)
+def test_linked_plots_open_with_the_whole_run_and_room_for_their_legends(shown, recorded):
+    first, last = window_of(shown)
+    end = Bag(recorded).logger().time()[-1]
+    longest = max(len(Pages().label(name)) for _, names in (*Pages().run_left, *Pages().run_right) for name in names)
+    assert first == pytest.approx(0.0, abs=0.02) and end < last
+    # of some 540 px of a plot, 40 are the frame and the dot of a legend, and a letter has 6.4
+    assert 540.0 * (1.0 - end / last) > 40.0 + 6.4 * longest
 
 
-def test_linked_plots_open_with_the_window_asked_for(run, read_rrd):
-    assert window_of(read_rrd(make_view(run, (1.0, 2.5)).path)) == pytest.approx((1.0, 2.5), abs=1e-6)
+def test_a_shift_is_shown_from_its_order_on_with_its_phases_and_times(shown, recorded, orders):
+    row = json.loads((recorded / "report.json").read_text())["shifts"][0]
+    times, values = shown.rows("/shift_2/M_wej", "Scalars:scalars")
+    there, whole = shown.rows(path_of("M_wej"), "Scalars:scalars")
+    first = int(np.searchsorted(there, (orders[0] - layout.BEFORE) * 1e9 - 1.0))
+    np.testing.assert_array_equal(values, whole[first : first + len(values)])
+    np.testing.assert_allclose(np.asarray(times) / 1e9, np.asarray(there[first : first + len(times)]) / 1e9 - orders[0], atol=2e-9)
+    assert times[0] / 1e9 == pytest.approx(-layout.BEFORE, abs=1e-4) and times[-1] / 1e9 == pytest.approx(layout.AFTER, abs=1e-4)
+
+    kiss, locked = row["kiss_s"], row["t_c_s"]
+    begins = [0.0, kiss, locked - row["t_p_s"], locked]
+    np.testing.assert_allclose(np.asarray(shown.data["/shift_2/phases"]["t"][:4]) / 1e9, begins, atol=1e-6)
+    labels = {part: shown.data[f"/shift_2/{part}"]["StateConfiguration:labels"] for part in ("phases", "t_c_t_o", "t_d", "t_p")}
+    told = " ".join(text for found in labels.values() for text in found)
+    for text in ("fill", "torque phase", "inertia phase", *(f"{name} {1e3 * row[key]:.0f} ms" for name, key in TIMES.items())):
+        assert text in told
+    marks, _ = shown.rows("/shift_2/orders/speed", "Scalars:scalars")
+    np.testing.assert_allclose(np.unique(np.asarray(marks[1:]) / 1e9), begins, atol=1e-6)
+
+
+TIMES = {"t_d": "t_dt_s", "t_p": "t_p_s", "t_c": "t_c_s", "t_o": "t_o_s"}
+
+
+def test_both_columns_have_the_same_scales_and_hold_their_curves(shown):
+    ranges = {}
+    for path, parts in shown.layout.items():
+        if path.endswith("/ScalarAxis"):
+            view = path.removesuffix("/ScalarAxis")
+            low, high = parts["ScalarAxis:range"][0]
+            contents = shown.layout[f"{view}/ViewContents"]["ViewContents:query"]
+            ranges.setdefault(shown.layout[view]["ViewBlueprint:display_name"][0], []).append((low, high, contents))
+    assert len(ranges) == len(Pages().shift_plots)
+    for (*left, _), (*right, _) in ranges.values():
+        assert left == right
+    for low, high, contents in (one for found in ranges.values() for one in found):
+        values = np.concatenate([shown.data[entity]["Scalars:scalars"] for entity in contents if "orders" not in entity])
+        assert low < np.nanmin(values) and np.nanmax(values) < high
+
+
+def test_plates_are_as_warm_as_their_heat_and_the_oil_make_them(shown, recorded):
+    """Compared with small explicit steps of C dT/dt = P - G (T - T_oil)."""
+    pack, oil = (load_rig().as_dict()[name] for name in ("plate_pack", "oil_supply"))
+    times, heat = (np.asarray(one) for one in shown.rows("/energy/s2_heat", "Scalars:scalars"))
+    there, warm = shown.rows("/temperature/s2_plates", "Scalars:scalars")
+    np.testing.assert_array_equal(times, there)
+    fine = np.arange(times[0], times[-1], 500_000) / 1e9
+    power = np.diff(np.interp(fine, times / 1e9, 1e3 * heat), prepend=1e3 * heat[0])
+    over = 0.0
+    for joule in power:
+        over += (joule - pack["cooling"] * over * 5e-4) / pack["heat_capacity"]
+    assert warm[-1] == pytest.approx(oil["temperature"] + over, abs=0.01) and max(warm) > oil["temperature"] + 1.0
+
+
+def test_the_page_of_the_run_tells_its_steps_energy_and_settings(tmp_path, read_rrd):
+    config = load_rig(overrides={"alfa46.t12": "-200 ms"})
+    simulate(config, load_sequence("sample"), tmp_path / "run")
+    text = read_rrd(make_view(tmp_path / "run").path).data["/run"]["TextDocument:text"][0]
+    assert "| alfa46.t12 | -0.22 s | -0.2 s |" in text and "| alfa46.t21 | -0.22 s |" in text
+    for heading in ("## Warnings", "## Steps", "## Energy of the run", "## Settings"):
+        assert heading in text
+    assert "| heat of clutch S1 |" in text and "shift to I |" in text
+
+
+def test_any_shift_can_be_chosen_and_all_overlaid(run, read_rrd):
+    one = read_rrd(make_view(run, wanted=[3]).path)
+    assert [name for name in one.views() if name.startswith("shift")] == ["shift 3: II → I at 8.320 s"]
+    assert not [entity for entity in one.data if entity.startswith("/shift_2/")]
+    times = np.asarray(one.rows(path_of("M_wej"), "Scalars:scalars")[0]) / 1e9
+    assert times[0] > 8.1 and times[-1] < 9.9, "only its part of the bag is read"
+    every = layout.columns_of(layout.shifts_of([(0.1, 0, 1), (3.0, 1, 2), (6.0, 2, 1), (9.0, 1, 2)], transmission_of()), "all")
+    assert [[shift.number for shift in column] for column in every] == [[2, 4], [3]]
+    with pytest.raises(RigError, match=r"--shift 4: the run has the shifts 1 to 3: shift 1: "):
+        make_view(run, wanted=[4])
+
+
+def test_only_the_window_asked_for_is_read_and_linked_plots_open_with_it(run, read_rrd, monkeypatch):
+    monkeypatch.setattr(Bag, "pieces", lambda *_, **__: pytest.fail("the whole bag was read"))
+    rrd = read_rrd(make_view(run, (1.0, 2.5)).path)
+    first, last = window_of(rrd)
+    assert first == pytest.approx(1.0, abs=1e-6) and 2.5 < last < 4.0, "with room for the legends"
+    for name in ("M_wej", "p1", "s1_slip"):
+        times = np.asarray(rrd.rows(path_of(name), "Scalars:scalars")[0]) / 1e9
+        assert (times[0], times[-1]) == pytest.approx((1.0, 2.5), abs=0.02), name
+
+
+def test_of_a_long_run_each_peak_is_drawn():
+    t = np.arange(1005) * 1e-4
+    values = np.sin(7.0 * t)
+    values[[123, 480]] = 9.0, -9.0
+    few, drawn = thinned(t, values)
+    assert len(few) == 105 and (np.diff(few) > 0).all()
+    assert {(0.0123, 9.0), (0.048, -9.0)} <= set(zip(np.round(few, 4).tolist(), drawn.tolist()))
+    slow = np.arange(100) * 1e-2
+    np.testing.assert_array_equal(thinned(slow, slow)[0], slow)
 
 
 def test_the_file_is_written_again_only_when_something_changed(run, read_rrd):
@@ -224,7 +318,7 @@ def test_a_folder_without_a_bag_is_refused(tmp_path):
 def test_signals_of_one_plot_can_be_told_apart():
     pages = Pages()
     for _, names in pages.marked_plots:
-        assert len({catalogue().signal(name).display_unit for name in names}) == 1
+        assert len({pages.signal(name).display_unit for name in names}) == 1
         for one, other in combinations(names, 2):
             assert np.abs(np.subtract(pages.colour(one), pages.colour(other))).max() > 60, (one, other)
 
@@ -277,7 +371,9 @@ def test_a_view_made_of_many_pieces_of_the_bag_is_the_same(run, shown, read_rrd,
         for name in ("t", "Scalars:scalars", "StateChange:state", "TextLog:text"):
             if name in columns:
                 np.testing.assert_array_equal(pieces.data[entity][name], columns[name], err_msg=f"{entity} {name}")
-    assert pieces.views() == shown.views()
+    # views of the same name, one for each shift, have no order
+    drawn = [{name: sorted(contents) for name, contents in one.views().items()} for one in (pieces, shown)]
+    assert drawn[0] == drawn[1]
 
 
 def test_a_report_made_from_the_bag_takes_no_more_memory_than_a_few_seconds_of_it(run, monkeypatch):

@@ -3,6 +3,9 @@
 
 """The pictures that the viewer draws, with a software Vulkan driver and without a display."""
 
+import io
+import itertools
+import json
 import os
 import signal
 import subprocess
@@ -13,59 +16,58 @@ from types import SimpleNamespace
 import numpy as np
 import psutil
 import pytest
-from pixels import LONGEST, curve_pixels, dots, image_of, lanes, legend_text, share, text_pixels
+from PIL import Image
+from pixels import BAR, LONGEST, curve_pixels, dots, image_of, lanes, legend_text, of_state, text_pixels, upright
 
+from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.report import write_report
 from rig_nodes.bags.reader import Bag
-from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
-from rig_nodes.view import layout, picture
-from rig_nodes.view.convert import make_view, save_bare_layout
-from rig_nodes.view.pages import SUPPLY, Pages
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.view import layout, moments, picture
+from rig_nodes.view.campaign import write_campaign
+from rig_nodes.view.convert import make_close_view, make_tab_view
+from rig_nodes.view.pages import ALARM, OTHER, SUPPLY, WAITING, Pages, hues
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
-TABS = tuple(
-    tab for tab in layout.TABS if tab != "controller"
-)  # the built-in controller has no signals of its own, so this tab is empty
+TABS = ("shifts", "run", "other")  # the demo run has no others
 PAGES = Pages()
-PLOTS = {"shifts": PAGES.shift_plots, "run": PAGES.run_left + PAGES.run_right, "other": tuple(PAGES.other_plots)}
+WARM = ("Plate temperature", tuple(PAGES.plates))
+PLOTS = {"shifts": PAGES.shift_plots, "run": (*PAGES.run_left, *PAGES.run_right, WARM), "other": tuple(PAGES.other_plots)}
 EVERY_PLOT = [(tab, title, tuple(names)) for tab, plots in PLOTS.items() for title, names in plots]
 EVERY_CURVE = [(*plot[:2], name) for plot in EVERY_PLOT for name in plot[2]]
 COLOURS = set(PAGES.colours.values())
+LABELS = [PAGES.label(name) for _, names in PAGES.shift_plots for name in names]
+ENDS = layout.with_room((-layout.BEFORE, layout.AFTER), layout.room_for(LABELS, 2))  # s from the order on, of both columns
 
 
 def heading(title, names):
     """Returns the heading of a plot."""
-    return f"{title} [{catalogue().signal(names[0]).display_unit}]"
+    return f"{title} [{PAGES.signal(names[0]).display_unit}]"
 
 
 @pytest.fixture(scope="module")
-def tabs(recorded, tmp_path_factory):
+def tabs(viewed, tmp_path_factory):
     """Tab -> whole picture, (title, picture) of its views, reports of the viewer; of the demo run."""
     folder = tmp_path_factory.mktemp("tabs")
-    view, found = make_view(recorded).path, {}
-    for tab in TABS:
-        save_bare_layout(recorded, None, folder / "tab.rbl", tab)
-        with HeadlessViewer(str(view), folder / "tab.rbl", longest=LONGEST) as viewer:
-            whole = image_of(viewer.image())
-            views = [(name, image_of(picture)) for name, picture in viewer.views()]
-            found[tab] = SimpleNamespace(whole=whole, views=views, reports=viewer.reports())
-    return found
 
+    class Drawn(dict):
+        """Draws a tab when it is first asked for, so that no test waits for all of them."""
 
-def test_a_viewer_that_shows_another_layout_than_the_one_given_is_started_again(recorded, tmp_path, monkeypatch):
-    """The viewer opens a recording and a layout at once, and on a busy machine the recording's own layout may come last."""
-    save_bare_layout(recorded, None, tmp_path / "tab.rbl", "other")
-    starts, start = [], picture._start
+        def __missing__(self, tab):
+            source = folder / f"{tab}.rrd"
+            if tab == "shifts":
+                assert make_close_view(viewed, source, None, None)
+            else:
+                make_tab_view(viewed / "view.rrd", viewed, None, source, tab)
+            with HeadlessViewer(str(source), longest=LONGEST) as viewer:
+                whole = image_of(viewer.image())
+                views = [(name, image_of(one)) for name, one in viewer.views()]
+                self[tab] = SimpleNamespace(whole=whole, views=views, reports=viewer.reports())
+            return self[tab]
 
-    def other_way_round_at_first(sources, *arguments):
-        starts.append(sources)
-        return start(sources[::-1] if len(starts) == 1 else sources, *arguments)
-
-    monkeypatch.setattr(picture, "_start", other_way_round_at_first)
-    with HeadlessViewer(str(make_view(recorded).path), tmp_path / "tab.rbl", longest=LONGEST) as viewer:
-        assert {name for name, _ in viewer.views()} == {heading(title, names) for title, names in PLOTS["other"]}
-    assert len(starts) >= 2, "a busy machine may need one more"
+    return Drawn()
 
 
 def pictures(tabs, tab, title, names):
@@ -81,17 +83,17 @@ def test_the_viewer_reports_no_fault_and_lists_every_view(tabs, recorded, tab):
     times = 2 if tab == "shifts" else 1
     expected = times * [heading(title, names) for title, names in PLOTS[tab]]
     if tab != "other":
-        expected += ["Report", "Events"]
+        expected += ["Run" if tab == "run" else "Report", "Events"]
     if tab == "run":
         expected.append("States")
     shown = sorted(name for name, _ in tabs[tab].views)
     if tab == "shifts":
-        assert [name for name in shown if " → " in name] == ["I → II at 3.845 s", "II → I at 8.320 s"]
+        assert [name for name in shown if " → " in name] == ["shift 2: I → II at 3.845 s", "shift 3: II → I at 8.320 s"]
     assert [name for name in shown if " → " not in name] == sorted(expected)
 
 
 def test_the_picture_is_large_enough_to_read(tabs):
-    assert all(found.whole.shape == (SIZE[1], SIZE[0], 3) for found in tabs.values())
+    assert tabs["shifts"].whole.shape == (SIZE[1], SIZE[0], 3)
 
 
 @pytest.mark.parametrize("tab, title, name", EVERY_CURVE, ids=lambda text: text.replace(" ", "_"))
@@ -118,7 +120,7 @@ def test_legends_and_numbers_are_written(tabs, tab, title, names):
         assert not any(legend_text(other, PAGES.colour(name)) for other in without), "a legend that is off"
     ground = int(np.median(image))
     assert (image[-18:].max(axis=2) > ground + 60).sum() > 20, "no times below"
-    assert (image[:-18, :26].max(axis=2) > ground + 30).sum() > 5, "no values at the left"
+    assert (image[:-18, :26].max(axis=2) > ground + 60).sum() > 5, "no values at the left"
 
 
 def test_report_and_events_are_written(tabs):
@@ -126,42 +128,107 @@ def test_report_and_events_are_written(tabs):
     assert written["Report"] > 1500 and written["Events"] > 1500
 
 
-@pytest.fixture(scope="module")
-def windows(recorded):
-    """Returns title of a view of states -> the window that it shows [s], its signals from the top."""
-    events = Bag(recorded).events()
-    orders = [(t, int(value)) for t, _, name, _, value in events if name == "shift_ordered"]
-    shifts = layout.choose(
-        layout.shifts_of([(t, before, after) for (_, before), (t, after) in zip([(0, 0), *orders], orders)], PAGES.box)
-    )
-    whole = layout.with_room((shifts[0].window[0], shifts[-1].window[1]))
-    return {
-        "States": (whole, sorted(PAGES.states)),
-        **{shift.title: (layout.with_room(shift.window), sorted(PAGES.shift_states)) for shift in shifts},
-    }
-
-
-def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, windows, recorded):
+def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, recorded):
     bag, checked = Bag(recorded), set()
-    views = dict(tabs["run"].views) | dict(tabs["shifts"].views)
-    for title, ((start, end), names) in windows.items():
-        bars = lanes(views[title])
-        assert len(bars) == len(names), f"{title}: {len(bars)} lanes"
-        for bar, name in zip(bars, names):
-            t, values = bag.series(name)
-            there = values[(t >= start) & (t <= end)]
-            for number, label in catalogue().signal(name).states.items():
-                expected = float((there == number).mean())
-                assert share(bar, name, label) == pytest.approx(expected, abs=0.015), (title, name, label)
-                if expected > 0.02:
-                    checked.add((name, label))
-    assert {(f"{clutch}_mode", label) for clutch in ("s1", "s2") for label in ("open", "slipping", "locked")} | {
-        ("gear", "I"),
-        ("gear", "II"),
-        ("gear_ordered", "I"),
-        ("gear_ordered", "II"),
-        ("rig_state", "running"),
-    } <= checked
+    image = dict(tabs["run"].views)["States"]
+    names, bars = sorted(PAGES.states), lanes(image)
+    assert len(bars) == len(names)
+    for bar, name in zip(bars, names):
+        assert 0.55 < len(bar) / image.shape[1] < 0.7, "the bar ends with the run"
+        _, values = bag.series(name)
+        states, last = PAGES.signal(name).states, int(values[-1])
+        # the viewer draws the last state some way beyond the end of the run
+        until = 1 + np.flatnonzero(~of_state(bar[:-4], name, states[last]))[-1]
+        before = values[: 1 + np.flatnonzero(values != last)[-1]]
+        assert until < len(bar) - 4, f"{name} ends as {states[last]}"
+        for number, label in states.items():
+            expected = float((before == number).mean())
+            assert of_state(bar[:until], name, label).mean() == pytest.approx(expected, abs=0.015), (name, label)
+            if expected > 0.01:
+                checked.add((name, label))
+    assert {("gear", "I"), ("gear", "II"), ("s1_mode", "open"), ("s1_mode", "locked"), ("rig_state", "running")} <= checked
+
+
+def test_phases_and_times_of_a_shift_are_bars_with_their_texts(tabs, recorded):
+    rows = json.loads((recorded / "report.json").read_text())["shifts"]
+    views = dict(tabs["shifts"].views)
+    for title, row in zip(("shift 2: I → II at 3.845 s", "shift 3: II → I at 8.320 s"), rows):
+        image = views[title]
+        second = image.shape[1] / (ENDS[1] - ENDS[0])
+        inertia, kiss = row["t_p_s"], row["kiss_s"]
+        lengths = {"fill": kiss, "torque phase": row["t_c_s"] - inertia - kiss, "inertia phase": inertia}
+        for name, seconds in lengths.items():
+            colour = np.array(moments.PHASE_COLOURS[name]) * BAR
+            rows_of_bar = (np.abs(image - colour).max(axis=2) <= 12).sum(axis=1)
+            assert (np.abs(rows_of_bar - seconds * second) < 3).sum() >= 3, f"{title}: {name}"
+        assert text_pixels(image) > 600, "the texts of the bars and the names of the lanes"
+
+
+def test_upright_lines_stand_at_the_order_and_where_the_phases_begin(tabs, recorded):
+    rows = json.loads((recorded / "report.json").read_text())["shifts"]
+    for title, names in PAGES.shift_plots:
+        for image, row in zip(pictures(tabs, "shifts", title, names), rows):
+            marks = ((OTHER, 0.0), (WAITING, row["kiss_s"]), (ALARM, row["t_c_s"] - row["t_p_s"]), (moments.LOCKED, row["t_c_s"]))
+            found = {colour: upright(image, colour) for colour, _ in marks}
+
+            def off(left):
+                """Returns how far [px] the worst mark is from its time, with the plot's left end there."""
+                second = (image.shape[1] - left) / (ENDS[1] - ENDS[0])
+                places = [(colour, left + (t - ENDS[0]) * second) for colour, t in marks]
+                return max(np.abs(found[colour] - place).min(initial=np.inf) for colour, place in places)
+
+            # the room for the numbers at the left differs from plot to plot
+            assert min(off(left) for left in range(5, 60)) < 2.0, (title, row["from_gear"], found)
+
+
+def test_a_light_picture_has_dark_letters_and_the_same_curves():
+    colours = np.array([[[13, 13, 13], [235, 235, 235], [0x2F, 0x95, 0xF5], [0x9B, 0xCB, 0xF8], [0x12, 0xB8, 0x86]]], np.uint8)
+    out = io.BytesIO()
+    Image.fromarray(colours).save(out, "png")
+    ground, letter, blue, pale, green = image_of(picture.lightened(out.getvalue()))[0]
+    assert ground.min() > 230 and letter.max() < 30
+    assert np.abs(blue - colours[0, 2]).max() < 40 and (green == colours[0, 4]).all()
+    assert pale.mean() < 120 and pale.argmax() == 2, "a pale curve is dark and keeps its hue"
+
+
+def campaign(folder):
+    """Writes reports of a grid of two speeds and three loads, with both ways of shifting."""
+    record = json.loads(json.dumps(load_rig().as_dict()))
+    for n, (speed, load) in enumerate(itertools.product((1000, 1500), (40, 80, 120))):
+        rows = [
+            dict.fromkeys(KEYS)
+            | {
+                "from_gear": a,
+                "to_gear": b,
+                "valid": True,
+                "why": [],
+                "t_order_s": 1.0,
+                "t_c_s": 0.3 + 1e-3 * load + 1e-4 * speed + 0.1 * a,  # no two points at the same place
+                "k": 0.9,
+            }
+            for a, b in ((1, 2), (2, 1))
+        ]
+        run = {"configuration": record, "parameters": {"speed": f"{speed} rpm", "load": f"{load} Nm", "wait": "3 s"}}
+        path = folder / f"series-{n}"
+        path.mkdir(parents=True)
+        write_report(path, {"run": run, "shifts": rows})
+    return folder
+
+
+def test_a_campaign_shows_its_metrics_over_what_was_varied(tmp_path):
+    folder = campaign(tmp_path / "grid")
+    with HeadlessViewer(str(write_campaign(folder, True)), longest=LONGEST) as viewer:
+        whole = image_of(viewer.image())
+        views = {name: image_of(view) for name, view in viewer.views()}
+        assert viewer.reports() == []
+    assert set(views) == {f"{m} over {c}" for m in ("t_c ms", "k") for c in ("speed [rpm]", "load [Nm]")} | {"Campaign"}
+    first = views["t_c ms over speed [rpm]"]
+    for place in range(2):
+        colour = hues(place)[0]
+        assert legend_text(first, colour) > 10, "no text of a way of shifting"
+        for name in ("speed [rpm]", "load [Nm]"):
+            assert curve_pixels(views[f"t_c ms over {name}"], colour) > 60
+    assert text_pixels(views["Campaign"]) > 1500 and whole.shape == (SIZE[1], SIZE[0], 3)
 
 
 def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):

@@ -40,6 +40,18 @@ def signs(box: Transmission) -> dict[str, float]:
     }
 
 
+def energy_names(box: Transmission) -> dict[str, str]:
+    """Return the name for people of each energy of :func:`signs`."""
+    return {
+        "motor_work": "work of the drive",
+        "load_work": "work done on the load",
+        **{clutch.heat: f"heat of clutch {clutch.name}" for clutch in box.clutches},
+        "heat_losses": "heat of gears and bearings",
+        "stored_kinetic": "growth of kinetic energy",
+        "stored_hydraulic": "growth of hydraulic energy",
+    }
+
+
 def needed(box: Transmission) -> tuple[str, ...]:
     """Return the names of the energies without which there is no balance."""
     return ("motor_work", *(clutch.heat for clutch in box.clutches), "stored_kinetic")

@@ -437,7 +437,7 @@ def no_shift(report: dict) -> str:
     return f"no shift: {what} changes no gear while the input shaft turns"
 
 
-def shown_transmission(report: dict) -> Transmission:
+def shown_transmission(report: Mapping) -> Transmission:
     """Return the transmission whose gears and clutches a report names."""
     try:
         return transmission_of(rig_record(report["run"].get("configuration")))

@@ -116,15 +116,32 @@ class OpenedBags:
         rows = (piece.timeline(topics, begin, end) for piece in self._held)
         return heapq.merge(*rows, key=itemgetter(0))
 
-    def bag(self, topics: Collection[str]) -> Bag:
-        """Return the messages of these topics as a bag; it lists all topics but holds no message of the others."""
+    def bag(
+        self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1, columns: dict[str, list[str]] | None = None
+    ) -> Bag:
+        """Return the messages of these topics as a bag; it lists all topics but holds no message of the others.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Topics to read.
+        begin, end : int
+            Log times [ns] from ``begin`` to before ``end``.
+        columns : dict of str to list of str, optional
+            Columns of loggers by topic, for a stretch of time that does not hold their lists.
+
+        Returns
+        -------
+        Bag
+            The messages.
+        """
         streams = {topic: next(piece for piece in self.pieces if topic in piece.types).empty(topic) for topic in self.types}
-        for place, (time, (topic, data)) in enumerate(self.timeline(topics)):
+        for place, (time, (topic, data)) in enumerate(self.timeline(topics, begin, end)):
             streams[topic].times.append(time)
             streams[topic].payloads.append(data)
             streams[topic].places.append(place)
         contents = Contents(dict(enumerate(streams.values())), list(self.damage), self.pieces[0].library)
-        return Bag.of(self.files[0], contents)
+        return Bag.of(self.files[0], contents, columns)
 
     def lost(self, held: Counter[str]) -> dict[str, int]:
         """Return how many messages per topic the bags say they hold beyond those that were read."""

@@ -25,7 +25,9 @@ PR_SET_PDEATHSIG = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file")
+    parser.add_argument(
+        "run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file; or the folder of a procedure or a sweep"
+    )
     parser.add_argument(
         "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only tell the address"
     )
@@ -33,10 +35,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tab",
         metavar="NAME",
-        help="tab to make the picture of: shifts, run, other, controller, or a page of the rig's own (default: the one "
-        "that the view opens with)",
+        help="tab to make the picture of: shifts, valve, coast_down, run, other, controller, or a page of the rig's own "
+        "(default: the one that the view opens with)",
     )
-    parser.add_argument("--window", metavar="T0,T1", type=_window, help="time in s that the plots open with (default: the shifts)")
+    parser.add_argument("--window", metavar="T0,T1", type=_window, help="time in s to read and to show (default: the whole run)")
+    parser.add_argument(
+        "--shift",
+        metavar="N",
+        type=_shifts,
+        help="shifts to show close up: a number, several as 2,5, or all, laid over each other at their orders (default: the "
+        "first up and the first down)",
+    )
+    parser.add_argument(
+        "--theme",
+        choices=("dark", "light"),
+        help="ground of a picture (default: dark) or of the window (default: as chosen in the viewer's settings)",
+    )
     live = parser.add_argument_group("a running rig")
     live.add_argument("--live", action="store_true", help="show a rig that runs now, until Ctrl-C")
     live.add_argument("--domain", metavar="N", type=_domain, help="its ROS domain (default: ROS_DOMAIN_ID, or the only one in use)")
@@ -63,6 +77,8 @@ def main(args: argparse.Namespace) -> int:
             ("--picture", args.picture, args.run),
             ("--tab", args.tab, args.picture),
             ("--window", args.window, args.run),
+            ("--shift", args.shift, args.run),
+            ("--theme", args.theme, args.run or args.live),
             ("--domain", args.domain is not None, args.live),
             ("--viewer", args.viewer, args.live),
             ("--port", args.port, args.live),
@@ -79,7 +95,9 @@ def main(args: argparse.Namespace) -> int:
             "--rig": "--layout",
             "--picture": "a run",
             "--window": "a run",
+            "--shift": "a run",
             "--no-open": "a run or --live",
+            "--theme": "a run or --live",
         }.get(wrong[0], "--live")
         raise RigError(f"{wrong[0]} goes with {needed} only")
     if args.live:
@@ -90,40 +108,75 @@ def main(args: argparse.Namespace) -> int:
 def _recorded(args: argparse.Namespace) -> int:
     """Write the view, then show it, draw it, or print its place."""
     from ..errors import RigError
+    from ..view.campaign import is_campaign, write_campaign
     from ..view.convert import make_view
     from ..view.viewer import command_for, has_display, open_window
 
-    view = make_view(args.run, args.window)
-    for note in view.notes:
-        print(f"rig: {note}", file=sys.stderr)
-    print(f"{view.path} {'written' if view.written else 'is up to date'}", flush=True)
+    campaign = is_campaign(args.run)
+    if campaign:
+        if wrong := [flag for flag in ("tab", "window", "shift") if getattr(args, flag)]:
+            raise RigError(f"--{wrong[0]}: {args.run} is a campaign of many runs; give it with one of them")
+        path = write_campaign(args.run)
+        print(f"{path} written", flush=True)
+    else:
+        if args.picture and not args.window and _draw_close(args):
+            return 0
+        view = make_view(args.run, args.window, args.shift)
+        path = view.path
+        for note in view.notes:
+            print(f"rig: {note}", file=sys.stderr)
+        print(f"{path} {'written' if view.written else 'is up to date'}", flush=True)
     if args.picture:
-        _draw(args, view.path, args.picture)
+        _draw(args, path, args.picture, campaign)
     elif args.no_open:
         pass
     elif has_display():
-        print(f"the viewer runs as process {open_window(view.path)}")
+        print(f"the viewer runs as process {open_window(path, args.theme)}")
     else:
-        print(f"no display here; on a machine with one, open it with: {command_for(view.path.name)}", flush=True)
+        print(f"no display here; on a machine with one, open it with: {command_for(path.name)}", flush=True)
         try:
-            _draw(args, view.path, view.path.with_suffix(".png"))
+            _draw(args, path, path.with_suffix(".png"), campaign)
         except RigError as error:
             # the view itself is written, so a picture that was not requested is no reason to fail
             print(f"rig: {error}", file=sys.stderr)
     return 0
 
 
-def _draw(args: argparse.Namespace, view: Path, picture: Path) -> None:
-    from ..view.convert import save_bare_layout
-    from ..view.picture import require_driver, take_picture
+def _draw(args: argparse.Namespace, view: Path, picture: Path, campaign: bool) -> None:
+    from ..view.campaign import write_campaign
+    from ..view.convert import make_tab_view
+    from ..view.picture import require_driver
 
     require_driver()
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
-        layout = Path(folder, "picture.rbl")
-        save_bare_layout(args.run, args.window, layout, args.tab)
-        for sentence in take_picture(view, layout, picture):
-            print(f"rig: the viewer reports {sentence}", file=sys.stderr)
+        one_tab = Path(folder, "picture.rrd")
+        if campaign:
+            write_campaign(args.run, True, one_tab)
+        else:
+            make_tab_view(view, args.run, args.window, one_tab, args.tab, args.shift)
+        _take(args, one_tab, picture)
+
+
+def _take(args: argparse.Namespace, view: Path, picture: Path) -> None:
+    from ..view.picture import take_picture
+
+    for sentence in take_picture(view, picture, light=args.theme == "light"):
+        print(f"rig: the viewer reports {sentence}", file=sys.stderr)
     print(f"picture: {picture}")
+
+
+def _draw_close(args: argparse.Namespace) -> bool:
+    """Draw the tab of the shifts from their own stretches of the bag; return False for another tab."""
+    from ..view.convert import make_close_view
+    from ..view.picture import require_driver
+
+    with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
+        view = Path(folder, "picture.rrd")
+        if not make_close_view(args.run, view, args.tab, args.shift):
+            return False
+        require_driver()
+        _take(args, view, args.picture)
+    return True
 
 
 def _live(args: argparse.Namespace) -> int:
@@ -181,7 +234,7 @@ def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
     _say(f"live view of ROS domain {domain}; viewers on this machine connect with: {command_for(url)}")
     if args.viewer or (has_display() and not args.no_open):
         try:
-            _say(f"a viewer runs as process {open_window(url)}")
+            _say(f"a viewer runs as process {open_window(url, args.theme)}")
         except RigError as error:
             # others may still connect
             print(f"rig: {str(error).partition('; ')[0]}", file=sys.stderr, flush=True)
@@ -207,6 +260,15 @@ def _png(text: str) -> Path:
     if not path.parent.is_dir():
         raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
     return path
+
+
+def _shifts(text: str) -> str | list[int]:
+    if text == "all":
+        return text
+    parts = text.split(",")
+    if not all(part.isdecimal() and 0 < int(part) < 10**6 for part in parts):
+        raise argparse.ArgumentTypeError(f"{text} is no shift; give a number from 1, several as 2,5, or all")
+    return list(dict.fromkeys(int(part) for part in parts))
 
 
 def _window(text: str) -> tuple[float, float]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 from collections.abc import Mapping
@@ -16,13 +17,15 @@ import numpy as np
 from ..analysis.side_by_side import Comparison
 from ..catalogue import Signal
 from ..errors import RigError
+from . import layout
 from .convert import APPLICATION, import_rerun
 from .curves import times
+from .pages import HUES, hues
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from rerun import RecordingStream
+    from rerun import RecordingStream, SeriesLines
 
 
 def write_compare_file(found: Comparison, signals: Mapping[str, Signal], path: Path) -> None:
@@ -44,12 +47,24 @@ def write_compare_file(found: Comparison, signals: Mapping[str, Signal], path: P
     """
     rr = import_rerun()
     rrb = rr.blueprint
+    axis = rrb.TimeAxis(link="LinkToGlobal")
     curves = [curve for curve in found.curves if curve.name in signals]
-    views = []
+    views, columns = [], math.ceil(math.sqrt(max(len(curves), 1)))  # as a grid arranges them
     for curve in curves:
         title = f"{curve.name} [{signals[curve.name].display_unit}]"
         plots = [("recordings", title), ("differences", f"{title}, difference from the first")]
-        both = [rrb.TimeSeriesView(name=name, origin=f"{curve.name}/{part}") for part, name in plots]
+        both = [
+            rrb.TimeSeriesView(
+                name=name,
+                origin=f"{curve.name}/{part}",
+                axis_x=axis,
+                plot_legend=rrb.PlotLegend("RightTop", visible=part == "recordings"),
+            )
+            for part, name in plots
+        ]
+        if not views:
+            ends = [at for one in curves for at in (one.time[0], one.time[-1])]
+            layout.open_with(both[0], layout.with_room((min(ends), max(ends)), layout.room_for(found.names, columns)))
         views.append(rrb.Vertical(*both, row_shares=[2, 1], name=curve.name))
     rec = rr.RecordingStream(APPLICATION, recording_id="comparison", send_properties=False)
     try:
@@ -58,13 +73,14 @@ def write_compare_file(found: Comparison, signals: Mapping[str, Signal], path: P
         raise RigError(f"{path}: cannot be written ({error.strerror}); choose another place") from None
     os.close(handle)
     try:
-        rec.save(name, default_blueprint=rrb.Blueprint(rrb.Grid(*views)))
+        rec.save(name, default_blueprint=layout.whole(rrb.Grid(*views), "collapsed", "expanded", "paused"))
         for curve in curves:
             shown = [np.asarray(signals[curve.name].shown(values), float) for values in curve.values]
             for n, values in enumerate(shown):
-                _send(rr, rec, f"{curve.name}/recordings/{n}", found.names[n], curve.time, values)
+                line = rr.SeriesLines(names=found.names[n], colors=hues(n)[0] if n < len(HUES) else None, widths=1.5)
+                _send(rr, rec, f"{curve.name}/recordings/{n}", line, curve.time, values)
                 if n:
-                    _send(rr, rec, f"{curve.name}/differences/{n}", found.names[n], curve.time, values - shown[0])
+                    _send(rr, rec, f"{curve.name}/differences/{n}", line, curve.time, values - shown[0])
         rec.flush()
         rec.disconnect()
         os.chmod(name, 0o644)  # mkstemp makes the file private
@@ -73,7 +89,7 @@ def write_compare_file(found: Comparison, signals: Mapping[str, Signal], path: P
         Path(name).unlink(missing_ok=True)
 
 
-def _send(rr: ModuleType, rec: RecordingStream, entity: str, name: str, t: np.ndarray, values: np.ndarray) -> None:
-    rec.log(entity, rr.SeriesLines(names=name), static=True)
+def _send(rr: ModuleType, rec: RecordingStream, entity: str, line: SeriesLines, t: np.ndarray, values: np.ndarray) -> None:
+    rec.log(entity, line, static=True)
     known = np.isfinite(values)
     rec.send_columns(entity, [times(rr, t[known])], rr.Scalars.columns(scalars=values[known]))

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
+from ..analysis.metrics import with_ends
 from ..analysis.report import REPORT_FILE, build_report, gathering, is_of, orders_in, read_report
 from ..bags.opened import OpenedBags
 from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
@@ -24,19 +25,24 @@ from ..config.names import unknown
 from ..errors import BagError, RigError
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
-from .document import report_document
+from .document import event_row, report_document
+from .moments import MomentCurves, Reader, log_offset, measured_pages, metrics_of, shift_page
 from .pages import Pages
+from .run_document import run_document
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from types import ModuleType
 
     from rerun import RecordingStream
+    from rerun.blueprint import Blueprint
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
 PIECE = 1 << 23  # bytes of messages in memory at a time, some 8 s of a run
+LONG = 60.0  # s; of a longer stretch the viewer cannot hold each row of the loggers
+EARLY = 0.1  # s; a bag that has the first messages of a run has them by then
 SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # message types that are read of the whole run
-LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class View:
     notes: list[str]
 
 
-def make_view(run: str | Path, window: tuple[float, float] | None = None) -> View:
+def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted: Sequence[int] | str | None = None) -> View:
     """Write ``view.rrd`` beside the bag of a run, unless it exists and was made from the same sources.
 
     Parameters
@@ -57,6 +63,8 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
         Folder of a run or its .mcap file; a cut bag is shown as far as it reaches.
     window : (float, float), optional
         Start and end with which the plots open [s].
+    wanted : sequence of int, "all" or None
+        Shifts to show (layout.columns_of).
 
     Returns
     -------
@@ -68,20 +76,20 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
     BagError
         When nothing of the bag can be read, or nothing was recorded into it.
     RigError
-        When rerun-sdk is missing, the file cannot be written or the window lies outside the run.
+        When rerun-sdk is missing, the file cannot be written, the window lies outside the run or it has no such shift.
     """
     with OpenedBags([run]) as index:
         if not index.last:
             raise BagError(f"{index.files[0]}: {nothing_in(index.damage)}")
         import_rerun()
         path = index.files[0].parent / VIEW_FILE
-        key = _key(index.files, window)
+        key = _key(index.files, window, wanted)
         if _key_of(path) == key:
             return View(path, False, list(index.damage))
-        return View(path, True, _make(index, run, path, key, window))
+        return View(path, True, _make(_Source(index, run, window, wanted), path, key))
 
 
-def _make(index: OpenedBags, run: str | Path, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
+def _make(source: _Source, path: Path, key: str) -> list[str]:
     """Write the file completely or not at all, and return what the bag lacks."""
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
@@ -89,7 +97,7 @@ def _make(index: OpenedBags, run: str | Path, path: Path, key: str, window: tupl
         raise RigError(f"{path}: cannot be written ({error.strerror}); copy the run to a folder of yours") from None
     os.close(handle)
     try:
-        notes = _write(index, run, Path(name), key, window)
+        notes = _write(source, Path(name), key)
         os.chmod(name, 0o644)  # mkstemp makes the file private
         os.replace(name, path)
     except OSError as error:
@@ -99,19 +107,32 @@ def _make(index: OpenedBags, run: str | Path, path: Path, key: str, window: tupl
     return notes
 
 
-def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: Path, tab: str | None = None) -> None:
-    """Write the layout of one tab of a run's view, without the viewer's own bars, for a picture of it.
+def make_tab_view(
+    view: Path,
+    run: str | Path,
+    window: tuple[float, float] | None,
+    path: Path,
+    tab: str | None = None,
+    wanted: Sequence[int] | str | None = None,
+) -> None:
+    """Write a copy of a run's view whose layout is one tab, without the viewer's own bars, for a picture of it.
+
+    The copy holds that layout alone, because of two layouts the viewer may take either.
 
     Parameters
     ----------
+    view : Path
+        The file of :func:`make_view`.
     run : str or Path
-        Folder of a run or its .mcap file.
+        Folder of the run or its .mcap file.
     window : (float, float) or None
         Start and end with which the plots open [s].
     path : Path
-        File of the layout.
+        File of the copy.
     tab : str, optional
-        One of layout.TABS; by default the tab with which the view opens.
+        One of layout.TABS, or a page of the rig's own; by default the tab with which the view opens.
+    wanted : sequence of int, "all" or None
+        Shifts to show (layout.columns_of).
 
     Raises
     ------
@@ -119,16 +140,52 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
         When the run has no such tab.
     """
     with OpenedBags([run]) as index:
-        small = _small(index)
-    pages = _pages(small)
-    names, own = _names(pages, index, small)
-    if tab and tab not in (tabs := (*layout.TABS, *pages.more_pages)):
-        raise RigError(f"--tab: {unknown('tab', tab, tabs)}")
-    if tab == "controller" and not own:
-        raise RigError(f"{run}: its controller names no signals of its own; --tab can be shifts, run or other")
-    shifts = layout.choose(layout.shifts_of(orders_in(small.events()), pages.box))
-    tab = tab or ("shifts" if shifts and not window else "run")
-    layout.blueprint(pages, set(names), shifts, window, tab, own).save(APPLICATION, path)
+        source = _Source(index, run, window, wanted)
+        shown = source.blueprint(source.tab(tab))
+    rr = import_rerun()
+    rec = rr.RecordingStream(APPLICATION, recording_id="tab", send_properties=False)
+    rec.save(path, default_blueprint=shown)
+    rec.send_chunks(rr.chunk.RrdReader(view).stream())
+    rec.flush()
+    rec.disconnect()
+
+
+def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequence[int] | str | None) -> bool:
+    """Write only what the tab of the moments needs, with its layout, for a picture of it, without reading the whole bag.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a run or its .mcap file.
+    path : Path
+        File of the view.
+    tab : str or None
+        The tab, as in :func:`make_tab_view`.
+    wanted : sequence of int, "all" or None
+        Shifts to show (layout.columns_of).
+
+    Returns
+    -------
+    bool
+        False, with no file written, for another tab, or for a run whose report is not beside the bag.
+    """
+    with OpenedBags([run]) as index:
+        if not index.last:
+            raise BagError(f"{index.files[0]}: {nothing_in(index.damage)}")
+        source = _Source(index, run, None, wanted)
+        tab = source.tab(tab)
+        if source.report is None or tab not in [one.page.key for one in source.close]:
+            return False
+        rr = import_rerun()
+        rec = rr.RecordingStream(APPLICATION, recording_id="close", send_properties=False)
+        rec.save(path, default_blueprint=source.blueprint(tab))
+        for one in source.close:
+            one.send(rr, rec)
+        _send_events(rr, rec, source.events)
+        _send_texts(rr, rec, source, source.report, [])
+        rec.flush()
+        rec.disconnect()
+    return True
 
 
 def import_rerun() -> ModuleType:
@@ -145,15 +202,16 @@ def import_rerun() -> ModuleType:
     return rerun
 
 
-def _key(bag: list[Path], window: tuple[float, float] | None) -> str:
-    """Return a key that changes with everything the file depends on: bag, report, catalogue, the code that makes it, window."""
+def _key(bag: list[Path], window: tuple[float, float] | None, wanted: Sequence[int] | str | None) -> str:
+    """Return a key that changes with everything the file depends on: bag, report, catalogue, the code that makes it, choices."""
     rr = import_rerun()
-    digest = hashlib.sha256(f"{__version__} {rr.__version__} {window}".encode())
+    digest = hashlib.sha256(f"{__version__} {rr.__version__} {window} {wanted}".encode())
     package = Path(__file__).parents[1]
     sources = sorted(
         path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py")
     )
-    for path in (*bag, bag[0].parent / REPORT_FILE, *sources):
+    rigs = sorted((package / "rigs").glob("*/rig.yaml"))  # the page of the run names what differs from them
+    for path in (*bag, bag[0].parent / REPORT_FILE, *sources, *rigs):
         digest.update(path.name.encode())
         if path.exists():
             with open(path, "rb") as file:
@@ -175,48 +233,142 @@ def _key_of(path: Path) -> str | None:
         return None
 
 
-def _write(index: OpenedBags, bag: str | Path, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
+class _Source:
+    """What a view is made from: a bag's signals, events, report and moments."""
+
+    def __init__(
+        self, index: OpenedBags, run: str | Path, window: tuple[float, float] | None, wanted: Sequence[int] | str | None
+    ) -> None:
+        self.index, self.bag, self.window = index, run, window
+        self.small = _small(index)
+        self.pages = _pages(self.small)
+        self.names, self.own = _names(self.pages, index, self.small)
+        self.events = self.small.events()
+        self.report, self.run, self.notes = _report(self.small)
+        orders = orders_in(self.events)
+        offset = log_offset(self.small)
+        self.ends = (index.first - offset) / 1e9, (index.last - offset) / 1e9
+        self.reader = Reader(index, self.pages, self.small, offset)
+        self.shifts = layout.shifts_of(orders, self.pages.box)
+        self.close = self._close(orders, wanted)
+        self.span = self._span(wanted)
+        if self.span is not None or not self._from_the_start():
+            self.pages.plates = {}  # how warm the plates are follows from all their heat since time 0
+
+    def _span(self, wanted: Sequence[int] | str | None) -> tuple[float, float] | None:
+        """Return the only part of the run to read and to show [s], or None for the whole run."""
+        if self.window is not None:
+            first, last = self.ends
+            if self.window[0] >= last or self.window[1] <= first:
+                asked = f"--window {self.window[0]:g},{self.window[1]:g}"
+                raise RigError(f"{asked}: lies outside the run, which goes from {first:.2f} s to {last:.2f} s")
+            return self.window
+        if wanted is None or wanted == layout.ALL:
+            return None
+        windows = [self.shifts[number - 1].window for number in wanted]
+        return min(start for start, _ in windows), max(end for _, end in windows)
+
+    def _from_the_start(self) -> bool:
+        heats = [one.heat for one in self.pages.plates.values() if one.heat in self.names]
+        return all(len(t) for t, _ in self.reader.read(heats, 0.0, EARLY).values())
+
+    def _close(self, orders: list[tuple[float, int, int]], wanted: Sequence[int] | str | None) -> list[MomentCurves]:
+        """Return the curves of what is shown close up."""
+        box, shifts, pages = self.pages.box, self.shifts, []
+        if box is not None and wanted is None and not any(box.changes(before, after) for _, before, after in orders):
+            found = self._measured()
+            pages = measured_pages(self.pages, found, self.ends)
+            still = {row["t_order_s"] for row in found.get("valve_responses", [])}
+            shifts = [one for one in shifts if one.order not in still and one.after in box.ratios]
+        columns = layout.columns_of(shifts, wanted)
+        if columns:
+            chosen = [shift for column in columns for shift in column]
+            ends = {order[0]: end for order, end in with_ends(orders)}
+            rows = metrics_of(self.reader, chosen, ends) if self.report is None else self.report["shifts"]
+            pages.insert(0, shift_page(self.pages, columns, rows))
+        return [MomentCurves(self.reader, self.pages, self.names, page) for page in pages]
+
+    def _measured(self) -> dict:
+        """Return what a run without a change of gear measured; without a report beside the bag one is made."""
+        if self.report is None:
+            try:
+                self.report = build_report(Bag(self.bag, recover=True), self.run)
+            except RigError:
+                return {}  # the curves say what is wrong
+        return self.report.get("measured") or {}
+
+    def tab(self, wanted: str | None) -> str:
+        """Return the name of the tab to show alone; RigError when there is none of the name that is wanted."""
+        there = [one.page.key for one in self.close]
+        if wanted and wanted not in (tabs := (*layout.TABS, *self.pages.more_pages)):
+            raise RigError(f"--tab: {unknown('tab', wanted, tabs)}")
+        if wanted == "controller" and not self.own:
+            raise RigError(f"{self.bag}: its controller names no signals of its own; --tab can be shifts, run or other")
+        if wanted in ("shifts", "valve", "coast_down") and wanted not in there:
+            has = ", ".join([*there, "run", "other"])
+            raise RigError(f"{self.bag}: the run has no tab '{wanted}'; --tab can be {has}")
+        return wanted or (there[0] if there and not self.window else "run")
+
+    def blueprint(self, only: str | None = None) -> Blueprint:
+        """Return the layout, or that of one tab alone."""
+        span = self.span or self.ends
+        return layout.blueprint(self.pages, set(self.names), span, only, self.own, self.close, self.window is not None)
+
+
+def _write(source: _Source, path: Path, key: str) -> list[str]:
     """Fill the file piece by piece of the bag; return what the bag lacks, which is also shown with the report."""
     rr = import_rerun()
-    small = _small(index)
-    pages = _pages(small)
-    names, own = _names(pages, index, small)
-    events = small.events()
-    shifts = layout.shifts_of(orders_in(events), pages.box)
+    index, pages, report = source.index, source.pages, source.report
     rec = rr.RecordingStream(
         APPLICATION, recording_id=key, send_properties=False
     )  # no properties, because they hold the wall clock
-    rec.save(path, default_blueprint=layout.blueprint(pages, set(names), layout.choose(shifts), window, own=own))
+    rec.save(path, default_blueprint=source.blueprint())
     rec.send_recording_name(index.pieces[0].path.stem)
-    curves = Curves(rr, rec, pages, names, shifts)
-    report, run, of_report = _report(small)
-    gathered = gathering(small, run) if report is None else None
-    held = last = 0
-    for piece in Bag.pieces(bag, PIECE, recover=True):
-        curves.add(piece)
-        rec.flush()
-        if gathered is not None:
-            gathered.add(piece)
-        held, last = held + sum(piece.counts.values()), max(last, piece.last)
-    if window is not None:
-        _check_window(window, curves)
+    for one in source.close:
+        one.send(rr, rec)
+    _send_events(rr, rec, source.events)
+    start, end = source.span or source.ends
+    curves = Curves(rr, rec, pages, source.names, source.shifts, thin=end - start > LONG)
+    notes: list[str] = []
+    if source.span is not None:
+        for piece in source.reader.pieces(*source.span):
+            curves.add(piece)
+            rec.flush()
+        notes += index.damage
+    if source.span is None or report is None:
+        gathered = gathering(source.small, source.run) if report is None else None
+        held = last = 0
+        for piece in Bag.pieces(source.bag, PIECE, recover=True):
+            if source.span is None:
+                curves.add(piece)
+                rec.flush()
+            if gathered is not None:
+                gathered.add(piece)
+            held, last = held + sum(piece.counts.values()), max(last, piece.last)
+        notes = [recovered(held, last, piece.damage)] if piece.damage else []
+        if report is None:
+            report = build_report(Bag(source.bag, recover=True) if gathered is None else gathered, source.run)
     curves.send_marks()
-    _send_events(rr, rec, events)
-    notes = [recovered(held, last, piece.damage)] if piece.damage else []
     if not index.counts.get(LOGGER_TOPIC):
         notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
     notes += curves.problems
-    lacking = [name for name in pages.known.signals if name not in names]
-    if lacking and not (run if report is None else report["run"]).get("imported"):  # a measurement has no states of a plant
+    lacking = [name for name in pages.known.signals if name not in source.names]
+    if lacking and not (source.run if report is None else report["run"]).get("imported"):  # a measurement has no states of a plant
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
-    notes += of_report
-    if report is None:
-        report = build_report(Bag(bag, recover=True) if gathered is None else gathered, run)
-    document = report_document(report, notes)
-    rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
+    notes += source.notes
+    _send_texts(rr, rec, source, report, notes)
     rec.flush()
     rec.disconnect()
     return notes
+
+
+def _send_texts(rr: ModuleType, rec: RecordingStream, source: _Source, report: dict, notes: list[str]) -> None:
+    """Send the report, and the page of the run."""
+    for place, document in (
+        ("report", report_document(report, notes)),
+        ("run", run_document(report, source.small.record, source.events, notes)),
+    ):
+        rec.log(place, rr.TextDocument(document, media_type="text/markdown"), static=True)
 
 
 def _pages(small: Bag) -> Pages:
@@ -243,12 +395,6 @@ def _names(pages: Pages, index: OpenedBags, small: Bag) -> tuple[list[str], tupl
     ], tuple(own)
 
 
-def _check_window(window: tuple[float, float], curves: Curves) -> None:
-    first, last = curves.ends
-    if window[0] >= last or window[1] <= first:
-        raise RigError(f"--window {window[0]:g},{window[1]:g}: lies outside the run, which goes from {first:.2f} s to {last:.2f} s")
-
-
 def _report(small: Bag) -> tuple[dict | None, dict, list[str]]:
     """Return the report beside the bag, the run part for a new one, and notes on what is wrong with either.
 
@@ -269,12 +415,6 @@ def _report(small: Bag) -> tuple[dict | None, dict, list[str]]:
     except RigError as error:
         notes.append(str(error))
     return None, {**info, "end": {"reason": "the run left no report"}}, notes
-
-
-def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
-    """Return the text that the list of events shows for an event, and its level; ``t`` is its time [s]."""
-    level = next((level for part, level in LEVELS if part in name), "INFO")
-    return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
 
 
 def _send_events(rr: ModuleType, rec: RecordingStream, events: list[tuple[float, str, str, str, float]]) -> None:

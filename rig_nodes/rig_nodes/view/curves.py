@@ -17,14 +17,16 @@ from ..bags.reader import Bag
 from ..catalogue import Signal
 from ..errors import RigError
 from . import layout
-from .pages import OTHER, Pages
+from .pages import OTHER, Pages, Plates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-    from rerun import RecordingStream, TimeColumn
+    from rerun import RecordingStream, SeriesLines, TimeColumn
 
+FAST = 5e-4  # s between rows below which a channel can be thinned out
+BIN = 20  # rows of which a thinned curve keeps two
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
 
@@ -33,11 +35,26 @@ def times(rr: ModuleType, t: Sequence[float] | np.ndarray) -> TimeColumn:
     return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
 
 
+def thinned(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and the highest of each few rows of a fast channel at their times, and another signal as it is."""
+    if len(t) < BIN or t[1] - t[0] > FAST:
+        return t, values
+    whole = len(t) // BIN * BIN
+    rows = values[:whole].reshape(-1, BIN)
+    # a row that is no number is both the lowest and the highest, so that a gap stays one
+    place = np.stack([rows.argmin(axis=1), rows.argmax(axis=1)]) + BIN * np.arange(len(rows))
+    kept = np.unique(np.append(place, np.arange(whole, len(t))))
+    return t[kept], values[kept]
+
+
+def style(rr: ModuleType, pages: Pages, signal: Signal) -> SeriesLines:
+    """Return the name with unit, the colour and the width of a curve."""
+    return rr.SeriesLines(names=pages.label(signal.name), colors=pages.colour(signal.name), widths=pages.width(signal.name))
+
+
 def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
-    """Log the name with unit and the colour of a curve."""
-    name = f"{signal.name} [{signal.display_unit}]"
-    line = rr.SeriesLines(names=name, colors=pages.colour(signal.name), widths=pages.width(signal.name))
-    rec.log(layout.entity(signal), line, static=True)
+    """Log the look of a signal's curve of the whole run."""
+    rec.log(layout.entity(signal), style(rr, pages, signal), static=True)
 
 
 def log_state_styles(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
@@ -59,7 +76,13 @@ class Curves:
     """
 
     def __init__(
-        self, rr: ModuleType, rec: RecordingStream, pages: Pages, names: Collection[str], shifts: Sequence[layout.Shift]
+        self,
+        rr: ModuleType,
+        rec: RecordingStream,
+        pages: Pages,
+        names: Collection[str],
+        shifts: Sequence[layout.Shift],
+        thin: bool = False,
     ) -> None:
         """Prepare a recording.
 
@@ -75,13 +98,18 @@ class Curves:
             Signals of the rig to draw.
         shifts : sequence of Shift
             Shifts of layout.shifts_of.
+        thin : bool
+            True to draw fast channels with fewer points, by :func:`thinned`.
         """
+        self._thin = thin
         self._rr, self._rec, self._pages, self._names, self._shifts = rr, rec, pages, names, shifts
         self.ends = (np.inf, -np.inf)
         self.problems: list[str] = []
         self._styled: set[str] = set()
         self._states: dict[str, float] = {}  # last value of each state
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
+        # last time [s] of the piece before, and then the heat [J] of plates and how much warmer than the oil [K] they are
+        self._plates: dict[str, tuple[float, float, float]] = {}
         self._heights = {}  # (plot, index of the shift) -> lowest and highest value during the shift
 
     def add(self, piece: Bag) -> None:
@@ -98,7 +126,13 @@ class Curves:
             if len(t):
                 self.ends = min(self.ends[0], t[0]), max(self.ends[1], t[-1])
                 self._measure(signal, t, values)
-                (self._send_states if signal.states else self._send_series)(signal, t, values)
+                if signal.states:
+                    self._send_states(signal, t, values)
+                else:
+                    self._send_series(signal, *(thinned(t, values) if self._thin else (t, values)))
+        for name, plates in self._pages.plates.items():
+            if plates.heat in self._names:
+                self._send_plates(name, plates, *self._series(piece, self._pages.known.signal(plates.heat)))
         for name, (t, values) in self._rows(piece, OWN_TOPIC).items():
             if self._first(name):
                 self._rec.log(layout.own_entity(name), self._rr.SeriesLines(names=name), static=True)
@@ -145,6 +179,24 @@ class Curves:
         if self._first(signal.name):
             log_style(self._rr, self._rec, self._pages, signal)
         self._send(layout.entity(signal), t, signal.shown(values))
+
+    def _send_plates(self, name: str, plates: Plates, t: np.ndarray, heat: np.ndarray) -> None:
+        """Send the temperature of plates: the exact solution for heat that comes evenly between two messages."""
+        if not len(t):
+            return
+        before = self._plates.get(name, (float(t[0]), float(heat[0]), 0.0))
+        steps = np.diff(t, prepend=before[0])
+        spent = steps * plates.cooling / plates.capacity
+        left = np.exp(-spent)
+        rise = np.divide(-np.expm1(-spent), spent, out=np.ones_like(spent), where=spent > 0.0) / plates.capacity
+        over, values = before[2], []
+        for share, more in zip(left.tolist(), (np.diff(heat, prepend=before[1]) * rise).tolist()):
+            over = over * share + more
+            values.append(over)
+        self._plates[name] = float(t[-1]), float(heat[-1]), over
+        if self._first(name):
+            log_style(self._rr, self._rec, self._pages, plates.signal)
+        self._send(layout.entity(plates.signal), t, plates.oil + np.array(values))
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send one row for each change of state."""

@@ -16,6 +16,7 @@ from ..analysis.ranges import range_lines
 from ..analysis.report import columns_of, no_shift, shown_transmission, verdicts_in
 from ..transmission import Transmission
 
+LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 WIDEST = 4  # largest number of shifts side by side; with more, the table is transposed
 
 
@@ -45,7 +46,7 @@ def report_document(report: dict, problems: list[str]) -> str:
     parts += [f"{_title(row, box)} is not valid: {reason}" for row in report["shifts"] for reason in row.get("why", [])]
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
-    parts += ["## Run", f"End: {reason}", _table([["", "value"], *_run_rows(report, box)])]
+    parts += ["## Run", f"End: {reason}", markdown_table([["", "value"], *_run_rows(report, box)])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -57,7 +58,7 @@ def _shift_table(report: dict, box: Transmission) -> str:
         table.append([_title(row, box), *cells, "yes" if row.get("valid") else "**no**", (verdict or {}).get("grade") or "-"])
     if len(rows) <= WIDEST:
         table = [list(line) for line in zip(*table)]
-    return _table(table)
+    return markdown_table(table)
 
 
 def _run_rows(report: dict, box: Transmission) -> list[list[str]]:
@@ -78,6 +79,12 @@ def _run_rows(report: dict, box: Transmission) -> list[list[str]]:
     return rows
 
 
+def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
+    """Return the text that the list of events shows for an event, and its level; ``t`` is its time [s]."""
+    level = next((level for part, level in LEVELS if part in name), "INFO")
+    return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
+
+
 def _title(row: dict, box: Transmission) -> str:
     return box.way(row["from_gear"], row["to_gear"], " → ")
 
@@ -86,7 +93,8 @@ def _number(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else f"{value * factor:.{digits}f}"
 
 
-def _table(rows: list[list[str]]) -> str:
+def markdown_table(rows: list[list[str]]) -> str:
+    """Return rows as a markdown table, the first as its head."""
     head, *body = rows
     lines = [head, ["---", *["--:"] * (len(head) - 1)], *body]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -13,22 +13,31 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..catalogue import Signal
+from ..errors import RigError
 from ..transmission import Transmission
 from .pages import Pages
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from types import ModuleType
 
     import rerun as rr
     import rerun.blueprint as rrb
 
+    from .moments import Moment, MomentCurves
+
 TIMELINE = "t"
 BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift, for profiles, torque peak and the settling of the torque
 
-LEGEND = 0.3  # share of a window that is shown after it, where the legend covers no relevant curve
+LETTER, BESIDE = 6.5, 40.0  # px of a letter of a legend, and of its frame and dot
+NUMBERS = 45.0  # px of the numbers at the left of a plot
+MOST_ROOM = 1.5  # share of a window
 
-TABS = ("shifts", "run", "other", "controller")  # names on the command line
+TABS = ("shifts", "valve", "coast_down", "run", "other", "controller")  # names on the command line
+ALL = "all"  # in place of numbers of shifts
+DRAWN = "with"  # place of computed curves in that of a moment; the viewer draws in the order of names, so they lie above
+MOST_LANES = 8  # overlaid shifts whose phases are shown
+MOST_COLUMNS = 4  # of shifts side by side
+WIDTH, TEXTS = 1600, 0.27  # px of a picture, and the share of it that its texts take
 
 # The viewer keeps the range that linked time axes share under this fixed view id. The view with this id hands
 # it the window with which the linked plots open; without it they would open with the whole run.
@@ -37,13 +46,28 @@ SHARED_AXIS = uuid.UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
 
 @dataclass(frozen=True)
 class Shift:
-    """A shift to be shown: time of its order [s], gear before and after, end of its window [s], and its transmission ``box``."""
+    """A shift of a run.
+
+    Parameters
+    ----------
+    order : float
+        Time of its order [s].
+    before, after : int
+        The gears.
+    end : float
+        End of its window [s].
+    box : Transmission
+        Its transmission.
+    number : int
+        Its number among the orders of the run, from 1.
+    """
 
     order: float
     before: int
     after: int
     end: float
     box: Transmission
+    number: int = 1
 
     @property
     def window(self) -> tuple[float, float]:
@@ -51,10 +75,15 @@ class Shift:
         return self.order - BEFORE, self.end
 
     @property
-    def title(self) -> str:
-        """The displayed name of the shift, e.g. ``I → II at 3.835 s``."""
+    def way(self) -> str:
+        """Its gears, e.g. ``I → II``."""
         names = self.box.names
-        return f"{names.get(self.before, '?')} → {names.get(self.after, '?')} at {self.order:.3f} s"
+        return f"{names.get(self.before, '?')} → {names.get(self.after, '?')}"
+
+    @property
+    def title(self) -> str:
+        """The displayed name of the shift, e.g. ``shift 2: I → II at 3.835 s``."""
+        return f"shift {self.number}: {self.way} at {self.order:.3f} s"
 
 
 def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) -> list[Shift]:
@@ -72,14 +101,29 @@ def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) ->
         return shifts
     for i, (t, before, after) in enumerate(orders):
         limit = orders[i + 1][0] - BEFORE if i + 1 < len(orders) else float("inf")
-        shifts.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE), box))
+        shifts.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE), box, i + 1))
     return shifts
 
 
-def with_room(window: tuple[float, float]) -> tuple[float, float]:
-    """Return the window [s] with which plots open, extended so that their legends lie behind the relevant part."""
+def room_for(labels: Iterable[str], columns: int) -> float:
+    """Return the share of a window that is to be shown after it, so that no legend with these labels covers a curve.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        Names in the legends.
+    columns : int
+        Number of columns of plots in a picture.
+    """
+    legend = LETTER * max((len(label) for label in labels), default=0) + BESIDE
+    beside = column_width(columns) - NUMBERS - legend
+    return min(legend / beside, MOST_ROOM) if beside > 0.0 else MOST_ROOM
+
+
+def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
+    """Return the window [s] with which plots open: a window and, after it, the share of it that the legends need."""
     start, end = window
-    return start, end + LEGEND * (end - start)
+    return start, end + room * (end - start)
 
 
 def choose(shifts: list[Shift]) -> list[Shift]:
@@ -92,6 +136,47 @@ def choose(shifts: list[Shift]) -> list[Shift]:
     for shift in under_way:
         first.setdefault(shift.after > shift.before, shift)
     return sorted(first.values(), key=lambda s: s.order)
+
+
+def columns_of(shifts: list[Shift], wanted: Sequence[int] | str | None) -> list[list[Shift]]:
+    """Return the shifts to show, column by column; those of one column are overlaid.
+
+    Parameters
+    ----------
+    shifts : list of Shift
+        All shifts of the run.
+    wanted : sequence of int, "all" or None
+        Numbers of shifts, which get a column each; all of them, with one column for each change of gears; or, with None, those
+        of :func:`choose`.
+
+    Raises
+    ------
+    RigError
+        When the run has no such shift, or more are asked for than have room side by side.
+    """
+    if wanted is None:
+        return [[shift] for shift in choose(shifts)]
+    if not shifts:
+        raise RigError("--shift: this run has no shift")
+    if wanted == ALL:
+        ways: dict[str, list[Shift]] = {}
+        for shift in [one for one in shifts if one.box.changes(one.before, one.after)] or shifts:
+            ways.setdefault(shift.way, []).append(shift)
+        return list(ways.values())[:MOST_COLUMNS]
+    if missing := [number for number in wanted if not 1 <= number <= len(shifts)]:
+        raise RigError(
+            f"--shift {missing[0]}: the run has the shifts 1 to {len(shifts)}: {'; '.join(s.title for s in shifts[:12])}"
+        )
+    if len(wanted) > MOST_COLUMNS:
+        raise RigError(
+            f"--shift: {len(wanted)} shifts have no room side by side, {MOST_COLUMNS} have; 'all' lays them over each other"
+        )
+    return [[shifts[number - 1]] for number in wanted]
+
+
+def column_width(columns: int) -> float:
+    """Return the width of each of some columns of plots in a picture [px]."""
+    return WIDTH * (1.0 - TEXTS) / columns
 
 
 def entity(signal: Signal) -> str:
@@ -112,10 +197,11 @@ def own_entity(name: str) -> str:
 def blueprint(
     pages: Pages,
     present: set[str],
-    shifts: list[Shift],
-    window: tuple[float, float] | None,
+    span: tuple[float, float],
     only: str | None = None,
     own: tuple[str, ...] = (),
+    close: Sequence[MomentCurves] = (),
+    run_first: bool = False,
 ) -> rrb.Blueprint:
     """Return the layout of a recorded run as a Rerun blueprint.
 
@@ -125,16 +211,17 @@ def blueprint(
         The pages of the rig.
     present : set of str
         Names of the signals that the file holds; plots without any of them are left out.
-    shifts : list of Shift
-        Shifts shown side by side in the first tab.
-    window : (float, float) or None
-        Start and end with which the linked plots open [s]; their tab is then the visible one. Without it they open with the
-        time of the shifts, or with the whole run when there are no shifts.
+    span : (float, float)
+        Start and end of what the linked plots show [s]; they open with it and with room for their legends.
     only : str, optional
         One of TABS, or of the rig's pages, which is shown alone and without the viewer's own bars, for a picture; a tab
         that the run does not have is replaced by the run's.
     own : tuple of str
         Names of the controller's own signals; each has a plot in a separate tab.
+    close : sequence of MomentCurves
+        What the first tabs show close up.
+    run_first : bool
+        True to open with the tab of the run in place of the first one.
 
     Returns
     -------
@@ -143,19 +230,20 @@ def blueprint(
     """
     import rerun.blueprint as rrb
 
-    span = window or (with_room((shifts[0].window[0], shifts[-1].window[1])) if shifts else None)
     axis = rrb.TimeAxis(link="LinkToGlobal")
     run, rest = _run_columns(pages, present, axis), _plots(pages, present, pages.other_plots, axis)
+    if plates := [name for name, one in pages.plates.items() if one.heat in present]:
+        run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
     shown = rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
-        shown[0].id = SHARED_AXIS
-        if span is not None:
-            shown[0].properties["TimeAxis"] = rrb.TimeAxis(link="LinkToGlobal", view_range=_range(span))
+        labels = [pages.label(name) for _, names in (*pages.run_left, *pages.run_right) for name in names if name in present]
+        open_with(shown[0], with_room(span, room_for(labels, 2)))
     tabs = {}
-    if shifts:
-        columns = [_shift_column(pages, present, shift, shift is shifts[0]) for shift in shifts]
-        tabs["shifts"] = _tab("Shifts", columns)
-    tabs["run"] = _tab("Run", run)
+    for one in close:
+        axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))
+        columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
+        tabs[one.page.key] = _tab(one.page.name, columns)
+    tabs["run"] = _tab("Run", run, "/run")
     for name, plots in pages.more_pages.items():
         if views := _plots(pages, present, plots, axis):
             tabs[name] = rrb.Grid(*views, name=name)
@@ -165,9 +253,16 @@ def blueprint(
         views = [rrb.TimeSeriesView(name=name, origin=own_entity(name), axis_x=axis) for name in own]
         tabs["controller"] = rrb.Grid(*views, name="Controller")
     if only is not None:
-        return _whole(rrb, tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
-    active = 1 if window and shifts else 0
-    return _whole(rrb, rrb.Tabs(*tabs.values(), active_tab=active), "collapsed", "expanded", "paused")
+        return whole(tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
+    return whole(rrb.Tabs(*tabs.values(), active_tab=len(close) if run_first else 0), "collapsed", "expanded", "paused")
+
+
+def open_with(first: rrb.View, span: tuple[float, float]) -> None:
+    """Let all plots with linked time axes open with a span of time [s], which ``first``, one of them, hands to the viewer."""
+    import rerun.blueprint as rrb
+
+    first.id = SHARED_AXIS
+    first.properties["TimeAxis"] = rrb.TimeAxis(link="LinkToGlobal", view_range=_range(span))
 
 
 def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
@@ -186,10 +281,13 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
         if isinstance(view, rrb.TimeSeriesView):
             view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
     tabs = [_tab("Run", run), *(rrb.Grid(*views, name=name) for name, views in more.items()), rrb.Grid(*rest, name="Other signals")]
-    return _whole(rrb, rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
+    return whole(rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
 
 
-def _whole(rrb: ModuleType, content: rrb.Container, panels: str, top: str, play: str) -> rrb.Blueprint:
+def whole(content: rrb.Container, panels: str, top: str, play: str) -> rrb.Blueprint:
+    """Return a blueprint of a content and the states of the viewer's panels, of its top bar and of its playing."""
+    import rerun.blueprint as rrb
+
     return rrb.Blueprint(
         content,
         rrb.TopPanel(state=top),
@@ -199,15 +297,15 @@ def _whole(rrb: ModuleType, content: rrb.Container, panels: str, top: str, play:
     )
 
 
-def _tab(name: str, columns: list[list]) -> rrb.Horizontal:
-    """Return columns of plots with the texts at their right."""
+def _tab(name: str, columns: list[list], text: str = "/report") -> rrb.Horizontal:
+    """Return columns of plots with the texts at their right; ``text`` is the place of the upper one."""
     import rerun.blueprint as rrb
 
     parts = []
     for views in columns:
         if views:
             # a lane of states needs a fifth of the height of a plot
-            shares = [0.25 + 0.2 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0 for view in views]
+            shares = [0.25 + 0.18 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0 for view in views]
             parts.append(rrb.Vertical(*views, row_shares=shares))
     # the text contains the time, because the viewer's own time column is too narrow
     log = rrb.archetypes.TextLogColumns(
@@ -215,20 +313,41 @@ def _tab(name: str, columns: list[list]) -> rrb.Horizontal:
         text_log_columns=[rrb.encodings.TextLogColumn("Body")],
     )
     texts = rrb.Vertical(
-        rrb.TextDocumentView(name="Report", origin="/report"),
+        rrb.TextDocumentView(name=text.strip("/").capitalize(), origin=text),
         rrb.TextLogView(name="Events", origin="/events", columns=log),
         row_shares=[3, 2],
     )
-    return rrb.Horizontal(*parts, texts, column_shares=[5.0] * len(parts) + [2.7], name=name)
+    return rrb.Horizontal(*parts, texts, column_shares=[(1.0 - TEXTS) / len(parts)] * len(parts) + [TEXTS], name=name)
 
 
-def _shift_column(pages: Pages, present: set[str], shift: Shift, legend: bool) -> list:
-    """Return the plots of one shift; ``legend`` is True for the first column only, because the second has the same colours."""
+def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], axis: rrb.TimeAxis, legend: bool) -> list:
+    """Return the plots of a column of moments; ``legend`` is True for the first one only, because all have the same colours."""
     import rerun.blueprint as rrb
 
-    axis = rrb.TimeAxis(link="Independent", view_range=_range(with_room(shift.window)))
-    states = _states(pages, present, shift.title, pages.shift_states, axis)
-    return states + _plots(pages, present, pages.shift_plots, axis, legend)
+    first, *others = column
+    names = [*curves.page.states, *first.lanes] if not others else []
+    lanes = [f"/{first.root}/{name}" for name in names if name in first.lanes or name in curves.present]
+    lanes += [f"/{one.root}/{name}" for one in column[:MOST_LANES] for name in one.lanes if others]
+    title = first.title if not others else f"{first.title.partition(': ')[2].partition(' at ')[0]}: {len(column)} overlaid"
+    views: list = [rrb.StateTimelineView(name=title, origin="/", contents=lanes, time_view=axis)] if lanes else []
+    for heading, plot in curves.page.plots:
+        shown = [name for name in plot if name in curves.present]
+        if not shown or heading not in curves.heights:
+            continue
+        unit = pages.known.signal(shown[0]).display_unit
+        drawn = [f"{DRAWN}/{name}" for name, (like, _, _) in first.drawn.items() if like in shown]
+        contents = [f"/{one.root}/{name}" for one in column for name in (*shown, *drawn)]
+        views.append(
+            rrb.TimeSeriesView(
+                name=f"{heading} [{unit}]",
+                origin="/",
+                contents=[*contents, *(f"/{one.root}/{mark_entity(heading)}" for one in column)],
+                axis_x=axis,
+                axis_y=rrb.ScalarAxis(range=curves.heights[heading]),
+                plot_legend=rrb.PlotLegend("RightTop", visible=legend),
+            )
+        )
+    return views
 
 
 def _run_columns(pages: Pages, present: set[str], axis: rrb.TimeAxis) -> list[list]:
@@ -255,7 +374,7 @@ def _plots(
         contents = _contents(pages, present, names)
         if contents:
             contents.append("/" + mark_entity(title))
-            unit = pages.known.signal(names[0]).display_unit
+            unit = pages.signal(names[0]).display_unit
             views.append(
                 rrb.TimeSeriesView(
                     name=f"{title} [{unit}]",
@@ -269,7 +388,7 @@ def _plots(
 
 
 def _contents(pages: Pages, present: set[str], names: Iterable[str]) -> list[str]:
-    return ["/" + entity(pages.known.signal(name)) for name in names if name in present]
+    return ["/" + entity(pages.signal(name)) for name in names if name in present]
 
 
 def _range(window: tuple[float, float]) -> rr.TimeRange:

@@ -30,8 +30,9 @@ from ..bags.definitions import installed
 from ..catalogue import Signal, Topic
 from ..errors import RigError
 from . import layout
-from .convert import event_row, import_rerun
+from .convert import import_rerun
 from .curves import log_state_styles, log_style, times
+from .document import event_row
 from .pages import Pages
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 

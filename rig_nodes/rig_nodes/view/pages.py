@@ -10,11 +10,12 @@ clutch, oil.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ..bags.rig_record import rig_record
-from ..catalogue import Catalogue, catalogue
+from ..catalogue import Catalogue, Signal, catalogue
 from ..description.structure import Device, Structure, structure_of
 from ..parts import part as parts
 from ..transmission import Transmission, transmission_of
@@ -36,7 +37,7 @@ HUES = ((FIRST, (0x9B, 0xCB, 0xF8)), (SECOND, (0xF8, 0xC4, 0x94)), (THIRD, (0xC9
 PALE = (INPUT_PALE, OUTPUT_PALE, *(pale for _, pale in HUES))
 SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
 # States of clutches go from grey over yellow to the clutch's hue, which is also that of the gear at the same place.
-IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
+IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xA0, 0x8C, 0x14), (0xD6, 0x45, 0x50)
 STATE_COLOURS = {
     "none": IDLE,
     "neutral": IDLE,
@@ -57,13 +58,65 @@ OTHER_TITLES = {
     "ratio": "Valve duty",
 }
 OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
-_OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # quantities of clutches that are shown in the clutch's hue
+_OF_CLUTCH = ("torque", "slip", "clamp", "piston", "heat")  # quantities of clutches that are shown in the clutch's hue
 _OF_VALVE = ("duty", "flow")
 
 
 def hues(place: int) -> tuple[Colour, Colour]:
     """Return the bright and the pale hue of the clutch or gear at a place; further places begin again with the first hue."""
     return HUES[place % len(HUES)]
+
+
+@dataclass(frozen=True)
+class Plates:
+    """Plates of a clutch, whose temperature follows from the recorded heat.
+
+    Parameters
+    ----------
+    signal : Signal
+        The temperature, which no topic carries.
+    heat : str
+        Signal of the heat since time 0.
+    capacity, cooling : float
+        Heat capacity [J/K] and heat that goes to the oil with each degree [W/K].
+    oil : float
+        Temperature of the oil at time 0 [degC].
+    """
+
+    signal: Signal
+    heat: str
+    capacity: float
+    cooling: float
+    oil: float
+
+
+def with_heat(known: Catalogue, structure: Structure) -> Catalogue:
+    """Return a catalogue with the heat of each clutch whose messages carry it, as a signal."""
+    more = {}
+    for one in structure.clutches:
+        name, topic = f"{one.key}_heat", f"/{one.name}/state"
+        if name not in known.signals and topic in known.topics and known.topics[topic].type == "ClutchState":
+            text = f"Heat of friction and drag in clutch {one.called} since time 0."
+            more[name] = Signal(name, "energy", "J", "kJ", 1e-3, 0.0, 1e9, topic, "heat", "positive", text)
+    return replace(known, signals={**known.signals, **more})
+
+
+def plates_of(record: Mapping, structure: Structure) -> dict[str, Plates]:
+    """Return the plates of a rig's clutches by the names of their temperatures.
+
+    A rig without the effect of the plates' heat has none.
+    """
+    found: dict[str, Plates] = {}
+    if not (record.get("effects") or {}).get("plate_heat"):
+        return found
+    oils = [float(record[one.name]["temperature"]) for one in structure.of_role(parts.OIL) if "temperature" in record[one.name]]
+    for one in structure.clutches:
+        pack = record.get(str(one.wires.get("plates")), {})
+        if "heat_capacity" in pack and "cooling" in pack and oils:
+            name, text = f"{one.key}_plates", f"Temperature of the plates of {one.called}, by their heat."
+            signal = Signal(name, "temperature", "degC", "degC", 1.0, -50.0, 1000.0, "", "", "Celsius", text)
+            found[name] = Plates(signal, f"{one.key}_heat", float(pack["heat_capacity"]), float(pack["cooling"]), oils[0])
+    return found
 
 
 class Pages:
@@ -82,7 +135,8 @@ class Pages:
         """
         record = rig_record(record)
         self.structure: Structure = structure_of(record["structure"])
-        self.known: Catalogue = catalogue(record)
+        self.known: Catalogue = with_heat(catalogue(record), self.structure)
+        self.plates: dict[str, Plates] = plates_of(record, self.structure)
         self.box: Transmission | None = transmission_of(record) if self.structure.gears else None
         self._own = self.structure.view
 
@@ -118,12 +172,16 @@ class Pages:
     @cached_property
     def states(self) -> tuple[str, ...]:
         """Lanes of states of a whole run."""
-        return self._there(("rig_state", *self.shift_states))
+        return self._there(("rig_state", "gear_ordered", "gear", *self._modes))
+
+    @property
+    def _modes(self) -> tuple[str, ...]:
+        return self.each((*self.structure.clutches, *self.structure.freewheels), "mode")
 
     @cached_property
     def shift_states(self) -> tuple[str, ...]:
         """Lanes of states of a shift."""
-        return self._there(("gear_ordered", "gear", *self.each((*self.structure.clutches, *self.structure.freewheels), "mode")))
+        return self._there(("gear", *self._modes))
 
     @cached_property
     def shift_plots(self) -> Plots:
@@ -147,6 +205,25 @@ class Pages:
                 ),
                 ("Speed", (into.speed, out.speed, *self.each(structure.clutches, "slip"))),
             )
+        )
+
+    @cached_property
+    def valve_plots(self) -> Plots:
+        """Plots of a valve's response at standstill."""
+        structure = self.structure
+        duties, flows = (self.each(structure.valves, what) for what in ("duty", "flow"))
+        oil = (("Clutch pressure", self.pressures()), ("Piston position", self.each(structure.clutches, "piston")))
+        currents = tuple(plot for plot in self.shift_plots if plot[0] == "Coil current")
+        return self._shown((("Valve duty", duties), *currents, *oil, ("Oil flow to the clutches", flows)))
+
+    @cached_property
+    def coast_plots(self) -> Plots:
+        """Plots of a coast-down, the speed with its fit first."""
+        if self.box is None:
+            return ()
+        into, out = self.box.input, self.box.output
+        return self._shown(
+            (("Speed", (into.speed, out.speed)), ("Shaft torque", (into.torque, out.torque)), ("Clutch pressure", self.pressures()))
         )
 
     @cached_property
@@ -210,13 +287,22 @@ class Pages:
                 *(plot for plot in self.shift_plots if plot[0] == "Clutch torque"),
                 ("Shaft speed", (into.speed, out.speed, *setpoints)),
                 ("Slip", self.each(structure.clutches, "slip")),
+                ("Heat in the clutches", self.each(structure.clutches, "heat")),
             )
         )
+
+    def signal(self, name: str) -> Signal:
+        """Return a signal of the rig, or a temperature of plates, by its name."""
+        return self.plates[name].signal if name in self.plates else self.known.signal(name)
+
+    def label(self, name: str) -> str:
+        """Return the name of a curve in a legend: the signal's name with its unit."""
+        return f"{name} [{self.signal(name).display_unit}]"
 
     @cached_property
     def marked_plots(self) -> Plots:
         """The plots that have a vertical line at each order."""
-        return tuple(dict.fromkeys(self.shift_plots + self.run_left + self.run_right + self._more)) if self.box else ()
+        return tuple(dict.fromkeys(self.run_left + self.run_right + self._more)) if self.box else ()
 
     @cached_property
     def more_pages(self) -> dict[str, Plots]:
@@ -268,7 +354,11 @@ class Pages:
         for place, clutch in enumerate(structure.clutches):
             bright, pale = hues(place)
             valve = structure.valve_of(clutch.name)
-            names = [*self.own(clutch, *_OF_CLUTCH), *self.measured(f"{structure.line_of(clutch.name)}.pressure")]
+            names = [
+                *self.own(clutch, *_OF_CLUTCH),
+                f"{clutch.key}_plates",
+                *self.measured(f"{structure.line_of(clutch.name)}.pressure"),
+            ]
             asked = [*self.own(clutch, "capacity")]
             if valve is not None:
                 names += [*self.own(valve, *_OF_VALVE), *self.measured(f"{valve.name}.current")]

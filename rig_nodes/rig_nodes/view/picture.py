@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import signal
 import socket
 import subprocess
@@ -18,6 +19,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..errors import RigError
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
 
 DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 NO_DRIVER = "no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers and try again"
-SIZE = (1600, 1400)
+SIZE = (1600, 1600)
 LONGEST = 60.0  # s for the whole picture
 SETTLED = 3  # successive equal images after which the drawing counts as finished
 PAUSE = 0.25  # s between them
@@ -55,7 +58,7 @@ def require_driver() -> Path:
 
 
 def take_picture(
-    view: Path, layout: Path | None, picture: Path, size: tuple[int, int] = SIZE, longest: float = LONGEST
+    view: Path, picture: Path, size: tuple[int, int] = SIZE, longest: float = LONGEST, light: bool = False
 ) -> list[str]:
     """Draw a view into a PNG and return what the viewer reports, as sentences.
 
@@ -63,14 +66,14 @@ def take_picture(
     ----------
     view : Path
         File of the view.
-    layout : Path or None
-        A layout; None for the view's own.
     picture : Path
         The PNG to write.
     size : (int, int)
         Width and height [px].
     longest : float
         Time limit [s].
+    light : bool
+        True for dark letters on a light ground.
 
     Returns
     -------
@@ -82,14 +85,34 @@ def take_picture(
     RigError
         When there is no software Vulkan driver, the picture cannot be written, or the viewer does not finish in time.
     """
-    with HeadlessViewer(str(view), layout, size, longest) as viewer:
+    with HeadlessViewer(str(view), size, longest) as viewer:
         image = viewer.image()
         reports = viewer.reports()
+    if light:
+        image = lightened(image)
     try:
         picture.write_bytes(image)
     except OSError as error:
         raise RigError(f"{picture}: the picture cannot be written ({error.strerror})") from None
     return reports
+
+
+def lightened(image: bytes) -> bytes:
+    """Return a PNG of the viewer with dark letters on a light ground, for paper.
+
+    Without a window the viewer is always dark. So lightness is turned round and every hue is kept: what is added to red, green and
+    blue of a pixel is the same for all three. A curve's colour that would become paler is left, so that it stands out.
+    """
+    from PIL import Image
+
+    colours = np.asarray(Image.open(io.BytesIO(image)).convert("RGB")).astype(np.int16)
+    high, low = colours.max(axis=2, keepdims=True), colours.min(axis=2, keepdims=True)
+    vivid = (high - low > 80) & (high + low > 180)
+    more = 255 - high - low
+    turned = colours + np.where(vivid & (more > 0), 0, more)
+    out = io.BytesIO()
+    Image.fromarray(turned.astype(np.uint8)).save(out, "png")
+    return out.getvalue()
 
 
 class HeadlessViewer:
@@ -98,23 +121,20 @@ class HeadlessViewer:
     Within the context, exceptions of the viewer's client (``client``, a rerun ViewerClient) become RigError.
     """
 
-    def __init__(self, source: str, layout: Path | None = None, size: tuple[int, int] = SIZE, longest: float = LONGEST) -> None:
+    def __init__(self, source: str, size: tuple[int, int] = SIZE, longest: float = LONGEST) -> None:
         """Prepare a viewer; entering the context starts it.
 
         Parameters
         ----------
         source : str
             A file, or the address of a live view.
-        layout : Path, optional
-            Layout to show it in, in place of its own.
         size : (int, int)
             Width and height [px].
         longest : float
             Time limit for everything within the context [s].
         """
         self.client = None
-        self._sources, self._size, self._longest = [source, *([str(layout)] if layout else [])], size, longest
-        self._layout = layout.read_bytes() if layout else b""
+        self._source, self._size, self._longest = source, size, longest
 
     def __enter__(self) -> HeadlessViewer:
         driver = require_driver()
@@ -125,12 +145,9 @@ class HeadlessViewer:
         self._watchdog = threading.Timer(self._longest, self._kill)
         self._watchdog.start()
         try:
-            laid_out = False
-            while not laid_out:  # the viewer opens both files at once and shows the layout of the one that is loaded later
-                self._kill()
-                self.process, port = _start(self._sources, self._size, driver, Path(self._folder.name))
-                self._connect(port)
-                laid_out = not self._layout or all(view.view_id.encode() in self._layout for view in self.state().views)
+            folder = Path(self._folder.name)
+            self.process, port = _start(self._source, self._size, driver, folder)
+            self._connect(port)
         except BaseException as error:
             self.__exit__(type(error), error, None)
             raise
@@ -202,7 +219,7 @@ class HeadlessViewer:
             state = self.state()
 
 
-def _start(sources: list[str], size: tuple[int, int], driver: Path, folder: Path) -> tuple[subprocess.Popen, int]:
+def _start(source: str, size: tuple[int, int], driver: Path, folder: Path) -> tuple[subprocess.Popen, int]:
     """Start the viewer without a window and return its process and port; it stores its files in ``folder``."""
     environment = surroundings(folder)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -225,7 +242,7 @@ def _start(sources: list[str], size: tuple[int, int], driver: Path, folder: Path
             "--hide-welcome-screen",
             "--window-size",
             f"{size[0]}x{size[1]}",
-            *sources,
+            source,
         ],
         env=environment,
         stdin=subprocess.DEVNULL,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from ..analysis.bench_report import OF_A_RUN, bench_lines
-from ..analysis.energy import signs
+from ..analysis.energy import energy_names
 from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
 from ..analysis.no_change import measured_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
@@ -25,8 +25,6 @@ from .report_plots import MOST_SHIFTS, Plots
 ABREAST = 4  # shifts side by side in a table
 MOST_IN_TABLES = 24  # shifts whose metrics are on the page
 MOST_SETTINGS = 60
-NAMES = {"motor_work": "work of the motor", "load_work": "work done on the load", "heat_losses": "heat of losses"}
-NAMES |= {"stored_kinetic": "growth of kinetic energy", "stored_hydraulic": "growth of hydraulic energy"}
 HOW = {"simulate": "simulated without messages", "run": "run on the node graph"}
 
 
@@ -274,13 +272,12 @@ def _energy(report: Mapping, box: Transmission | None) -> list[str]:
     accounts = [("run", report["energy"]["run"])]
     accounts += [(_shift(row, box), account) for row, account in zip(report["shifts"][:MOST_IN_TABLES], report["energy"]["shifts"])]
     accounts = [(name, account) for name, account in accounts if account]
-    heats = {clutch.heat: f"heat of clutch {clutch.name}" for clutch in box.clutches}
     parts = []
     for first in range(0, len(accounts), ABREAST):
         part = accounts[first : first + ABREAST]
         rows = [
-            [(NAMES | heats)[name] + " [J]", *("-" if one[f"{name}_j"] is None else f"{one[f'{name}_j']:.0f}" for _, one in part)]
-            for name in signs(box)
+            [f"{text} [J]", *("-" if one[f"{name}_j"] is None else f"{one[f'{name}_j']:.0f}" for _, one in part)]
+            for name, text in energy_names(box).items()
             if any(one.get(f"{name}_j") is not None for _, one in part)
         ]
         rows.append(["unaccounted [J]", *(f"{one['residual_j']:.2f}" for _, one in part)])

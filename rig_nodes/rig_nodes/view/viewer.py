@@ -54,6 +54,19 @@ def surroundings(folder: Path) -> dict[str, str]:
     return {**os.environ, "XDG_CONFIG_HOME": str(folder)}
 
 
+def in_theme(surrounding: dict[str, str], folder: Path, theme: str) -> dict[str, str]:
+    """Return the environment of a viewer with a window in a theme, "dark" or "light", whose own state is kept in ``folder``.
+
+    The viewer has no option for it; it takes the theme from the state that it left, so that state is written for it.
+    """
+    rr = import_rerun()
+    state = folder / "rerun" / "app.ron"
+    state.parent.mkdir(parents=True, exist_ok=True)
+    options = f"(options:(theme_preference:{theme.capitalize()}))"
+    state.write_text(json.dumps({"rerun.version": rr.__version__, "egui": options}), encoding="utf-8")
+    return {**surrounding, "XDG_DATA_HOME": str(folder)}
+
+
 def has_display() -> bool:
     """Return True when a window can be opened."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -65,13 +78,15 @@ def command_for(source: Path | str) -> str:
     return f"rerun {source} (rerun-sdk {rr.__version__}: pip install rerun-sdk=={rr.__version__})"
 
 
-def open_window(view: Path | str) -> int:
+def open_window(view: Path | str, theme: str | None = None) -> int:
     """Show a file, or the live view at an address, in a viewer that outlives this command.
 
     Parameters
     ----------
     view : Path or str
         The file or the address.
+    theme : str, optional
+        "dark" or "light"; by default what the person chose in the viewer's settings.
 
     Returns
     -------
@@ -83,11 +98,14 @@ def open_window(view: Path | str) -> int:
     RigError
         When the viewer ends at once, e.g. because a graphics driver is missing; the error contains its last output.
     """
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "rig_nodes")
+    environment = surroundings(home)
+    if theme:
+        environment = in_theme(environment, home / theme, theme)
     with tempfile.TemporaryFile() as words:
         viewer = subprocess.Popen(
             [program(), "--bind", "127.0.0.1", "--port", "auto", str(view)],
-            env=surroundings(Path(home, "rig_nodes")),
+            env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=words,

@@ -1,0 +1,278 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A campaign as a Rerun file: metrics of the shifts over the conditions that were varied, and a table of all runs.
+
+`rig view FOLDER` writes it for the folder of a measuring procedure, of which each run has its report, and of a sweep.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis.metrics import RPM
+from ..analysis.report import REPORT_FILE, columns_of, read_report, shown_transmission
+from ..analysis.runs_table import read_procedure
+from ..bags.opened import KINDS
+from ..bags.pieces import PACKED
+from ..bags.reader import UNREADABLE
+from ..bags.rig_record import rig_record
+from ..config.conditions import CONDITIONS
+from ..config.units import SI
+from ..errors import RigError
+from ..transmission import Transmission, transmission_of
+from .convert import APPLICATION, VIEW_FILE, import_rerun
+from .document import markdown_table
+from .pages import hues
+
+if TYPE_CHECKING:
+    from rerun.blueprint import Blueprint
+
+RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # of a sweep, and its metadata on how it was made
+AXIS = "condition"  # the timeline that carries the values of conditions
+PLOTTED = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "overlap_s")
+MOST_CONDITIONS, MOST_ROWS = 3, 200
+ROOM = 0.3  # share of an axis left free behind the points, for the legend
+TEXT = 0.36  # share of the width for the table
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_PREFIXES = {0: "", 3: "m", 6: "µ"}
+_WITH_PREFIX = ("s", "A", "m", "V", "N", "W")
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Runs of a campaign: the name of each row's run, its varied conditions, and its metrics.
+
+    Parameters
+    ----------
+    title : str
+        Name of the campaign.
+    names : list of str
+        Name of the run of each row.
+    conditions : dict of str to (str, list of float)
+        Unit and value of each condition, row by row; a run that lacks it has NaN.
+    rows : list of mapping
+        Metrics of one shift each (analysis.metrics).
+    box : Transmission
+        The transmission that was shifted.
+    """
+
+    title: str
+    names: list[str]
+    conditions: dict[str, tuple[str, list[float]]]
+    rows: list[Mapping[str, Any]]
+    box: Transmission
+
+
+def is_campaign(path: str | Path) -> bool:
+    """Return True for a folder that holds no bag itself, but the reports of several runs or a sweep's results."""
+    folder = Path(path)
+    if not folder.is_dir() or any(one.name.removesuffix(PACKED).endswith(KINDS) for one in folder.iterdir()):
+        return False
+    return (folder / RESULTS).exists() or bool(_reports(folder))
+
+
+def read_campaign(path: str | Path) -> Campaign:
+    """Return the campaign of a folder; RigError when no run of it has a shift."""
+    folder = Path(path)
+    found = _of_sweep(folder) if (folder / RESULTS).exists() else _of_reports(folder)
+    if not found.rows:
+        raise RigError(
+            f"{folder}: no run of this campaign has a shift to show; look at one of its runs with: rig view {folder}/RUN"
+        )
+    return found
+
+
+def _reports(folder: Path) -> list[Path]:
+    return sorted(one.parent for one in folder.glob(f"*/{REPORT_FILE}"))
+
+
+def _of_reports(folder: Path) -> Campaign:
+    names, rows, given, box = [], [], [], None
+    of_series = {
+        name: {key: _written(key, value) for key, value in (one.get("conditions") or {}).items() if key != "series"}
+        for one in read_procedure(folder).get("series", ())
+        for name in one["runs"]
+    }
+    for run in _reports(folder):
+        report = read_report(run) or {}
+        if box is None and report.get("shifts"):
+            box = shown_transmission(report)
+        for row in report.get("shifts", []):
+            names.append(run.name)
+            rows.append(row)
+            given.append(of_series.get(run.name) or report["run"].get("parameters") or {})
+    return Campaign(folder.name, names, _conditions(given), rows, box or transmission_of())
+
+
+def _written(name: str, value: object) -> str:
+    """Return a condition of a series with its unit."""
+    dimension = CONDITIONS.get(name)
+    return f"{value} {SI.get(dimension, '')}" if isinstance(dimension, str) else str(value)
+
+
+def _of_sweep(folder: Path) -> Campaign:
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(folder / RESULTS)
+    except (OSError, ValueError) as error:
+        raise RigError(f"{folder / RESULTS}: cannot be read ({' '.join(str(error).split())}); finish the sweep again") from None
+    first = table.schema.names.index("from_gear") if "from_gear" in table.schema.names else 0
+    varied = [name for name in table.schema.names[:first] if name not in ("member", "seed", "shift")]
+    units = {name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in varied}
+    rows = [row for row in table.to_pylist() if row.get("from_gear") is not None]
+    given = [{name: f"{row[name]} {units[name]}" if row[name] is not None else "" for name in varied} for row in rows]
+    try:
+        record = rig_record(json.loads((table.schema.metadata or {})[MANIFEST])["configuration"])
+        box = transmission_of(record) if rows else transmission_of()
+    except UNREADABLE as error:
+        raise RigError(f"{folder / RESULTS}: does not say its rig ({type(error).__name__}: {error}); make the sweep anew") from None
+    return Campaign(folder.name, [str(row["member"]) for row in rows], _conditions(given), rows, box)
+
+
+def _conditions(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, list[float]]]:
+    """Return the numbers among the conditions that differ between rows."""
+    out = {}
+    for name in dict.fromkeys(name for one in given for name in one):
+        read = [_NUMBER.fullmatch(str(one.get(name, ""))) for one in given]
+        units = {match[2] for match in read if match}
+        values = [float(match[1]) if match else np.nan for match in read]
+        if len(units) == 1 and len({value for value in values if np.isfinite(value)}) > 1:
+            out[name] = _shown(units.pop(), values)
+    same: dict[tuple, str] = {}  # two parameters that always have the same value are one condition
+    for name, (unit, values) in out.items():
+        same.setdefault((unit, tuple(values)), name)
+    return {name: out[name] for name in same.values()}
+
+
+def _shown(unit: str, values: list[float]) -> tuple[str, list[float]]:
+    """Return a unit for people and the values in it, large enough for the axis, which has whole numbers only."""
+    if unit == "rad/s":
+        unit, values = "rpm", [value * RPM for value in values]
+    if unit == "Pa":
+        unit, values = "kPa", [1e-3 * value for value in values]
+    for power in _PREFIXES:
+        scaled = [value * 10.0**power for value in values]
+        if power == max(_PREFIXES) or all(not np.isfinite(one) or abs(one - round(one)) < 1e-3 for one in scaled):
+            break
+    if power and unit in _WITH_PREFIX:
+        return _PREFIXES[power] + unit, scaled
+    return (f"{10.0**-power:g} {unit}".strip() if power else unit), scaled
+
+
+def write_campaign(path: str | Path, only: bool = False, picture: Path | None = None) -> Path:
+    """Write the file of a campaign, whole or not at all, and return its path.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder.
+    only : bool
+        True to leave the viewer's own bars away.
+    picture : Path, optional
+        File to write in place of the one in the folder.
+
+    Raises
+    ------
+    RigError
+        When no run has a shift or the file cannot be written.
+    """
+    rr = import_rerun()
+    found, target = read_campaign(path), picture or Path(path, VIEW_FILE)
+    shown = dict(list(found.conditions.items())[:MOST_CONDITIONS]) or {"row": ("", [float(n + 1) for n in range(len(found.rows))])}
+    ways = list(dict.fromkeys(_way(found, row) for row in found.rows))
+    columns = {key: (heading, factor) for heading, key, factor, _ in columns_of(found.box) if key in PLOTTED}
+    keys = [key for key in PLOTTED if key in columns and any(row.get(key) is not None for row in found.rows)]
+    rec = rr.RecordingStream(APPLICATION, recording_id="campaign", send_properties=False)
+    try:
+        handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=target.parent)
+    except OSError as error:
+        raise RigError(f"{target}: cannot be written ({error.strerror}); copy the campaign to a folder of yours") from None
+    os.close(handle)
+    try:
+        rec.save(name, default_blueprint=_blueprint(shown, {key: columns[key][0] for key in keys}, only))
+        for condition, (_, values) in shown.items():
+            for key in keys:
+                for n, way in enumerate(ways):
+                    points = [
+                        (round(x), row[key] * columns[key][1])
+                        for x, row in zip(values, found.rows)
+                        if _way(found, row) == way and row.get(key) is not None and np.isfinite(x)
+                    ]
+                    if points:
+                        at, y = zip(*sorted(points))
+                        place = f"{key}/{condition.replace('.', '_')}/{n}"
+                        look = rr.SeriesPoints(names=way, colors=hues(n)[0], markers="circle", marker_sizes=3.5)
+                        rec.log(place, look, static=True)
+                        rec.send_columns(place, [rr.TimeColumn(AXIS, sequence=at)], rr.Scalars.columns(scalars=y))
+        rec.log("report", rr.TextDocument(_document(found, shown), media_type="text/markdown"), static=True)
+        rec.flush()
+        rec.disconnect()
+        os.chmod(name, 0o644)  # mkstemp makes the file private
+        os.replace(name, target)
+    finally:
+        Path(name).unlink(missing_ok=True)
+    return target
+
+
+def _way(found: Campaign, row: Mapping) -> str:
+    names = found.box.names
+    return " → ".join(names.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
+
+
+def _blueprint(conditions: Mapping[str, tuple[str, list[float]]], headings: Mapping[str, str], only: bool) -> Blueprint:
+    """Return a grid: a row for each metric, a column for each condition."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    columns = []
+    for n, (condition, (unit, values)) in enumerate(conditions.items()):
+        low, high = (float(pick(values)) for pick in (np.nanmin, np.nanmax))
+        room = max(0.05 * (high - low), 1.0)
+        ends = round(low - room), round(high + room + ROOM * (high - low))
+        start, end = (rr.TimeRangeBoundary.absolute(seq=at) for at in ends)
+        axis = rrb.TimeAxis(link="Independent", view_range=rr.TimeRange(start=start, end=end))
+        name = f"{condition} [{unit}]" if unit else condition
+        views = [
+            rrb.TimeSeriesView(
+                name=f"{heading} over {name}",
+                origin=f"/{key}/{condition.replace('.', '_')}",
+                axis_x=axis,
+                plot_legend=rrb.PlotLegend("RightTop", visible=not n),
+                interaction=rrb.PlotInteraction(points_display="Always"),
+            )
+            for key, heading in headings.items()
+        ]
+        columns.append(rrb.Vertical(*views))
+    shares = [(1.0 - TEXT) / len(columns)] * len(columns) + [TEXT]
+    state = "hidden" if only else "collapsed"
+    return rrb.Blueprint(
+        rrb.Horizontal(*columns, rrb.TextDocumentView(name="Campaign", origin="/report"), column_shares=shares),
+        rrb.TopPanel(state="hidden" if only else "expanded"),
+        rrb.TimePanel(state=state, timeline=AXIS, play_state="paused"),
+        rrb.BlueprintPanel(state=state),
+        rrb.SelectionPanel(state=state),
+    )
+
+
+def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]) -> str:
+    columns = [one for one in columns_of(found.box) if one[1] in PLOTTED]
+    head = ["run", *(f"{name} {unit}".strip() for name, (unit, _) in conditions.items() if name != "row"), "shift"]
+    rows = [[*head, *(heading for heading, *_ in columns), "valid"]]
+    for n, (name, row) in enumerate(zip(found.names, found.rows)):
+        held = [f"{values[n]:g}" for condition, (_, values) in conditions.items() if condition != "row"]
+        cells = ["-" if row.get(key) is None else f"{row[key] * factor:.{digits}f}" for _, key, factor, digits in columns]
+        rows.append([name, *held, _way(found, row), *cells, "yes" if row.get("valid") else "**no**"])
+    more = len(rows) - 1 - MOST_ROWS
+    parts = [f"# {found.title}", f"{len(set(found.names))} runs, {len(found.rows)} shifts", markdown_table(rows[: MOST_ROWS + 1])]
+    return "\n\n".join(parts + ([f"and {more} more"] if more > 0 else [])) + "\n"

@@ -1,0 +1,415 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The moments of a run that the view shows close up, on time axes of their own: shifts, responses of valves, a coast-down.
+
+view.convert uses it and view.layout lays them out. Time zero of a shift is its order, so that several can lie in one plot. A moment
+is read from its own stretch of the bag, however long the run is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics
+from ..analysis.phases import FILL, INERTIA, TORQUE, Part, moments_of, phases_of, times_of
+from ..bags import cdr
+from ..bags.reader import UNREADABLE
+from ..errors import RigError
+from . import layout
+from .curves import LOGGER_TOPIC, OWN_TOPIC, style, thinned, times
+from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from rerun import RecordingStream
+
+    from ..bags.opened import OpenedBags
+    from ..bags.reader import Bag
+
+EVENT = "rig_msgs/msg/Event"
+SPARE = 0.1  # s read around a moment, because a message may lie a little apart from the time of its values
+STEP = 8.0  # s of a long stretch in memory at a time
+COARSE = 4  # number of moments in one column from which on they are drawn at 1 kHz
+MARGIN = 0.06  # share of a plot's height left free above and below its curves
+FILLING, LOCKED = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0)
+PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INERTIA: ALARM}
+TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
+BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
+NO_TEXT = " "  # an empty one would be replaced by the state's value
+LETTER = 7.0  # px of a letter in a bar
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A stretch of a run.
+
+    Parameters
+    ----------
+    root : str
+        Its place in the view's file.
+    title : str
+        Its name for people.
+    zero : float
+        Time of the run at its time zero [s].
+    start, end : float
+        Its ends from time zero on [s].
+    marks : tuple of (float, Colour)
+        Times from zero on [s] at which its plots have a vertical line.
+    lanes : mapping of str to list of (Part, Colour)
+        Stretches of time shown as bars, by the name of their lane; times from zero on [s].
+    drawn : mapping of str to (str, times, values)
+        Computed curves by name: a signal in whose plot and unit they are drawn, times from zero on [s], values [SI].
+    """
+
+    root: str
+    title: str
+    zero: float
+    start: float
+    end: float
+    marks: tuple[tuple[float, Colour], ...]
+    lanes: Mapping[str, list[tuple[Part, Colour]]]
+    drawn: Mapping[str, tuple[str, np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A tab of moments: its name on the command line and for people, columns of moments, their plots and lanes of states."""
+
+    key: str
+    name: str
+    columns: list[list[Moment]]
+    plots: Plots
+    states: tuple[str, ...]
+
+    @property
+    def moments(self) -> list[Moment]:
+        """All moments of the page."""
+        return [moment for column in self.columns for moment in column]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Start and end of all plots [s], which are common to all columns."""
+        return min(one.start for one in self.moments), max(one.end for one in self.moments)
+
+    def window(self, pages: Pages) -> tuple[float, float]:
+        """Return the time [s] with which all plots open: the span, and room for the legends behind it."""
+        labels = [pages.label(name) for _, names in self.plots for name in names]
+        return layout.with_room(self.span, layout.room_for(labels, len(self.columns)))
+
+
+def shift_page(pages: Pages, columns: Sequence[Sequence[layout.Shift]], rows: Sequence[Mapping]) -> Page:
+    """Return the page of shifts.
+
+    Parameters
+    ----------
+    pages : Pages
+        The pages of the rig.
+    columns : sequence of sequence of Shift
+        Shifts of each column; those of one column are overlaid.
+    rows : sequence of mapping
+        Metrics of the shifts, in any order; a shift without a row has no phases.
+    """
+    found = {round(row["t_order_s"], 6): row for row in rows}
+    return Page(
+        "shifts",
+        "Shifts",
+        [[_shift(one, found.get(round(one.order, 6)), len(column) > 1) for one in column] for column in columns],
+        pages.shift_plots,
+        pages.shift_states,
+    )
+
+
+def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
+    marks: list[tuple[float, Colour]] = [(0.0, OTHER)]
+    lanes: dict[str, list[tuple[Part, Colour]]] = {}
+    if row is not None:
+        since = [Part(one.name, one.start - shift.order, one.end - shift.order) for one in phases_of(row)]
+        lanes["phases"] = [(one, PHASE_COLOURS[one.name]) for one in since]
+        if not overlaid:
+            spans = {
+                one.name: Part(f"{one.name} {1e3 * (one.end - one.start):.0f} ms", one.start, one.end) for one in times_of(row)
+            }
+            moved = {name: Part(one.name, one.start - shift.order, one.end - shift.order) for name, one in spans.items()}
+            for lane, names in (("t_c_t_o", ("t_c", "t_o")), ("t_d", ("t_d",)), ("t_p", ("t_p",))):
+                if bars := [(moved[name], SETTLING if name == "t_o" else TIME_COLOUR) for name in names if name in moved]:
+                    lanes[lane] = bars
+            begins = [(one.start, PHASE_COLOURS[one.name]) for one in since if one.name != FILL]
+            locked = moments_of(row).get("lock-up")
+            marks += begins + ([] if locked is None else [(locked - shift.order, LOCKED)])
+    start, end = shift.window
+    return Moment(
+        f"shift_{shift.number}", shift.title, shift.order, start - shift.order, end - shift.order, tuple(marks), lanes, {}
+    )
+
+
+def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> list[Page]:
+    """Return the pages of a valve's response and of a coast-down, as far as a run without a change of gear has them.
+
+    Parameters
+    ----------
+    pages : Pages
+        The pages of the rig.
+    found : mapping
+        What the run measured (analysis.no_change.measured).
+    ends : (float, float)
+        First and last time of the run [s].
+    """
+    box, out = pages.box, []
+    responses = []
+    for n, row in enumerate(found.get("valve_responses", []), 1):
+        begin, pulse, rise = row["t_order_s"], row["t_pulse_s"], row["t_rise_s"]
+        marks = [(0.0, OTHER), *((t - begin, colour) for t, colour in ((pulse, WAITING), (rise, ALARM)) if t is not None)]
+        bars = {}
+        if pulse is not None and rise is not None:
+            bars = {"delay": [(Part(f"delay {1e3 * (rise - pulse):.0f} ms", pulse - begin, rise - begin), TIME_COLOUR)]}
+        last = min(begin + 1.0 if rise is None else rise + 0.5, ends[1]) - begin
+        title = f"valve response: {box.names[row['gear']]} at {begin:.3f} s"
+        responses.append(Moment(f"response_{n}", title, begin, -0.08, max(last, 0.1), tuple(marks), bars, {}))
+    if responses:
+        columns = [[one] for one in responses[:2]] if len(responses) <= 2 else [responses]
+        out.append(Page("valve", "Valve response", columns, pages.valve_plots, ()))
+    row = found.get("coast_down")
+    if row and not row["why"]:
+        cut, last, speed = row["t_cut_s"], row["t_end_s"], box.input.speed
+        t = np.linspace(0.0, last, 200)
+        tangent = np.linspace(0.0, min(row["coast_down_tangent_s"], last), 50)
+        full = row["coefficients"][-1]
+        drawn = {
+            "fit": (speed, t, np.polyval(row["coefficients"], t)),
+            "tangent": (speed, tangent, full * (1.0 - tangent / row["coast_down_tangent_s"])),
+        }
+        title = f"coast-down from {full * RPM:.0f} rpm at {cut:.3f} s"
+        end = min(1.1 * last, ends[1] - cut)
+        moment = Moment("coast_down", title, cut, -0.1 * last, end, ((0.0, OTHER),), {}, drawn)
+        out.append(Page("coast_down", "Coast-down", [[moment]], pages.coast_plots, ()))
+    return out
+
+
+def log_offset(small: Bag) -> int:
+    """Return log time less stamp of a bag's events [ns]; 0 for a bag of this rig, whose log is in the rig's own time."""
+    for topic, ros_type in small.types.items():
+        if ros_type == EVENT:
+            for log, data in small.raw(topic):
+                return log - cdr.stamp(data)
+    return 0
+
+
+class Reader:
+    """Reader of stretches of a bag."""
+
+    def __init__(self, index: OpenedBags, pages: Pages, small: Bag, offset: int) -> None:
+        """Prepare.
+
+        Parameters
+        ----------
+        index : OpenedBags
+            The bag.
+        pages : Pages
+            The pages of the rig.
+        small : Bag
+            Events and columns of loggers of the whole run.
+        offset : int
+            Log time less stamp of the bag's messages [ns].
+        """
+        self._index, self._pages, self._offset = index, pages, offset
+        self._columns = {topic: small.columns(topic) for topic in (LOGGER_TOPIC, OWN_TOPIC) if index.counts.get(topic)}
+
+    def read(self, names: Iterable[str], start: float, end: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Return times [s] and values [SI] of signals from ``start`` to ``end``, as far as the bag has them."""
+        names = list(names)
+        logged = self._columns.get(LOGGER_TOPIC, [])
+        topics = {self._pages.known.signal(name).topic for name in names if name not in logged}
+        if set(names) & set(logged):
+            topics.add(LOGGER_TOPIC)
+        piece = self._piece(topics, start, end)
+        found = {}
+        rows = _rows(piece) if piece.counts.get(LOGGER_TOPIC) else {}
+        for name in names:
+            signal = self._pages.known.signal(name)
+            if name in rows:
+                found[name] = rows[name]
+            elif name not in logged and piece.counts.get(signal.topic) and piece.has_field(signal):
+                found[name] = piece.series(signal)
+        return {name: _between(t, values, start, end) for name, (t, values) in found.items()}
+
+    def recording(self, order: tuple[float, int, int]) -> Recording | None:
+        """Return the logger's rows around an order, for its metrics; None without them."""
+        piece = self._piece([LOGGER_TOPIC], order[0] - 2 * SPARE - layout.BEFORE, order[0] + LONGEST + SPARE)
+        if not piece.counts.get(LOGGER_TOPIC):
+            return None
+        try:
+            logger = piece.logger(LOGGER_TOPIC, fill=True)
+            return Recording(logger.t0, logger.period, logger.channels, [order], self._pages.box)
+        except (*UNREADABLE, RigError):
+            return None
+
+    def pieces(self, start: float, end: float) -> Iterator[Bag]:
+        """Yield the bag from ``start`` to ``end`` [s] piece by piece, with all topics."""
+        for begin in np.arange(start, end, STEP).tolist():
+            first, after = (max(round(1e9 * t) + self._offset, 0) for t in (begin, min(begin + STEP, end)))
+            yield self._index.bag(self._index.types, first, after, dict(self._columns))
+
+    def _piece(self, topics: Iterable[str], start: float, end: float) -> Bag:
+        begin, after = (round(1e9 * t) + self._offset for t in (start - SPARE, end + SPARE))
+        return self._index.bag(set(topics), max(begin, 0), max(after, 1), dict(self._columns))
+
+
+def metrics_of(reader: Reader, shifts: Iterable[layout.Shift], ends: Mapping[float, float | None]) -> list[dict]:
+    """Return the metrics of some shifts of a run that has no report; ``ends`` gives the time of the order after each order [s]."""
+    rows = []
+    for shift in shifts:
+        order = (shift.order, shift.before, shift.after)
+        if (recording := reader.recording(order)) is not None and shift.after in shift.box.ratios:
+            rows.append(shift_metrics(recording, order, ends.get(shift.order)))
+    return rows
+
+
+def _rows(piece: Bag) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    try:
+        logger = piece.logger(LOGGER_TOPIC, fill=True)
+    except RigError:
+        return {}  # the whole run's curves say why
+    t = logger.time()
+    return {name: (t, values) for name, values in logger.channels.items()}
+
+
+def _between(t: np.ndarray, values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    part = (t >= start - 1e-9) & (t <= end + 1e-9)
+    return t[part], np.array(values[part])
+
+
+class MomentCurves:
+    """Curves, states, marks and lanes of a page of moments.
+
+    Attributes
+    ----------
+    heights : dict of str to (float, float)
+        Range of each plot by its title, in its display unit, common to all columns.
+    present : set of str
+        Signals that at least one moment has.
+    """
+
+    def __init__(self, reader: Reader, pages: Pages, names: Iterable[str], page: Page) -> None:
+        """Read the moments.
+
+        Parameters
+        ----------
+        reader : Reader
+            The bag.
+        pages : Pages
+            The pages of the rig.
+        names : iterable of str
+            Signals that the bag holds.
+        page : Page
+            The page.
+        """
+        self.page, self._pages = page, pages
+        held = set(names)
+        wanted = [name for name in dict.fromkeys([*page.states, *(one for _, plot in page.plots for one in plot)]) if name in held]
+        self._data: list[tuple[Moment, dict[str, tuple[np.ndarray, np.ndarray]]]] = []
+        for column in page.columns:
+            for moment in column:
+                found = reader.read(wanted, moment.zero + moment.start, moment.zero + moment.end)
+                thin = len(column) > COARSE
+                self._data.append((moment, {name: thinned(*one) if thin else one for name, one in found.items()}))
+        self.present = {name for _, found in self._data for name, (t, _) in found.items() if len(t)}
+        self.heights = {title: height for title, plot in page.plots if (height := self._height(plot)) is not None}
+
+    def _height(self, names: Sequence[str]) -> tuple[float, float] | None:
+        low, high = np.inf, -np.inf
+        for _, found in self._data:
+            for name in names:
+                values = self._shown(name, found[name][1]) if name in found else np.empty(0)
+                values = values[np.isfinite(values)]
+                if len(values):
+                    low, high = min(low, float(values.min())), max(high, float(values.max()))
+        if low > high:
+            return None
+        room = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
+        return low - room, high + room
+
+    def _shown(self, name: str, values: np.ndarray) -> np.ndarray:
+        return self._pages.known.signal(name).shown(values)
+
+    def send(self, rr: ModuleType, rec: RecordingStream) -> None:
+        """Send everything to a recording."""
+        start, end = self.page.window(self._pages)
+        width = layout.column_width(len(self.page.columns)) / (end - start)
+        for moment, found in self._data:
+            for name, (t, values) in found.items():
+                if not len(t):
+                    continue
+                signal, place = self._pages.known.signal(name), f"{moment.root}/{name}"
+                if signal.states:
+                    change = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+                    since = t[change] - moment.zero
+                    labels = [signal.states.get(int(value), str(int(value))) for value in values[change]]
+                    lasts = np.diff(np.append(since, moment.end)) * width
+                    # a bar too short for its text has the same colour without it
+                    states = [one if px > LETTER * (len(one) + 1) else f"short {one}" for one, px in zip(labels, lasts)]
+                    known = {state: label for label in signal.states.values() for state in (label, f"short {label}")}
+                    colours = [self._pages.state_colour(name, label) for label in known.values()]
+                    texts = [NO_TEXT if state != label else label for state, label in known.items()]
+                    look = rr.StateConfiguration(values=list(known), labels=texts, colors=colours)
+                    rec.log(place, look, static=True)
+                    self._send_states(rr, rec, place, since, states, moment.end)
+                else:
+                    rec.log(place, style(rr, self._pages, signal), static=True)
+                    rec.send_columns(place, [times(rr, t - moment.zero)], rr.Scalars.columns(scalars=signal.shown(values)))
+            for name, (like, t, values) in moment.drawn.items():
+                line = rr.SeriesLines(names=name, colors=WAITING if name == "fit" else ALARM, widths=1.0)
+                place = f"{moment.root}/{layout.DRAWN}/{name}"
+                rec.log(place, line, static=True)
+                rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=self._shown(like, values)))
+            for lane, bars in moment.lanes.items():
+                self._send_lane(rr, rec, f"{moment.root}/{lane}", bars, moment.end, width)
+            self._send_marks(rr, rec, moment)
+
+    def _send_lane(
+        self, rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple[Part, Colour]], end: float, width: float
+    ) -> None:
+        """Send bars; the text of one that is too short for it stands behind the last of them."""
+        looks: dict[str, tuple[str, tuple[int, ...]]] = {}
+        at, states, beside = [], [], []
+        for n, (part, colour) in enumerate(bars):
+            fits = (part.end - part.start) * width > LETTER * (len(part.name) + 1)
+            state = f"{n + 1}"
+            looks[state] = (part.name if fits else NO_TEXT, (*colour, 255))
+            beside += [] if fits else [part.name]
+            at.append(part.start)
+            states.append(state)
+            following = bars[n + 1][0].start if n + 1 < len(bars) else None
+            if following is None or following > part.end + 1e-4:
+                at.append(part.end)
+                states.append("beside" if following is None and beside else "")
+        looks["beside"] = (", ".join(beside), BEHIND)
+        kept = {state: look for state, look in looks.items() if state in states}
+        values, (labels, colours) = list(kept), zip(*kept.values())
+        colours = np.array([int.from_bytes(bytes(colour), "big") for colour in colours], np.uint32)
+        rec.log(place, rr.StateConfiguration(values=values, labels=list(labels), colors=colours), static=True)
+        self._send_states(rr, rec, place, np.array(at), states, end)
+
+    def _send_states(self, rr: ModuleType, rec: RecordingStream, place: str, t: np.ndarray, states: list[str], end: float) -> None:
+        """Send states and, at the end of the moment, an empty one, so that a lane ends there."""
+        if end > t[-1]:
+            t, states = np.append(t, end), [*states, ""]
+        rec.send_columns(place, [times(rr, t)], rr.StateChange.columns(state=states))
+
+    def _send_marks(self, rr: ModuleType, rec: RecordingStream, moment: Moment) -> None:
+        for title, (low, high) in self.heights.items():
+            place = f"{moment.root}/{layout.mark_entity(title)}"
+            # the viewer gives the first row a colour of its own, so that one is empty
+            t = np.append(moment.start, np.repeat([at for at, _ in moment.marks], 3))
+            shades = [int.from_bytes(bytes((*colour, 255)), "big") for _, colour in moment.marks]
+            colours = np.append(shades[0], np.repeat(shades, 3)).astype(np.uint32)
+            values = np.append(np.nan, np.tile([low, high, np.nan], len(moment.marks)))
+            # both ends of a line lie at the same time; averaging would reduce them to a point
+            rec.log(place, rr.SeriesLines(names="marks", widths=1.0, aggregation_policy="Off"), static=True)
+            columns = [*rr.Scalars.columns(scalars=values), *rr.SeriesLines.columns(colors=colours)]
+            rec.send_columns(place, [times(rr, t)], columns)
