@@ -30,6 +30,7 @@ from ..config.conditions import CONDITIONS
 from ..config.units import SI
 from ..errors import RigError
 from ..transmission import Transmission, transmission_of
+from . import layout
 from .convert import APPLICATION, VIEW_FILE, import_rerun
 from .document import markdown_table
 from .pages import hues
@@ -42,7 +43,7 @@ AXIS = "condition"  # the timeline that carries the values of conditions
 PLOTTED = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "overlap_s")
 MOST_CONDITIONS, MOST_ROWS = 3, 200
 ROOM = 0.3  # share of an axis left free behind the points, for the legend
-TEXT = 0.36  # share of the width for the table
+COLUMN, MOST_TEXT = 0.037, 0.5  # share of the width for a column of the table, and for all of them
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 _PREFIXES = {0: "", 3: "m", 6: "µ"}
 _WITH_PREFIX = ("s", "A", "m", "V", "N", "W")
@@ -200,7 +201,11 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
         raise RigError(f"{target}: cannot be written ({error.strerror}); copy the campaign to a folder of yours") from None
     os.close(handle)
     try:
-        rec.save(name, default_blueprint=_blueprint(shown, {key: columns[key][0] for key in keys}, only))
+        document, width = _document(found, shown)
+        plots = {key: (columns[key][0], _height(found, key, columns[key][1])) for key in keys}
+        rec.save(name, default_blueprint=_blueprint(shown, plots, min(COLUMN * width, MOST_TEXT), only))
+        # the viewer's line at its present time stands at the first row of all
+        left = min(_ends(values)[0] for _, values in shown.values())
         for condition, (_, values) in shown.items():
             for key in keys:
                 for n, way in enumerate(ways):
@@ -210,12 +215,12 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
                         if _way(found, row) == way and row.get(key) is not None and np.isfinite(x)
                     ]
                     if points:
-                        at, y = zip(*sorted(points))
+                        at, y = zip((left, np.nan), *sorted(points))
                         place = f"{key}/{condition.replace('.', '_')}/{n}"
                         look = rr.SeriesPoints(names=way, colors=hues(n)[0], markers="circle", marker_sizes=3.5)
                         rec.log(place, look, static=True)
                         rec.send_columns(place, [rr.TimeColumn(AXIS, sequence=at)], rr.Scalars.columns(scalars=y))
-        rec.log("report", rr.TextDocument(_document(found, shown), media_type="text/markdown"), static=True)
+        rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
         rec.flush()
         rec.disconnect()
         os.chmod(name, 0o644)  # mkstemp makes the file private
@@ -230,17 +235,28 @@ def _way(found: Campaign, row: Mapping) -> str:
     return " → ".join(names.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
 
 
-def _blueprint(conditions: Mapping[str, tuple[str, list[float]]], headings: Mapping[str, str], only: bool) -> Blueprint:
-    """Return a grid: a row for each metric, a column for each condition."""
+def _ends(values: Sequence[float]) -> tuple[int, int]:
+    """Return the ends of the axis of a condition."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    room = max(0.05 * (high - low), 1.0)
+    return round(low - room), round(high + room + ROOM * (high - low))
+
+
+def _height(found: Campaign, key: str, factor: float) -> tuple[float, float]:
+    values = [row[key] * factor for row in found.rows if row.get(key) is not None]
+    return layout.height(min(values), max(values))
+
+
+def _blueprint(
+    conditions: Mapping[str, tuple[str, list[float]]], plots: Mapping[str, tuple[str, tuple[float, float]]], text: float, only: bool
+) -> Blueprint:
+    """Return a grid: a row for each metric with its heading and range, a column for each condition; ``text`` is a share."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     columns = []
     for n, (condition, (unit, values)) in enumerate(conditions.items()):
-        low, high = (float(pick(values)) for pick in (np.nanmin, np.nanmax))
-        room = max(0.05 * (high - low), 1.0)
-        ends = round(low - room), round(high + room + ROOM * (high - low))
-        start, end = (rr.TimeRangeBoundary.absolute(seq=at) for at in ends)
+        start, end = (rr.TimeRangeBoundary.absolute(seq=at) for at in _ends(values))
         axis = rrb.TimeAxis(link="Independent", view_range=rr.TimeRange(start=start, end=end))
         name = f"{condition} [{unit}]" if unit else condition
         views = [
@@ -248,24 +264,20 @@ def _blueprint(conditions: Mapping[str, tuple[str, list[float]]], headings: Mapp
                 name=f"{heading} over {name}",
                 origin=f"/{key}/{condition.replace('.', '_')}",
                 axis_x=axis,
+                axis_y=rrb.ScalarAxis(range=height),
                 plot_legend=rrb.PlotLegend("RightTop", visible=not n),
                 interaction=rrb.PlotInteraction(points_display="Always"),
             )
-            for key, heading in headings.items()
+            for key, (heading, height) in plots.items()
         ]
         columns.append(rrb.Vertical(*views))
-    shares = [(1.0 - TEXT) / len(columns)] * len(columns) + [TEXT]
-    state = "hidden" if only else "collapsed"
-    return rrb.Blueprint(
-        rrb.Horizontal(*columns, rrb.TextDocumentView(name="Campaign", origin="/report"), column_shares=shares),
-        rrb.TopPanel(state="hidden" if only else "expanded"),
-        rrb.TimePanel(state=state, timeline=AXIS, play_state="paused"),
-        rrb.BlueprintPanel(state=state),
-        rrb.SelectionPanel(state=state),
-    )
+    shares = [(1.0 - text) / len(columns)] * len(columns) + [text]
+    content = rrb.Horizontal(*columns, rrb.TextDocumentView(name="Campaign", origin="/report"), column_shares=shares)
+    return layout.whole(content, *(("hidden", "hidden") if only else ("collapsed", "expanded")), "paused", AXIS)
 
 
-def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]) -> str:
+def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]) -> tuple[str, int]:
+    """Return the table of all shifts as a document, and its number of columns."""
     columns = [one for one in columns_of(found.box) if one[1] in PLOTTED]
     head = ["run", *(f"{name} {unit}".strip() for name, (unit, _) in conditions.items() if name != "row"), "shift"]
     rows = [[*head, *(heading for heading, *_ in columns), "valid"]]
@@ -275,4 +287,4 @@ def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]
         rows.append([name, *held, _way(found, row), *cells, "yes" if row.get("valid") else "**no**"])
     more = len(rows) - 1 - MOST_ROWS
     parts = [f"# {found.title}", f"{len(set(found.names))} runs, {len(found.rows)} shifts", markdown_table(rows[: MOST_ROWS + 1])]
-    return "\n\n".join(parts + ([f"and {more} more"] if more > 0 else [])) + "\n"
+    return "\n\n".join(parts + ([f"and {more} more"] if more > 0 else [])) + "\n", len(rows[0])

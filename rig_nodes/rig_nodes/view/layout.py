@@ -8,6 +8,7 @@ view.convert uses it for a recorded run and view.live for a running rig; view.pa
 
 from __future__ import annotations
 
+import math
 import uuid
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -31,6 +32,8 @@ BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift, for profiles, torque 
 LETTER, BESIDE = 6.5, 40.0  # px of a letter of a legend, and of its frame and dot
 NUMBERS = 45.0  # px of the numbers at the left of a plot
 MOST_ROOM = 1.5  # share of a window
+MARGIN = 0.06  # share of a plot's height left free above and below its curves
+NUMBER = 0.045  # share of a plot's height that half a number at its left takes
 
 TABS = ("shifts", "valve", "coast_down", "run", "other", "controller")  # names on the command line
 ALL = "all"  # in place of numbers of shifts
@@ -124,6 +127,17 @@ def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
     """Return the window [s] with which plots open: a window and, after it, the share of it that the legends need."""
     start, end = window
     return start, end + room * (end - start)
+
+
+def height(low: float, high: float) -> tuple[float, float]:
+    """Return the range of a plot that shows values from ``low`` to ``high`` with a margin, and cuts no number at its edges."""
+    margin = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
+    low, high = low - margin, high + margin
+    step, number = 10.0 ** math.floor(math.log10(high - low)), NUMBER * (high - low)  # the viewer's steps are powers of ten
+    lowest, highest = step * round(low / step), step * round(high / step)
+    return min(low, lowest - number if abs(lowest - low) < number else low), max(
+        high, highest + number if abs(highest - high) < number else high
+    )
 
 
 def choose(shifts: list[Shift]) -> list[Shift]:
@@ -284,14 +298,14 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
     return whole(rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
 
 
-def whole(content: rrb.Container, panels: str, top: str, play: str) -> rrb.Blueprint:
+def whole(content: rrb.Container, panels: str, top: str, play: str, timeline: str = TIMELINE) -> rrb.Blueprint:
     """Return a blueprint of a content and the states of the viewer's panels, of its top bar and of its playing."""
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(
         content,
         rrb.TopPanel(state=top),
-        rrb.TimePanel(state=panels, timeline=TIMELINE, play_state=play),
+        rrb.TimePanel(state=panels, timeline=timeline, play_state=play),
         rrb.BlueprintPanel(state=panels),
         rrb.SelectionPanel(state=panels),
     )

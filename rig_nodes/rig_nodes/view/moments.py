@@ -36,7 +36,6 @@ EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read around a moment, because a message may lie a little apart from the time of its values
 STEP = 8.0  # s of a long stretch in memory at a time
 COARSE = 4  # number of moments in one column from which on they are drawn at 1 kHz
-MARGIN = 0.06  # share of a plot's height left free above and below its curves
 FILLING, LOCKED = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0)
 PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INERTIA: ALARM}
 TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
@@ -331,8 +330,7 @@ class MomentCurves:
                     low, high = min(low, float(values.min())), max(high, float(values.max()))
         if low > high:
             return None
-        room = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
-        return low - room, high + room
+        return layout.height(low, high)
 
     def _shown(self, name: str, values: np.ndarray) -> np.ndarray:
         return self._pages.known.signal(name).shown(values)

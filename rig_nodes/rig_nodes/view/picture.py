@@ -177,7 +177,12 @@ class HeadlessViewer:
 
     def views(self, wanted: Callable[[str], bool] = lambda _name: True) -> list[tuple[str, bytes]]:
         """Return (name, PNG) of the views whose name is wanted."""
-        return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
+        while True:
+            try:
+                return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
+            except RuntimeError as error:  # a layout that has come meanwhile has views of its own
+                if "not found" not in str(error) or self.process.poll() is not None:
+                    raise
 
     def _answer(self, ask: Callable[[], Answer]) -> Answer:
         while True:
