@@ -33,7 +33,7 @@ LETTER, BESIDE = 6.5, 40.0  # px of a letter of a legend, and of its frame and d
 NUMBERS = 45.0  # px of the numbers at the left of a plot
 MOST_ROOM = 1.5  # share of a window
 MARGIN = 0.06  # share of a plot's height left free above and below its curves
-NUMBER = 0.045  # share of a plot's height that half a number at its left takes
+NUMBER = 0.032  # share of a plot's height that half a number at its left takes
 
 TABS = ("shifts", "valve", "coast_down", "run", "other", "controller")  # names on the command line
 ALL = "all"  # in place of numbers of shifts
@@ -134,10 +134,7 @@ def height(low: float, high: float) -> tuple[float, float]:
     margin = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
     low, high = low - margin, high + margin
     step, number = 10.0 ** math.floor(math.log10(high - low)), NUMBER * (high - low)  # the viewer's steps are powers of ten
-    lowest, highest = step * round(low / step), step * round(high / step)
-    return min(low, lowest - number if abs(lowest - low) < number else low), max(
-        high, highest + number if abs(highest - high) < number else high
-    )
+    return min(low, step * math.ceil(low / step) - number), max(high, step * math.floor(high / step) + number)
 
 
 def choose(shifts: list[Shift]) -> list[Shift]:
