@@ -26,6 +26,7 @@ from ..parts.proportional_valve import BY_DUTY
 from .gauges import Gauges
 
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
+SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
 
 
 class Tripped(RigError):
@@ -197,7 +198,8 @@ class RigBase(ABC):
         names : list of str
             Names of the values.
         values : (n,) array of float
-            The values that resulted; the message names the first that is not finite.
+            The values that resulted; the message names the first that is not finite, and a sum of what several parts give only
+            where none of these is at fault.
         """
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
         if how == NOT_SETTLED:
@@ -207,7 +209,7 @@ class RigBase(ABC):
                 "far from any real one, or its step too long"
             )
             return
-        first = int(np.flatnonzero(~np.isfinite(values))[0])
+        first = min(np.flatnonzero(~np.isfinite(values)), key=lambda i: (names[i].endswith(SUMS), i))
         self.trip(
             f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
             "before, and a value of the rig is far from any real one"
