@@ -205,7 +205,7 @@ def test_parameters_reach_the_rig(fmu):
     fmu.set(**{"alfa46.output_1.P1.current": 0.3, "oil_supply.temperature": 55.0, "effects.transducers": False})
     fmu.initialize(gear_request=1)
     fmu.step(0.0, 0.2)
-    assert fmu.get("T_oil") == [55.0]
+    assert fmu.get("T_oil") == pytest.approx([55.0], abs=0.01)
     assert fmu.get("I_set_zr_p1")[0] == pytest.approx(0.3 * 199 / 200), "P1 lies at 200 ms, the newest sample at 199"
 
 

@@ -126,7 +126,7 @@ def user(graph):
     [
         ("oil_supply", {"pressure": 3e6}, "/oil_supply/state", lambda m: m.pressure_setting == 3e6),
         ("oil_supply", {"enabled": True}, "/oil_supply/state", lambda m: m.enabled and m.pressure > 0.0),
-        ("oil_supply", {"temperature": 55.0}, "/oil_supply/state", lambda m: m.temperature == 55.0),
+        ("oil_supply", {"temperature": 55.0}, "/oil_supply/state", lambda m: abs(m.temperature - 55.0) < 0.1),
         ("oil_supply", {"temperature": 60.0}, "/oil_supply/t_oil", lambda m: abs(m.value - 60.0) < 1.0),
         ("load_pump", {"relief_pressure": 5e6}, "/load_pump/state", lambda m: m.relief_setting == 5e6),
         ("load_pump", {"enabled": True}, "/load_pump/state", lambda m: m.pressure > 0.0),

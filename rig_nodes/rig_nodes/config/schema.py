@@ -49,7 +49,7 @@ def param(
     default : object
         Value of a field that is left out; without it the field must be written.
     live : bool or str
-        True, or the name of the device's state that has the value, when it can change while the rig runs.
+        True, or the name of the device's state that takes the value, when it can be changed while the rig runs.
 
     Returns
     -------

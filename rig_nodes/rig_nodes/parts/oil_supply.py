@@ -39,7 +39,13 @@ class OilSupplyConfig:
     density: float = param("density", 500.0, 1200.0, "Density of the oil")
     viscosity: float = param("viscosity", 1e-4, 5.0, "Dynamic viscosity of the oil at the reference temperature")
     viscosity_temperature: float = param("temperature", -30.0, 150.0, "Reference temperature, at which the viscosity is stated")
-    temperature: float = param("temperature", -30.0, 150.0, "Temperature of the oil as the rig starts", live="oil_temperature")
+    temperature: float = param(
+        "temperature",
+        -30.0,
+        150.0,
+        "Temperature that the oil has as the rig starts, and takes at once when it is set",
+        live="oil_temperature",
+    )
     second_viscosity: float = param(
         "viscosity", 0.0, 5.0, "Dynamic viscosity at a second temperature; 0 for an oil that is as viscous at all temperatures", 0.0
     )

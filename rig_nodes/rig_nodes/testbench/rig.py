@@ -293,13 +293,13 @@ class Rig(RigBase):
             self.gauges.set_noise(_channel(setting), value)
 
     def value(self, name: str) -> bool | float:
-        """Return the present value [SI] of a setting that can be changed while the rig runs."""
+        """Return the value [SI], as it was last set, of a setting that can be changed while the rig runs."""
         setting = self.settings.find(name)
         if setting.setpoint:
             command, me = setting.setpoint.command, self.device(setting.setpoint.device)
             return bool(me[command.enabled] > 0.0) if setting.dimension == SWITCH else float(me[command.target])
         if setting.state:
-            return float(self.device(setting.owner)[setting.state])
+            return float(self.config.value(name))  # as it was last set; the state moves on from there
         return self.gauges.on if setting.dimension == SWITCH else self.gauges.noise(_channel(setting))
 
     def refuses_drive(self, setpoint: Setpoint) -> bool:

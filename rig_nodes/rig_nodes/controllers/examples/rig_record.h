@@ -23,8 +23,8 @@ enum { RIG_GEAR_NEUTRAL = 0, RIG_GEAR_I = 1, RIG_GEAR_II = 2 };
 typedef struct rig_measured {
   double n_wej; /* Speed of the input shaft w0 [rad/s]; positive in the driving direction */
   double n_wyj; /* Speed of the output shaft wk [rad/s]; positive in the driving direction */
-  double p1; /* Pressure between valve ZR-P1 and clutch S1 [Pa]; gauge, positive above ambient */
-  double p2; /* Pressure between valve ZR-P2 and clutch S2 [Pa]; gauge, positive above ambient */
+  double p1; /* Pressure in the cylinder of clutch S1 [Pa]; gauge, positive above ambient */
+  double p2; /* Pressure in the cylinder of clutch S2 [Pa]; gauge, positive above ambient */
 } rig_measured;
 
 static inline const rig_measured *rig_measured_of(const rig_controller_inputs *in) {
