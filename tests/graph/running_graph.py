@@ -78,6 +78,7 @@ class Client:
 
     def close(self):
         self.executor.remove_node(self.node)
+        self.executor.shutdown()  # otherwise it keeps the participant of DDS, which takes part in the domains of later tests
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
