@@ -186,7 +186,8 @@ def _record(*instances: object) -> np.void:
 def _oil_of(config: CutRig, valve: Device) -> tuple[float, float, float]:
     """Return what a valve needs of its oil, at the temperature at which the rig starts; see :func:`valve_tick`."""
     oil = getattr(config, config.structure.oil_of(valve, "supply"))
-    viscosity = float(viscosity_at(oil.temperature, _record(oil))[0])
+    # not compiled: numba would take the record of the configuration for a part of the plant's and warn
+    viscosity = float(viscosity_at.py_func(oil.temperature, oil)[0])
     return (
         float(valve_model.orifice_speed(oil.density)),
         float(valve_model.laminar_force(viscosity, oil.density)),
