@@ -12,14 +12,14 @@ What is not smooth is treated as follows:
   exponential, and the magnet's hysteresis (a play operator) has its exact value, as the current does not turn round.
 * clutches that slip, stick, break away: events; the speeds are projected on the locked state, torques jump there.
 * memory of splines and contact (play operators on clamp force and piston): pulled into their band within PULL.
-* feed orifice at no flow, where the square root has no finite slope: linear below FEED_LINEAR.
+* empty part of a line: it takes all of the valve's flow until FILLED is left.
 * friction of spool and seals, stops, limits: continuous with corners, left to the tolerance control.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import copysign, exp, pi, sqrt
+from math import copysign, exp, log10, pi, sqrt
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -29,16 +29,17 @@ from rig_nodes.plant.friction import closed, drag
 SAMPLE = 1e-3  # s between two duties
 ROW = 1e-4  # s between two logger rows
 PULL = 1e-6  # s
-FEED_LINEAR = 10.0  # Pa
-LAMINAR = 2e3  # Pa, below which the valve's orifice is linear (docstring of its flow)
+FILLED = 1e-10  # m3: below it the empty part of a line takes less and less
+LAMINAR = 2e3  # Pa, below which the valve's orifice is linear in any case (docstring of its flow)
 RPM = pi / 30.0
 # slips from the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
 SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
 STUCK = 0
 W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
-SPOOL, LINE, CHAMBER, PISTON, HELD, REST, BOUNDARY, HEAT, WEAR, PER_CLUTCH = range(10)
-# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, N, shares, K, m
-ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-6, 1e-9, 1e-9, 1e-9, 1e-20))
+SPOOL, LINE, CHAMBER, PISTON, EMPTY, HELD, REST, BOUNDARY, HEAT, WEAR, PER_CLUTCH = range(11)
+# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, Pa, m3, N, shares, K, m
+PER_PACK = (1e-13, 1e-2, 1e-2, 1e-13, 1e-13, 1e-6, 1e-9, 1e-9, 1e-9, 1e-20)
+ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * PER_PACK)
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
 
@@ -80,6 +81,7 @@ class Equations:
         self.modes = list(start.modes)
         self.current, self.magnet = list(start.current), list(start.magnet)
         self.duty, self.t0 = (0.0, 0.0), 0.0
+        self.thick = self.viscosity(config.oil_supply.temperature)
 
     # ---- coil and magnet, in closed form over the millisecond that began at t0
 
@@ -107,38 +109,70 @@ class Equations:
         squeeze = piston - x.clearance - wear
         return x.pack_rate * squeeze / max(1e-4, 1.0 - squeeze / x.pack_travel) if squeeze > 0.0 else 0.0
 
-    def valve_flow(self, k, spool, line, supply):
+    def viscosity(self, temperature):
+        """Returns the viscosity [Pa s] at a temperature [degC] by ASTM D341."""
+        oil = self.c.oil_supply
+        points = ((oil.viscosity_temperature, oil.viscosity), (oil.second_temperature, oil.second_viscosity))
+        (t1, w1), (t2, w2) = ((log10(t + 273.15), log10(log10(1e6 * mu / oil.density + 0.7))) for t, mu in points)
+        w = w1 + (w2 - w1) / (t2 - t1) * (log10(temperature + 273.15) - t1)
+        return 1e-6 * oil.density * (10.0 ** (10.0**w) - 0.7)
+
+    def laminar_drop(self, area):
+        """Returns the pressure drop [Pa] below which the flow through a sharp-edged orifice of an effective area is laminar.
+
+        Re = 9.3 with the diameter of the round hole; the discharge coefficient is 0.61.
+        """
+        density, diameter = self.c.oil_supply.density, sqrt(4.0 * area / 0.61 / pi)
+        return density / 2.0 * (9.3 * self.thick / density / diameter / 0.61) ** 2
+
+    def valve_flow(self, k, spool, port, supply):
         """Returns the flow into the line, from the supply or to the tank [m3/s]."""
         v = self.valves[k]
         if spool > 0.0:
-            area, drop, sign = spool / v.spool_stroke * v.orifice_area, max(0.0, supply - line), 1.0
+            area, full, drop, sign = spool / v.spool_stroke * v.orifice_area, v.orifice_area, max(0.0, supply - port), 1.0
+            if v.supply_bore_area > 0.0:
+                area = 1.0 / sqrt(1.0 / area**2 + 1.0 / v.supply_bore_area**2)
         elif spool < -v.spool_dead_band:
-            area, drop, sign = -(spool + v.spool_dead_band) / v.spool_stroke * v.drain_area, line, -1.0
+            area, full, drop, sign = -(spool + v.spool_dead_band) / v.spool_stroke * v.drain_area, v.drain_area, port, -1.0
         else:
             return 0.0
-        return sign * area * sqrt(2.0 / self.c.oil_supply.density) * drop / (drop * drop + LAMINAR**2) ** 0.25
+        below = max(LAMINAR, self.laminar_drop(full))
+        return sign * area * sqrt(2.0 / self.c.oil_supply.density) * drop / (drop * drop + below**2) ** 0.25
 
-    def hydraulics(self, k, t, z, supply):
-        """Returns (rates of SPOOL to REST, flow through the valve, clamp force) for the clutch's part z of the state."""
+    def hydraulics(self, k, t, z, supply, speed):
+        """Returns (rates of SPOOL to REST, flow through the valve, clamp force) for the clutch's part z of the state.
+
+        ``speed`` is that of the chamber.
+        """
         v, x, oil = self.valves[k], self.cylinders[k], self.c.oil_supply
         spool, line, chamber, piston = z[SPOOL], z[LINE], z[CHAMBER], z[PISTON]
+        flow = self.valve_flow(k, spool, line, supply)
         middle = self.magnet_at(k, t) - v.pressure_gain * v.cracking_current
-        lowest = min(middle - v.friction_pressure, v.pressure_limit)
-        highest = min(middle + v.friction_pressure, v.pressure_limit)
+        swing = v.coil_voltage * self.duty[k] * (1.0 - self.duty[k]) / (v.coil_inductance * self.c.alfa46.values.pwm_frequency)
+        friction = max(0.0, v.friction_pressure - 0.5 * v.pressure_gain * swing)
+        lowest = min(middle - friction, v.pressure_limit)
+        highest = min(middle + friction, v.pressure_limit)
         per_pascal = v.spool_stroke / v.full_opening_pressure
         target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
         target = clamp(target, -v.spool_dead_band - v.spool_stroke, v.spool_stroke)
 
-        flow = self.valve_flow(k, spool, line, supply)
+        lost, emptying = 0.0, 0.0
+        if spool > 0.0:
+            lost = self.valve_flow(k, spool, 0.0, supply) * clamp(z[EMPTY] / FILLED, 0.0, 1.0)
+        elif chamber <= 10e3:
+            emptying = (x.drained_volume - z[EMPTY]) / x.drain_time
+        turbulent = oil.density / (2.0 * x.feed_area**2)
+        laminar = sqrt(0.5 * oil.density * self.laminar_drop(x.feed_area)) / x.feed_area
         drop = line - chamber
-        feed = x.feed_area * sqrt(2.0 / oil.density) * drop / (drop * drop + FEED_LINEAR**2) ** 0.25
+        feed = copysign(2.0 * abs(drop) / (laminar + sqrt(laminar**2 + 4.0 * turbulent * abs(drop))), drop)
         force = self.clamp_force(k, piston, z[WEAR])
         push = (x.piston_area + x.force_per_pressure_squared * max(0.0, chamber)) * chamber
+        push += 0.5 * oil.density * (speed * x.centrifugal_radius) ** 2 * x.piston_area
         rest = push - x.spring_preload - x.spring_rate * piston - force
         seal = x.seal_friction + x.seal_friction_share * abs(push)
-        speed = (rest - clamp(rest, -seal, seal)) / x.piston_damping
+        moves = (rest - clamp(rest, -seal, seal)) / (x.piston_damping * self.thick / oil.viscosity)
         if piston <= 0.0:
-            speed = max(0.0, speed)
+            moves = max(0.0, moves)
         held = self.between(z[BOUNDARY], [a / b for b, a in (self.slow, self.fast)])
         apart = max(0.0, x.clearance + z[WEAR] - piston) / (self.pack.surfaces * self.pack.film_gap)
         pulled = [
@@ -150,10 +184,11 @@ class Equations:
         ]
         return (
             [
-                (target - spool) / v.spool_time,
-                (flow - feed) * oil.bulk_modulus / x.line_volume,
-                (feed - x.piston_area * speed) * oil.bulk_modulus / x.chamber_volume,
-                speed,
+                (target - spool) / (v.spool_time * self.thick / oil.viscosity),
+                (flow - lost - feed) * oil.bulk_modulus / x.line_volume,
+                (feed - x.piston_area * moves) * oil.bulk_modulus / x.chamber_volume,
+                moves,
+                emptying - lost,
                 *pulled,
             ],
             flow,
@@ -167,18 +202,13 @@ class Equations:
         """Returns the value for a share of boundary friction from those at rest and in fast slip."""
         return ends[1] + (ends[0] - ends[1]) * boundary
 
-    def oil_between(self, z):
-        """Returns the viscosity of the oil between the plates [Pa s]."""
-        oil = self.c.oil_supply
-        return oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
-
     def pressing(self, z):
         """Returns the force on the plates, with what splines and waves add to the clamp force [N]."""
         return z[HELD] + self.waves * z[REST]
 
     def settling(self, z, slip):
         """Returns the rate of BOUNDARY: towards Stribeck's curve, as the oil is squeezed out or drawn in [1/s]."""
-        pack, thicker = self.pack, self.oil_between(z) / self.c.oil_supply.viscosity
+        pack, thicker = self.pack, self.viscosity(z[HEAT]) / self.c.oil_supply.viscosity
         area, force = pi * (pack.outer_radius**2 - pack.inner_radius**2), self.pressing(z)
         over = abs(slip) * pack.mean_radius / pack.friction_speed * thicker * pack.friction_pressure * area
         share = (exp(-over / force) if force > 1e-3 * over else 0.0) if over else 1.0
@@ -190,7 +220,7 @@ class Equations:
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
         torque = factor * self.pressing(z) * self.between(z[BOUNDARY], (self.slow[0], self.fast[0]))
         gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)
-        return torque, self.film * self.oil_between(z) / gap * max(0.0, 1.0 - force / pack.film_force)
+        return torque, self.film * self.viscosity(z[HEAT]) / gap * max(0.0, 1.0 - force / pack.film_force)
 
     def shafts(self, y, capacities):
         """Returns what the shafts do with the present modes.
@@ -245,7 +275,8 @@ class Equations:
     def whole(self, t, y):
         """Returns everything at once: (hydraulics of both, capacities of both, shafts)."""
         parts = [y[FIRST + k * PER_CLUTCH : FIRST + (k + 1) * PER_CLUTCH] for k in range(2)]
-        oil = [self.hydraulics(k, t, parts[k], y[SUPPLY]) for k in range(2)]
+        speeds = (y[W_IN] * 34 / 47, y[W_OUT] * 41 / 40)  # of z3 and z5, which carry the cylinders
+        oil = [self.hydraulics(k, t, parts[k], y[SUPPLY], speeds[k]) for k in range(2)]
         capacities = [self.capacities(k, parts[k], oil[k][2]) for k in range(2)]
         return parts, oil, capacities, self.shafts(y, capacities)
 
@@ -287,7 +318,7 @@ class Equations:
         """Returns what the logger would read, as CHANNELS: the torque meters sit outside the gearbox's own inertia."""
         *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
         m_wej = y[TORQUE] - (self.c.w0.inertia - self.c.M_wej.inertia) * accelerations[0]
-        return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + LINE], y[FIRST + PER_CLUTCH + LINE], y[SUPPLY]
+        return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + CHAMBER], y[FIRST + PER_CLUTCH + CHAMBER], y[SUPPLY]
 
     # ---- stick and slip
 

@@ -12,7 +12,7 @@ import pytest
 
 from rig_nodes.config.schema import fill, record_dtype
 from rig_nodes.parts import dc_motor as motor
-from rig_nodes.parts import load_pump, plates
+from rig_nodes.parts import load_pump, oil_supply, plates
 from rig_nodes.parts import proportional_valve as valve
 from rig_nodes.parts import wet_clutch as clutch
 from rig_nodes.parts.gear_loss import GearLossConfig, loss_by_speed
@@ -125,13 +125,13 @@ def test_the_magnet_rises_and_falls_along_different_lines(zr):
 @pytest.mark.parametrize("magnet, lowest, highest", [(1.0e6, 0.5e6, 0.7e6), (0.4e6, -0.1e6, 0.1e6), (4.0e6, 2.3e6, 2.3e6)])
 def test_friction_holds_the_spool_in_a_band_around_the_balance(zr, magnet, lowest, highest):
     """Magnet less spring (4 MPa/A x 0.1 A), 0.1 MPa of friction to both sides, and no more than 2.3 MPa."""
-    assert valve.held_pressures(magnet, zr) == pytest.approx((lowest, highest))
+    assert valve.held_pressures(magnet, 0.1e6, zr) == pytest.approx((lowest, highest))
 
 
 def test_spool_opens_closes_and_has_a_dead_band_on_the_relieving_side(zr):
     def opening(start, port):
         # magnet for 0.5 to 0.7 MPa; 1 s is far above the spool's time
-        return valve.opening(valve.spool_position(start, 1.0e6, port, 1.0, zr), zr)
+        return valve.opening(valve.spool_position(start, 1.0e6, port, 1.0, 1.0, 0.1e6, zr), zr)
 
     assert opening(0.0, 0.45e6) == pytest.approx(0.5) and opening(0.0, 0.0) == pytest.approx(1.0)
     assert opening(0.1e-3, 0.6e6) == pytest.approx(0.2), "inside the band it stays where it is"
@@ -143,7 +143,7 @@ def test_friction_holds_the_supply_open_up_to_the_limit_and_no_further(zr):
     """Magnet for 3.5 to 3.7 MPa, limit 2.3 MPa: a spool a tenth open closes there and releases pressure above the overlap."""
 
     def after(port):
-        return valve.opening(valve.spool_position(0.05e-3, 4.0e6, port, 1.0, zr), zr)
+        return valve.opening(valve.spool_position(0.05e-3, 4.0e6, port, 1.0, 1.0, 0.1e6, zr), zr)
 
     assert after(2.25e6) == pytest.approx(0.5) and after(2.295e6) == pytest.approx(0.05)
     assert after(2.31e6) == after(2.39e6) == 0.0 and after(2.45e6) == pytest.approx(-0.5)
@@ -151,8 +151,8 @@ def test_friction_holds_the_supply_open_up_to_the_limit_and_no_further(zr):
 
 def test_a_closing_pressure_closes(zr):
     for spool, reducing, edge in ((0.3e-3, True, 0.0), (-0.8e-3, False, -0.5e-3)):
-        port = valve.closing_pressure(spool, reducing, 1.0e6, 8e-3, zr)
-        assert valve.spool_position(spool, 1.0e6, port, 8e-3, zr) == pytest.approx(edge, abs=1e-12)
+        port = valve.closing_pressure(spool, reducing, 1.0e6, 8e-3, 1.0, 0.1e6, zr)
+        assert valve.spool_position(spool, 1.0e6, port, 8e-3, 1.0, 0.1e6, zr) == pytest.approx(edge, abs=1e-12)
 
 
 def test_pulses_are_on_for_their_duty():
@@ -205,14 +205,79 @@ def test_plates_heat_cool_and_wear(config):
 
 
 def test_orifice_limits_the_filling_flow(config):
-    v = record(config.valve_zr_p1)
-    flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, valve.orifice_speed(870.0), v)
-    assert flow == pytest.approx(config.valve_zr_p1.orifice_area * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
+    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.9e-6, drain_area=0.5e-6, supply_bore_area=0.0))
+    oil = valve.orifice_speed(870.0), valve.laminar_force(0.08, 870.0)
+    flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, *oil, v)
+    assert flow == pytest.approx(0.9e-6 * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
     assert slope < 0.0
-    assert valve.port_flow(1.0, 5e6, 4e6, valve.orifice_speed(870.0), v)[0] == 0.0, "no flow back into the supply"
-    assert valve.port_flow(-1.0, 1e6, 4e6, valve.orifice_speed(870.0), v)[0] == pytest.approx(
-        -config.valve_zr_p1.drain_area * math.sqrt(2e6 / 870), rel=1e-4
-    )
+    assert valve.port_flow(1.0, 5e6, 4e6, *oil, v)[0] == 0.0, "no flow back into the supply"
+    assert valve.port_flow(-1.0, 1e6, 4e6, *oil, v)[0] == pytest.approx(-0.5e-6 * math.sqrt(2e6 / 870), rel=1e-4)
+
+
+def test_a_bore_before_the_spool_limits_the_flow_of_a_wide_edge(config):
+    """Edge and bore of 0.8 mm2 each, one after the other, are as 0.8 mm2 / sqrt(2)."""
+    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.8e-6, supply_bore_area=0.8e-6))
+    assert valve.edge_area(1.0, v) == pytest.approx(0.8e-6 / math.sqrt(2.0))
+    wide = record(dataclasses.replace(config.valve_zr_p1, orifice_area=80e-6, supply_bore_area=0.8e-6))
+    assert valve.edge_area(1.0, wide) == pytest.approx(0.8e-6, rel=1e-4)
+
+
+def test_flow_of_cold_oil_is_laminar(config):
+    """Where Re is far below 9.3, C_d = 0.2 sqrt(Re): the flow grows with the pressure drop itself and falls with the viscosity."""
+    v = record(dataclasses.replace(config.valve_zr_p1, drain_area=1e-6))
+    speed = valve.orifice_speed(870.0)
+
+    def flow(drop, viscosity):
+        return -valve.port_flow(-1.0, drop, 0.0, speed, valve.laminar_force(viscosity, 870.0), v)[0]
+
+    assert flow(2e4, 20.0) == pytest.approx(2.0 * flow(1e4, 20.0), rel=1e-3)
+    assert flow(1e4, 20.0) == pytest.approx(0.5 * flow(1e4, 10.0), rel=1e-3)
+    # at 10 Pa s and 1e4 Pa by hand: C_d = 0.2 sqrt(v D / nu), v = C_d sqrt(2 dp / rho), with D of a round hole of 1 mm2 / 0.61
+    diameter = math.sqrt(4e-6 / 0.61 / math.pi)
+    c_d = 0.04 * math.sqrt(2e4 / 870.0) * diameter / (10.0 / 870.0)
+    assert flow(1e4, 10.0) == pytest.approx(1e-6 / 0.61 * c_d * math.sqrt(2e4 / 870.0), rel=0.02)
+
+
+def test_pulses_shake_the_spool_loose(config):
+    """At 24 V, 0.35 H and half duty the current swings by 24 x 0.25 / (0.35 f): 34 mA at 500 Hz, 4.3 mA at 4 kHz."""
+    v = record(dataclasses.replace(config.valve_zr_p1, pressure_gain=4e6, friction_pressure=0.02e6, coil_inductance=0.35))
+    assert valve.friction_left(0.5, 500.0, v) == 0.0
+    assert valve.friction_left(0.5, 4000.0, v) == pytest.approx(0.02e6 - 0.5 * 4e6 * 24 * 0.25 / (0.35 * 4000))
+    assert valve.friction_left(0.0, 500.0, v) == 0.02e6, "no pulses, no dither"
+
+
+def oil_record(**values):
+    return record(dataclasses.replace(load_rig("hydmag").oil_supply, **values))
+
+
+def test_viscosity_goes_through_both_points_and_bends_between_them_as_astm_d341_says():
+    """ISO VG 46 with 46 and 6.8 mm2/s at 40 and 100 degC has by ASTM D341 about 110 mm2/s at 23 and some thousand at -20 degC."""
+    oil = oil_record(viscosity=46e-6 * 870, second_viscosity=6.8e-6 * 870, density=870.0)
+    at = {t: 1e6 * oil_supply.viscosity_at(float(t), oil)[0] / 870 for t in (-20, 23, 40, 100)}
+    assert at[40] == pytest.approx(46.0) and at[100] == pytest.approx(6.8)
+    assert 95 < at[23] < 120 and 2500 < at[-20] < 5000
+    by_hand = 1e6 * (oil_supply.viscosity_at(40.01, oil)[0] - oil_supply.viscosity_at(39.99, oil)[0]) / 0.02 / 870
+    assert by_hand == pytest.approx(-46.0 * oil_supply.viscosity_at(40.0, oil)[1], rel=1e-4)
+
+
+def test_an_oil_with_one_viscosity_keeps_it():
+    assert oil_supply.viscosity_at(-10.0, oil_record(second_viscosity=0.0)) == (pytest.approx(0.08), 0.0)
+
+
+def test_turning_oil_presses_on_the_piston(config):
+    """Radii 25 and 37 mm around a shaft, 2000 rpm: 870 / 2 x (209 x 0.0317)^2 is 19 kPa, 46 N on 2408 mm2."""
+    c = record(dataclasses.replace(config.clutch_s1, piston_area=2408e-6, centrifugal_radius=31.7e-3), config.plate_pack)
+    assert clutch.turning_force(2000 * math.pi / 30, 870.0, c) == pytest.approx(46.2, abs=0.5)
+    assert clutch.turning_force(0.0, 870.0, c) == 0.0
+
+
+def test_a_feed_resists_cold_oil_by_its_viscosity(config):
+    """By hand for 3 mm2 and 10 Pa s: C_d = 0.2 sqrt(v D / nu) makes the drop proportional to flow and viscosity."""
+    c = record(dataclasses.replace(config.clutch_s1, feed_area=3e-6), config.plate_pack)
+    diameter = math.sqrt(4 * 3e-6 / 0.61 / math.pi)
+    # Q = (A / 0.61) C_d sqrt(2 dp / rho) with C_d = 0.2^2 sqrt(2 dp / rho) D / nu
+    flow_per_drop = 3e-6 / 0.61 * 0.04 * 2 / 870 * diameter / (10.0 / 870)
+    assert 10.0 * clutch.feed_resistance(record(config.oil_supply), c) == pytest.approx(1.0 / flow_per_drop, rel=0.02)
 
 
 @pytest.mark.parametrize("part, kiss", [("clutch_s1", 0.17e6), ("clutch_s2", 0.36e6)])
@@ -241,11 +306,11 @@ def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
         piston_damping=2000.0,
     )
     c = record(cylinder, config.plate_pack)
-    x, slope, _ = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 1e-4, c)  # springs balanced: within seal friction
+    x, slope = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 0.0, 1e-4, 2000.0, c)  # springs balanced: within seal friction
     assert (x, slope) == (0.001, 0.0)
     x = 0.0
     for _ in range(20_000):
-        x, *_ = clutch.piston_step(x, 0.12e6, 1e-4, c)
+        x, _ = clutch.piston_step(x, 0.12e6, 0.0, 1e-4, 2000.0, c)
     by_hand = (2480e-6 * 0.12e6 * 0.97 - 24 - 128) / 128e3
     assert x == pytest.approx(by_hand, rel=1e-3)
     assert clutch.pack_force(x, c)[0] == 0.0
@@ -260,7 +325,7 @@ def test_the_clamp_force_grows_with_the_pressure_as_annex_d_says(config, part, l
     for pressure in (1e6, 2e6):
         x = 0.0
         for _ in range(200):
-            x, *_ = clutch.piston_step(x, pressure, 1e-2, c)
+            x, _ = clutch.piston_step(x, pressure, 0.0, 1e-2, cylinder.piston_damping, c)
         forces.append(clutch.pack_force(x, c)[0] + cylinder.spring_rate * x)
     assert forces[1] - forces[0] == pytest.approx((linear + square * 3.0), rel=0.02)
 

@@ -26,9 +26,10 @@ CLOSE = 2e-3
 def whole_rig():
     """The rig with every effect on the plant, averaged PWM, the thesis's clutch models, and channels that show true values.
 
-    Its oil supply yields enough to be seen.
+    Its oil supply yields enough to be seen; its oil keeps a temperature at which it is thicker than where its viscosity is stated.
     """
-    config = load_rig("hydmag", {"oil_supply.relief_droop": "0.1 bar/(l/min)"})
+    oil = {"relief_droop": "0.1 bar/(l/min)", "temperature": "35 degC", "tank_heat_capacity": "0 J/K"}
+    config = load_rig("hydmag", {f"oil_supply.{name}": value for name, value in oil.items()})
     on = {f.name: f.name != "transducers" for f in dataclasses.fields(config.effects) if f.type == "bool"}
     models = {"friction_model": "thesis", "drag_model": "kitabayashi"}
     return config.replaced(
@@ -55,8 +56,9 @@ def state_of(rig):
     for k, (valve, clutch) in enumerate(zip(rig.valves, rig.clutches)):
         y += [
             valve["spool"],
-            rig.line_pressure(k),
-            *(clutch[name] for name in ("chamber", "piston", "held", "rest", "boundary", "temperature", "wear")),
+            rig.fed_pressure(rig.config.structure.valves[k].name),
+            *(clutch[name] for name in ("chamber", "piston", "empty")),
+            *(clutch[name] for name in ("held", "rest", "boundary", "temperature", "wear")),
         ]
     modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k))) for k, stuck in enumerate(locked(rig))]
     return reference_shift.Start(
@@ -150,10 +152,10 @@ def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
 
 @pytest.mark.campaign
 def test_the_reference_is_converged(shift, reference, monkeypatch):
-    """A tenth of the tolerance, of the pull into the splines' band and of the feed's linear part, and another method."""
+    """A tenth of the tolerance, of the pull into the splines' band and of the last of a line's filling, and another method."""
     first = shift.metrics(reference[0])
     monkeypatch.setattr(reference_shift, "PULL", 1e-7)
-    monkeypatch.setattr(reference_shift, "FEED_LINEAR", 1.0)
+    monkeypatch.setattr(reference_shift, "FILLED", 1e-11)
     for method, rtol in (("Radau", 1e-9), ("BDF", 1e-8)):
         rows, _ = reference_shift.solve(shift.config, shift.start, shift.duty, rtol, method)
         assert not far_apart(shift.metrics(rows), first, 5e-4)

@@ -30,7 +30,7 @@ def config():
 def free():
     """Without losses of the gearbox, so that the road alone brakes."""
     values = {"loss_out.drag": "0 Nm", "loss_out.constant": "0 Nm", "loss_out.share": "0 %", "loss_out.square": "0 1/Nm"}
-    return load_rig(NAME, {**EVEN, **values, "oil_supply.viscosity": "0.0001 Pa s"})
+    return load_rig(NAME, {**EVEN, **values, "oil_supply.viscosity": "0.0001 Pa s", "oil_supply.second_viscosity": "0 Pa s"})
 
 
 @pytest.fixture(scope="module")

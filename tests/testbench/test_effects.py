@@ -18,7 +18,8 @@ from rig_nodes.testbench.simulate import advance_with
 RPM = math.pi / 30.0
 SPEED = 1200 * RPM
 CHANNELS = ("current", "setpoint", "line", "piston", "clamp", "held", "kinetic", "static", "drag", "temperature", "wear")
-# strong enough to be seen, whatever the rig's own values are; the oil is colder than the temperature of its given viscosity
+# strong enough to be seen, whatever the rig's own values are; the oil is colder than the temperature of its given viscosity.
+# Neither speed nor heat leads from the shafts back to the pistons
 STRONG = {
     "loss_in.share": "5 %",
     "loss_out.drag": "1 Nm",
@@ -29,14 +30,21 @@ STRONG = {
     "plate_pack.wear_rate": "0.003 um/MJ",
     "plate_pack.friction_spline": "0.12 -",
     "plate_pack.rest_torque": "0 Nm",
-    "oil_supply.viscosity_per_kelvin": "3 %/K",
     "oil_supply.viscosity_temperature": "40 degC",
-    "oil_supply.temperature": "20 degC",
+    "oil_supply.second_viscosity": "9 mPa s",
+    "oil_supply.second_temperature": "100 degC",
+    "oil_supply.temperature": "30 degC",
+    "oil_supply.tank_heat_capacity": "0 J/K",
     **{f"valve_zr_p{k}.hysteresis": "8 %" for k in (1, 2)},
     **{
         f"clutch_s{k}.{name}": value
         for k in (1, 2)
-        for name, value in (("seal_friction", "200 N"), ("seal_friction_share", "2 %"), ("friction_model", "thesis"))
+        for name, value in (
+            ("seal_friction", "200 N"),
+            ("seal_friction_share", "2 %"),
+            ("friction_model", "thesis"),
+            ("centrifugal_radius", "0 mm"),
+        )
     },
 }
 
@@ -171,15 +179,25 @@ def force_follows_the_clamp(on, off):
 
 
 def oil_is_as_thick_when_cold(on, off):
-    """Before the shift S2 is open with the same gap in both: 3 %/K over 20 K, less the amount by which its plates are warmer."""
-    by_hand = math.exp(-0.03 * (on.temperature[0, 1] - 40.0))
-    assert on.drag[0, 1] / off.drag[0, 1] == pytest.approx(by_hand, rel=1e-6) and by_hand > 1.2
+    """Before the shift S2 is open with the same gap in both: by ASTM D341 the oil is thicker by what its plates are colder."""
+
+    def doubled_logarithm(viscosity):
+        return math.log10(math.log10(1e6 * viscosity / 870.0 + 0.7))
+
+    cold, hot = doubled_logarithm(0.08), doubled_logarithm(0.009)
+    kelvin = on.temperature[0, 1] + 273.15
+    between = cold + (hot - cold) * math.log(kelvin / 313.15) / math.log(373.15 / 313.15)
+    by_hand = 870e-6 * (10.0 ** (10.0**between) - 0.7) / 0.08
+    assert on.drag[0, 1] / off.drag[0, 1] == pytest.approx(by_hand, rel=1e-4) and by_hand > 1.2
+    late = [np.flatnonzero(s.line[:, 1] > 1e6)[0] for s in (on, off)]
+    assert late[0] > late[1] + 2, "thicker oil fills S2 later"
 
 
 def friction_is_that_of_cold_plates(on, off):
-    warm = on.temperature[-1, 1] - 20.0
+    warm = on.temperature[-1, 1] - 20.0  # friction_temperature
     assert warm > 0.5
-    assert on.kinetic[-1, 1] / off.kinetic[-1, 1] == pytest.approx(1.0 - 0.002 * warm, rel=1e-5)
+    # the last of the oil is still being squeezed out, sooner where it is warmer
+    assert on.kinetic[-1, 1] / off.kinetic[-1, 1] == pytest.approx(1.0 - 0.002 * warm, rel=1e-4)
 
 
 def nothing_wears(on, off):
@@ -195,7 +213,7 @@ TABLE = [
     ("valve_hysteresis", magnet_has_one_line, BEFORE_THE_MAGNET),
     ("seal_friction", piston_goes_where_its_springs_want_it, BEFORE_THE_MAGNET),
     ("spline_hysteresis", force_follows_the_clamp, BEFORE_THE_PLATES),
-    ("oil_temperature", oil_is_as_thick_when_cold, BEFORE_THE_PLATES),
+    ("oil_temperature", oil_is_as_thick_when_cold, BEFORE_THE_MAGNET),
     ("plate_heat", friction_is_that_of_cold_plates, BEFORE_THE_PLATES),
     ("wear", nothing_wears, BEFORE_THE_PLATES),
 ]
@@ -209,7 +227,9 @@ def test_an_effect_that_is_left_out(strong, whole, name, changes, unmoved):
         # only wear, a few nanometres, leads from the shafts back to the pistons
         size = largest(getattr(whole, channel))
         assert largest(getattr(off, channel) - getattr(whole, channel)) < 1e-6 * size, channel
-    assert off.modes == whole.modes == ([2, 1, 0], [0, 1, 2]), "S1 slips and opens, S2 grips and locks"
+    for s1, s2 in (off.modes, whole.modes):
+        # without a loss by torque, or with thin oil, S1 catches once more before it opens
+        assert s1 in ([2, 1, 0], [2, 1, 2, 1, 0]) and s2 == [0, 1, 2], "S1 slips and opens, S2 grips and locks"
 
 
 def test_every_effect_is_in_the_table(strong):

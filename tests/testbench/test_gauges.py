@@ -82,7 +82,7 @@ def truth(rig) -> dict:
         "p_po": rig.load["pressure"],
         "I_zr_p1": rig.valves[0]["current"],
         "p_p": rig.oil["pressure"],
-        "T_oil": 40.0,
+        "T_oil": rig.device("oil_supply")["oil_temperature"],
     }
 
 
@@ -113,7 +113,7 @@ def test_class_errors_stay_in_a_run_and_inside_the_largest_error_of_7_1():
     zeros = []
     for seed in range(1, 21):
         standing = rows(only(seed, **classes), 0.01)
-        assert np.ptp(standing, axis=0).max() < 1e-4  # Pa that the oil keeps
+        assert np.ptp(standing, axis=0).max() < 1e-3  # Pa that the oil keeps, K by which it cools
         zeros.append(standing[0])
     for name, largest in LARGEST.items():
         errors = column(np.array(zeros), name) - (40.0 if name == "T_oil" else 0.0)

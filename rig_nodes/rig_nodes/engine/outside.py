@@ -21,6 +21,7 @@ from ..parts import dc_motor as motor_model
 from ..parts import load_pump as load_model
 from ..parts import part as parts
 from ..parts import proportional_valve as valve_model
+from ..parts.oil_supply import viscosity_at
 
 if TYPE_CHECKING:
     from ..arrays import Record
@@ -153,22 +154,24 @@ def valve_tick(
     new_current: float,
     pressure: float,
     supply: float,
-    speed_by_root: float,
+    oil: tuple[float, float, float],
+    friction: float,
     steps: int,
     h: float,
     valve: Record,
 ) -> None:
     """Move a valve over ``steps`` of h [s] at a held port pressure [Pa] while its current changes evenly.
 
-    It sets the mean flow and the mean slope of the orifice's flow by port pressure.
+    It sets the mean flow and the mean slope of the orifice's flow by port pressure. ``oil`` has the values of orifice_speed,
+    laminar_force and the oil's viscosity over that at its reference temperature; ``friction`` is the spool's.
     """
     side.mean = side.slope = 0.0
     for i in range(steps):
         current = old_current + (new_current - old_current) * (i + 1) / steps
         side.magnet = valve_model.magnet_pressure(side.magnet, current, valve)
-        side.spool = valve_model.spool_position(side.spool, side.magnet, pressure, h, valve)
+        side.spool = valve_model.spool_position(side.spool, side.magnet, pressure, h, oil[2], friction, valve)
         side.share = valve_model.opening(side.spool, valve)
-        flow, slope = valve_model.port_flow(side.share, pressure, supply, speed_by_root, valve)
+        flow, slope = valve_model.port_flow(side.share, pressure, supply, oil[0], oil[1], valve)
         side.mean += flow / steps
         side.slope += slope / steps
     side.work += pressure * side.mean * steps * h
@@ -178,6 +181,17 @@ def _record(*instances: object) -> np.void:
     out = np.zeros(1, record_dtype(*map(type, instances)))
     fill(out, *instances)
     return out[0]
+
+
+def _oil_of(config: CutRig, valve: Device) -> tuple[float, float, float]:
+    """Return what a valve needs of its oil, at the temperature at which the rig starts; see :func:`valve_tick`."""
+    oil = getattr(config, config.structure.oil_of(valve, "supply"))
+    viscosity = float(viscosity_at(oil.temperature, _record(oil))[0])
+    return (
+        float(valve_model.orifice_speed(oil.density)),
+        float(valve_model.laminar_force(viscosity, oil.density)),
+        viscosity / oil.viscosity,
+    )
 
 
 class OtherSide:
@@ -215,7 +229,8 @@ class OtherSide:
         self._h = config.kernel.step
         self._values = _record(values)
         if entry.part == VALVE:
-            self._speed_by_root = valve_model.orifice_speed(getattr(config, config.structure.oil_of(entry, "supply")).density)
+            self._oil = _oil_of(config, entry)
+            self._pulses = config.effects.pwm_frequency or config.alfa46.values.pwm_frequency
         kind = {MOTOR: MOTOR_SIDE, LOAD: LOAD_SIDE, VALVE: VALVE_SIDE}[entry.part]
         self._side, self._ahead = np.zeros(1, kind)[0], np.zeros(1, kind)
         self._last: Port | None = None
@@ -277,7 +292,12 @@ class OtherSide:
         elif self.device == LOAD:
             load_tick(side, port.speed, port.setpoint, port.enable, steps, self._h, self._values)
         else:
-            valve_tick(side, port.current, current, port.pressure, port.supply, self._speed_by_root, steps, self._h, self._values)
+            friction = self._friction(port)
+            valve_tick(side, port.current, current, port.pressure, port.supply, self._oil, friction, steps, self._h, self._values)
+
+    def _friction(self, port: Port) -> float:
+        """Return the friction [Pa] that the pulses of its coil leave to the spool of a valve."""
+        return float(valve_model.friction_left(0.0 if port.safe else port.setpoint, self._pulses, self._values))
 
     def _slope(self, side: np.void, port: Port) -> float:
         """Return the change of a valve's answer by port pressure: the steeper of the orifice's slope and the slope to zero flow.
@@ -287,7 +307,13 @@ class OtherSide:
         would oscillate.
         """
         closed = valve_model.closing_pressure(
-            float(self._side["spool"]), side["mean"] > 0.0, float(side["magnet"]), 1.5 * port.tick, self._values
+            float(self._side["spool"]),
+            side["mean"] > 0.0,
+            float(side["magnet"]),
+            1.5 * port.tick,
+            self._oil[2],
+            self._friction(port),
+            self._values,
         )
         slope = float(side["slope"])
         if side["mean"] != 0.0 and closed != port.pressure:
@@ -313,6 +339,6 @@ def drained(pressure: float, config: CutRig, device: str) -> Answer:
         Flow to the tank and its slope.
     """
     values = _record(getattr(config, device))
-    oil = getattr(config, config.structure.oil_of(config.structure.device(device), "supply"))
-    flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, valve_model.orifice_speed(oil.density), values)
+    speed, laminar, _ = _oil_of(config, config.structure.device(device))
+    flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, speed, laminar, values)
     return Answer(flow=flow, flow_slope=slope, pressure=pressure)

@@ -267,8 +267,8 @@ class World:
             return f"driveline.meter[{meters.index(what)}]"
         if name == "speed" and owner in plan.bodies:
             return f"driveline.speed[{plan.bodies.index(owner)}]"
-        if name == "pressure" and owner in plan.oil_lines:
-            return f"oil[{plan.oil_lines.index(owner)}].pressure"
+        if name in ("pressure", "port") and owner in plan.oil_lines:
+            return f"oil[{plan.oil_lines.index(owner)}].{name}"
         if name == "torque" and all(owner != instance.name for instance in plan.instances):
             laws = [law.name if law.kind in (TORQUE, MOTION) else "" for law in plan.system.laws]
             for names, place in (

@@ -23,8 +23,9 @@ from ..plant.driveline_losses import loss_width
 from ..plant.driveline_quick import FIELDS, SIZES, quick_arrays
 
 EVENTS = 256  # number of the driveline's events that are kept
-# pressure: pressure in a line [Pa]; rise: its rise in the last step; drawn: flow taken since its supply last read it [m3/s]
-OIL = np.dtype([("pressure", "f8"), ("rise", "f8"), ("drawn", "f8")])
+# pressure: pressure at the end of a line, where it is measured [Pa]; port: that at its valve [Pa]; rise: rise of the latter in the
+# last step; drawn, heat: flow taken [m3/s] and heat given [J] since its supply last read it
+OIL = np.dtype([("pressure", "f8"), ("port", "f8"), ("rise", "f8"), ("drawn", "f8"), ("heat", "f8")])
 
 
 @dataclass(frozen=True)

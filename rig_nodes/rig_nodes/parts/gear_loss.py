@@ -16,9 +16,9 @@ from numba import njit
 
 from ..compiled import INLINED
 from ..config.schema import choice, param
-from ..plant.driveline_algebra import KIN1
+from ..plant.driveline_algebra import E_FRIC, KIN1
 from ..plant.driveline_losses import BASE, FACTOR
-from .part import LOSS, Part, Wire
+from .part import LOSS, NOWHERE, Part, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
@@ -81,8 +81,13 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Record the torque that now brakes the shaft."""
-    world.parts.gear_loss[k].torque = world.driveline.cap[KIN1, world.values.gear_loss[k].element]
+    """Record the torque that now brakes the shaft, and give the heat of the step to the oil."""
+    me, my = world.parts.gear_loss[k], world.values.gear_loss[k]
+    me.torque = world.driveline.cap[KIN1, my.element]
+    if my.supply != NOWHERE:
+        heat = world.driveline.el[E_FRIC, my.element]
+        world.oil[my.supply].heat += heat - me.heat
+        me.heat = heat
 
 
 # row: row of the driveline's losses; element: element that brakes its body; elsewhere > 0: its loss by torque brakes the body
@@ -91,9 +96,9 @@ PART = Part(
     "gear_loss",
     50,
     (GearLossConfig,),
-    state=("torque",),
+    state=("torque", "heat"),
     derived=("elsewhere", "steady"),
-    wires=("body", "element", "row", "braked"),
+    wires=("body", "element", "row", "braked", "supply"),
     stages={"before": before, "after": after},
     role=LOSS,
     joined={

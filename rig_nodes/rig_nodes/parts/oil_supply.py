@@ -1,15 +1,15 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Clutch oil supply: pump P with relief valve ZP and the oil's properties.
+"""Clutch oil supply: pump P with relief valve ZP, the oil's properties, and the oil's temperature in its tank.
 
-A part of the engine; the laboratory kept p_p = 4 MPa in all tests.
+A part of the engine; the laboratory kept p_p = 4 MPa in all tests. All other parts read density, viscosity and temperature here.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, expm1, log, log10
 from typing import TYPE_CHECKING
 
 from numba import njit
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 
+NOTICED = 0.01  # K: change of the oil's temperature after which its viscosity is computed again; by it changes some 0.05 %
+
+
 @dataclass(frozen=True)
 class OilSupplyConfig:
     """Values of the relief valve and the oil."""
@@ -35,17 +38,69 @@ class OilSupplyConfig:
     bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with its share of air and the hoses' give")
     density: float = param("density", 500.0, 1200.0, "Density of the oil")
     viscosity: float = param("viscosity", 1e-4, 5.0, "Dynamic viscosity of the oil at the reference temperature")
-    viscosity_per_kelvin: float = param("per temperature", 0.0, 0.2, "Share by which the viscosity falls with each degree")
     viscosity_temperature: float = param("temperature", -30.0, 150.0, "Reference temperature, at which the viscosity is stated")
-    temperature: float = param(
-        "temperature", -30.0, 150.0, "Temperature of the oil, to which the plates cool", live="oil_temperature"
+    temperature: float = param("temperature", -30.0, 150.0, "Temperature of the oil as the rig starts", live="oil_temperature")
+    second_viscosity: float = param(
+        "viscosity", 0.0, 5.0, "Dynamic viscosity at a second temperature; 0 for an oil that is as viscous at all temperatures", 0.0
+    )
+    second_temperature: float = param("temperature", -30.0, 150.0, "Second temperature at which the viscosity is stated", 100.0)
+    tank_heat_capacity: float = param(
+        "heat capacity", 0.0, 1e8, "Heat capacity of the oil with its tank; 0 for a tank so large that its temperature stays", 0.0
+    )
+    tank_cooling: float = param(
+        "thermal conductance", 0.0, 1e5, "Heat that tank and cooler give off with each degree above the surroundings", 0.0
+    )
+    ambient_temperature: float = param("temperature", -50.0, 60.0, "Temperature of the surroundings", 20.0)
+    pump_flow: float = param(
+        "volume flow", 0.0, 1e-2, "Flow of the pump, whose power turns into heat in relief valve and clutch valves", 0.0
     )
 
 
+def contradiction(oil: OilSupplyConfig) -> tuple[str, str] | None:
+    """Return the name of a value and what is wrong with it, where the two viscosities are no oil's; otherwise None."""
+    if oil.second_viscosity == 0.0:
+        return None
+    warmer = oil.second_temperature - oil.viscosity_temperature
+    if warmer * (oil.viscosity - oil.second_viscosity) <= 0.0:
+        return "second_viscosity", "must be that of another temperature, and less than the other viscosity where the oil is warmer"
+    return None
+
+
 @njit(cache=True, error_model="numpy", forceinline=True)
-def viscosity_at(temperature: float, oil: Record) -> float:
-    """Return the dynamic viscosity [Pa s] at a temperature [degC], exponential around ``viscosity_temperature``."""
-    return oil.viscosity * exp(-oil.viscosity_per_kelvin * (temperature - oil.viscosity_temperature))
+def walther(temperature: float, viscosity: float, density: float) -> tuple[float, float]:
+    """Return (log10 of the absolute temperature, log10 log10 (nu + 0.7)) of ASTM D341, nu in mm2/s."""
+    return log10(temperature + 273.15), log10(log10(1e6 * viscosity / density + 0.7))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def viscosity_at(temperature: float, oil: Record) -> tuple[float, float]:
+    """Return the dynamic viscosity at a temperature, and the share by which it falls with a degree.
+
+    By ASTM D341 (Ubbelohde, Walther) log10 log10 (nu + 0.7) falls linearly with the logarithm of the absolute temperature; the line
+    goes through the two stated points.
+
+    Parameters
+    ----------
+    temperature : float
+        Temperature of the oil [degC].
+    oil : Record
+        Values of the oil supply.
+
+    Returns
+    -------
+    tuple of float
+        Viscosity [Pa s] and -d ln(viscosity) / dT [1/K].
+    """
+    if oil.second_viscosity == 0.0:
+        return oil.viscosity, 0.0
+    t1, w1 = walther(oil.viscosity_temperature, oil.viscosity, oil.density)
+    t2, w2 = walther(oil.second_temperature, oil.second_viscosity, oil.density)
+    kelvin = max(temperature, -60.0) + 273.15  # a colder oil is a solid
+    slope = (w2 - w1) / (t2 - t1)
+    inner = 10.0 ** (w1 + slope * (log10(kelvin) - t1))  # log10 (nu + 0.7)
+    shifted = 10.0**inner
+    nu = shifted - 0.7
+    return 1e-6 * oil.density * nu, -shifted / nu * inner * slope * log(10.0) / kelvin
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -86,21 +141,35 @@ def supply_after(pressure: float, setting: float, enabled: bool, flow: float, de
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Compute the share of a change of pressure that is still to come after a step."""
-    world.values.oil_supply[k].decay = exp(-h / world.values.oil_supply[k].pressure_time)
+    """Compute the shares of a change of pressure and of a difference of temperature that are still to come after a step."""
+    my = world.values.oil_supply[k]
+    my.decay = exp(-h / my.pressure_time)
+    if my.tank_heat_capacity > 0.0:
+        spent = h * my.tank_cooling / my.tank_heat_capacity
+        my.tank_left = exp(-spent)
+        my.tank_rise = (-expm1(-spent) / spent if spent > 0.0 else 1.0) / my.tank_heat_capacity
 
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Set the pressure by the flow that was drawn in the last step."""
+    """Set pressure and temperature by the flow that was drawn and the heat that came in the last step."""
     me, my = world.parts.oil_supply[k], world.values.oil_supply[k]
     line = world.oil[my.line]
     me.flow = line.drawn
     line.drawn = 0.0
     me.pressure = line.pressure = supply_after(me.pressure, me.setting, me.enabled > 0.0, me.flow, my.decay, my)
+    heat = line.heat
+    line.heat = 0.0
+    if my.tank_heat_capacity > 0.0:
+        if me.enabled > 0.0:
+            heat += me.pressure * my.pump_flow * h
+        apart = me.oil_temperature - my.ambient_temperature
+        me.oil_temperature = my.ambient_temperature + apart * my.tank_left + heat * my.tank_rise
+    if abs(me.oil_temperature - me.viscosity_at) > NOTICED or me.viscosity == 0.0:
+        me.viscosity_at = me.oil_temperature
+        me.viscosity = viscosity_at(me.oil_temperature, my)[0]
 
 
-# setting, enabled: setting and switch of the relief valve; temperature: temperature of the oil in the whole rig [degC]
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
@@ -108,23 +177,27 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
         float(me["pressure"]),
         float(me["setting"]),
         rig.oil_drawn(name),
-        getattr(rig.config, name).temperature,
+        float(me["oil_temperature"]),
         bool(me["enabled"] > 0.0),
     )
 
 
+# setting, enabled: setting and switch of the relief valve; oil_temperature: temperature of the oil in the whole rig [degC];
+# viscosity: of the oil at the temperature viscosity_at, which follows it in steps of NOTICED; tank_left, tank_rise: share of a
+# difference to the surroundings that is left after a step, and rise by heat that comes evenly [K/J]
 PART = Part(
     "oil_supply",
     0,
     (OilSupplyConfig,),
-    state=("setting", "enabled", "pressure", "flow", "oil_temperature"),
-    derived=("decay",),
+    state=("setting", "enabled", "pressure", "flow", "oil_temperature", "viscosity", "viscosity_at"),
+    derived=("decay", "tank_left", "tank_rise"),
     wires=("line",),
     stages={"fill": fill, "before": before},
     role=OIL,
     joined={"line": Wire("line", needed=False)},
-    effects={"oil_temperature": {"viscosity_per_kelvin": 0.0}},
+    effects={"oil_temperature": {"second_viscosity": 0.0}},
     message="OilState",
+    check=contradiction,
     shown_values=shown_values,
     takes=(Command("oil", {"pressure": "pressure"}, "setting", "enabled", "supply pressure of the clutch oil", "pressure"),),
 )

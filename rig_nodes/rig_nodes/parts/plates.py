@@ -292,9 +292,10 @@ STATE = (
     "drag",
     "film_temperature",
     "film_viscosity",
+    "film_thinning",
 )
 FAR = 40.0  # multiples of the Stribeck speed beyond which no boundary friction is left
-SERIES = 1e-3  # exponent up to which a series of five terms equals the exponential to rounding
+SERIES = 0.03  # K: how far the plates may be from the temperature of the series for their film's viscosity
 DERIVED = (
     "kinetic_per_force",
     "excess_per_force",
@@ -399,14 +400,16 @@ def shown_pack(rig: ShownRig, name: str, pressure: float, travel: float) -> tupl
 def film_viscosity(me: Record, oil: Record) -> float:
     """Return the viscosity [Pa s] of the oil between the plates, by the series of the exponential around a nearby temperature.
 
-    It is exact to rounding and needs no call of the exponential in every step; the pack stores the temperature of the series.
+    Near that temperature it is exact to 1e-6 and needs no call of the logarithm in every step. The pack stores the temperature of
+    the series, its viscosity there and the share by which that falls with a degree.
     """
-    x = -oil.viscosity_per_kelvin * (me.temperature - me.film_temperature)
-    if abs(x) > SERIES or me.film_viscosity == 0.0:
+    apart = me.temperature - me.film_temperature
+    if abs(apart) > SERIES or me.film_viscosity == 0.0:
         me.film_temperature = me.temperature
-        me.film_viscosity = viscosity_at(me.temperature, oil)
-        x = 0.0
-    return me.film_viscosity * (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))))
+        me.film_viscosity, me.film_thinning = viscosity_at(me.temperature, oil)
+        apart = 0.0
+    x = -me.film_thinning * apart
+    return me.film_viscosity * (1.0 + x * (1.0 + 0.5 * x))
 
 
 @njit(**INLINED)
@@ -459,7 +462,11 @@ def heat_plates(me: Record, my: Record, world: Record) -> None:
     """Compute temperature and wear by the heat of the step."""
     el, f = world.driveline.el, my.element
     heat = el[E_FRIC, f] + el[E_VISC, f]
+    oil, before = world.parts.oil_supply[my.oil], me.temperature
     me.temperature, me.wear = plates_after(
-        me.temperature, me.wear, heat - me.heat, world.parts.oil_supply[my.oil].oil_temperature, my.plates_left, my.plates_rise, my
+        me.temperature, me.wear, heat - me.heat, oil.oil_temperature, my.plates_left, my.plates_rise, my
     )
+    values = world.values.oil_supply[my.oil]
+    if values.tank_heat_capacity > 0.0:  # what the plates do not keep goes to the oil
+        world.oil[values.line].heat += heat - me.heat - my.heat_capacity * (me.temperature - before)
     me.heat = heat

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Proportional pressure-reducing valve: coil, spool with friction and dead band, orifice with a flow limit.
+"""Proportional pressure-reducing valve: coil, spool with friction and overlap, its edges, and the bore before them.
 
 It is a part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); no pressure is prescribed here.
 """
@@ -9,7 +9,7 @@ It is a part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4);
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf, sqrt
+from math import exp, inf, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +23,9 @@ from .part import NOWHERE, VALVE, Part, Shown, Wire
 if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
+
+DISCHARGE, TURBULENT_FROM = 0.61, 9.3  # discharge coefficient of sharp edges, and Reynolds number from which it holds
+STEEPEST = 2.0e3  # Pa: below this drop the flow is linear in any case, so that its slope stays finite
 
 # what drives the coils: a duty from outside, the embedded law, or the plant's power stage with setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -42,14 +45,19 @@ class ValveConfig:
         "ratio", 0.0, 0.2, "Share of the magnet's force that iron and armature keep as the current turns round"
     )
     friction_pressure: float = param(
-        "pressure", 0.0, 1e6, "Friction of the spool, as half the band of port pressures in which it stays"
+        "pressure", 0.0, 1e6, "Friction of the spool without dither, as half the band of port pressures in which it stays"
     )
     spool_stroke: float = param("length", 1e-5, 1e-2, "Way of the spool from the edge of the reducing side to its stop")
     spool_dead_band: float = param("length", 0.0, 5e-3, "Overlap of the spool between its reducing and its relieving edge")
     full_opening_pressure: float = param("pressure", 1e3, 5e6, "Miss of the port pressure at which the spool opens fully")
-    spool_time: float = param("time", 1e-4, 1.0, "Time constant of the spool's way")
+    spool_time: float = param(
+        "time", 1e-4, 1.0, "Time constant of the spool's way, damped by oil in its gaps, at the oil's reference temperature"
+    )
     orifice_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from supply to port")
     drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")
+    supply_bore_area: float = param(
+        "area", 0.0, 1e-3, "Area of the bore between supply and spool, which limits the flow of an open edge; 0 for a wide one", 0.0
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -129,21 +137,44 @@ def magnet_pressure(before: float, current: float, valve: Record) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def held_pressures(magnet: float, valve: Record) -> tuple[float, float]:
+def held_pressures(magnet: float, friction: float, valve: Record) -> tuple[float, float]:
     """Return (lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
 
-    The magnet acts against port pressure and spring; friction holds the spool within a band around their balance. The valve
-    regulates no pressure above ``pressure_limit``: it lets off more oil, whatever the force of the magnet.
+    The magnet acts against port pressure and spring; ``friction`` [Pa] holds the spool within a band around their balance. The
+    valve regulates no pressure above ``pressure_limit``: it lets off more oil, whatever the force of the magnet.
     """
     middle = magnet - valve.pressure_gain * valve.cracking_current
-    return (
-        min(middle - valve.friction_pressure, valve.pressure_limit),
-        min(middle + valve.friction_pressure, valve.pressure_limit),
-    )
+    return min(middle - friction, valve.pressure_limit), min(middle + friction, valve.pressure_limit)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_position(spool: float, magnet: float, port_pressure: float, h: float, valve: Record) -> float:
+def friction_left(duty: float, frequency: float, valve: Record) -> float:
+    """Return the friction [Pa] that a pulsed coil leaves to the spool where the plant takes the pulses' average.
+
+    The current swings by U D (1 - D) / (L f) from pulse to pulse (D: duty, f: frequency), and the magnet's force with it. A spool
+    that is shaken by more than its friction slides, so half of this swing is taken off the friction.
+    """
+    return friction_under(duty, shaken_off(frequency, valve), valve)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def shaken_off(frequency: float, valve: Record) -> float:
+    """Return the friction [Pa] per D (1 - D) that :func:`friction_left` takes off; none without pulses."""
+    if frequency == 0.0:
+        return 0.0
+    return 0.5 * valve.pressure_gain * valve.coil_voltage / (valve.coil_inductance * frequency)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def friction_under(duty: float, shaken: float, valve: Record) -> float:
+    """Return :func:`friction_left` with what :func:`shaken_off` gives."""
+    return max(0.0, valve.friction_pressure - shaken * duty * (1.0 - duty))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def spool_position(
+    spool: float, magnet: float, port_pressure: float, h: float, thickness: float, friction: float, valve: Record
+) -> float:
     """Return the spool position after a step: first-order towards the band in which friction holds it, between its stops.
 
     0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
@@ -158,6 +189,10 @@ def spool_position(spool: float, magnet: float, port_pressure: float, h: float, 
         Pressure of the port [Pa, gauge].
     h : float
         Length of the step [s].
+    thickness : float
+        Viscosity of the oil over that at its reference temperature.
+    friction : float
+        Friction of the spool [Pa of port pressure].
     valve : Record
         Values of the valve.
 
@@ -166,13 +201,13 @@ def spool_position(spool: float, magnet: float, port_pressure: float, h: float, 
     float
         Position [m].
     """
-    return spool_after(spool, magnet, port_pressure, spool_decay(h, valve), spool_gain(valve), valve)
+    return spool_after(spool, magnet, port_pressure, spool_decay(h, thickness, valve), spool_gain(valve), friction, valve)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_decay(h: float, valve: Record) -> float:
-    """Return the share of the spool's way that is still to come after h [s]."""
-    return exp(-h / valve.spool_time)
+def spool_decay(h: float, thickness: float, valve: Record) -> float:
+    """Return the share of the spool's way that is still to come after h [s], in oil of a viscosity over the reference's."""
+    return exp(-h / (valve.spool_time * thickness))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -182,16 +217,20 @@ def spool_gain(valve: Record) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_after(spool: float, magnet: float, port_pressure: float, decay: float, gain: float, valve: Record) -> float:
+def spool_after(
+    spool: float, magnet: float, port_pressure: float, decay: float, gain: float, friction: float, valve: Record
+) -> float:
     """Return :func:`spool_position` after a time whose ``decay`` is known, with the ``gain`` of :func:`spool_gain`."""
-    lowest, highest = held_pressures(magnet, valve)
+    lowest, highest = held_pressures(magnet, friction, valve)
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
     target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
     return target + (spool - target) * decay
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def closing_pressure(spool: float, reducing: bool, magnet: float, h: float, valve: Record) -> float:
+def closing_pressure(
+    spool: float, reducing: bool, magnet: float, h: float, thickness: float, friction: float, valve: Record
+) -> float:
     """Return the port pressure that, held over h, brings the spool to its edge.
 
     Parameters
@@ -204,6 +243,10 @@ def closing_pressure(spool: float, reducing: bool, magnet: float, h: float, valv
         Force of the magnet [Pa of port pressure].
     h : float
         Time [s].
+    thickness : float
+        Viscosity of the oil over that at its reference temperature.
+    friction : float
+        Friction of the spool [Pa of port pressure].
     valve : Record
         Values of the valve.
 
@@ -212,12 +255,12 @@ def closing_pressure(spool: float, reducing: bool, magnet: float, h: float, valv
     float
         Pressure [Pa], infinite where no pressure does so.
     """
-    decay = exp(-h / valve.spool_time)
+    decay = spool_decay(h, thickness, valve)
     edge = 0.0 if reducing else -valve.spool_dead_band
     target = (edge - spool * decay) / (1.0 - decay)
     if not -valve.spool_dead_band - valve.spool_stroke <= target <= valve.spool_stroke:
         return inf
-    lowest, highest = held_pressures(magnet, valve)
+    lowest, highest = held_pressures(magnet, friction, valve)
     # the highest pressure closes the supply, the lowest one closes the drain
     held = highest if target < spool else lowest
     return held - target / valve.spool_stroke * valve.full_opening_pressure
@@ -240,11 +283,34 @@ def orifice_speed(density: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def port_flow(share: float, port_pressure: float, supply_pressure: float, speed: float, valve: Record) -> tuple[float, float]:
+def laminar_force(viscosity: float, density: float) -> float:
+    """Return the pressure drop times area [N] below which the flow of a sharp-edged orifice is laminar.
+
+    There the discharge coefficient grows with the root of the Reynolds number, C_d = 0.2 sqrt(Re), and meets the turbulent 0.61 at
+    Re = 9.3 (Merritt, Hydraulic Control Systems, 1967). Areas contain the turbulent coefficient.
+    """
+    speed = TURBULENT_FROM * viscosity / (density * DISCHARGE)  # times the diameter
+    return 0.5 * density * speed * speed * 0.25 * pi * DISCHARGE
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def edge_area(share: float, valve: Record) -> float:
+    """Return the area of an opening of the spool, and for the supply's edge that of edge and bore one after the other [m2]."""
+    if share < 0.0:
+        return -share * valve.drain_area
+    area = share * valve.orifice_area
+    bore = valve.supply_bore_area
+    return area * bore / sqrt(area * area + bore * bore) if bore > 0.0 else area
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def port_flow(
+    share: float, port_pressure: float, supply_pressure: float, speed: float, laminar: float, valve: Record
+) -> tuple[float, float]:
     """Return the flow to the clutch and its derivative by port pressure, by the orifice law Q = A sqrt(2 dp / rho).
 
-    Near zero pressure difference the root is replaced by a smooth form that resembles its tangent, so that the slope stays finite.
-    The oil cannot flow back into a supply of lower pressure than the port (check valve in the line P).
+    Below the pressure drop at which the flow becomes laminar it goes over into Q proportional to dp. The oil cannot flow back into
+    a supply of lower pressure than the port (check valve in the line P).
 
     Parameters
     ----------
@@ -254,6 +320,8 @@ def port_flow(share: float, port_pressure: float, supply_pressure: float, speed:
         Pressures [Pa].
     speed : float
         Value of :func:`orifice_speed`.
+    laminar : float
+        Value of :func:`laminar_force`.
     valve : Record
         Values of the valve.
 
@@ -262,20 +330,22 @@ def port_flow(share: float, port_pressure: float, supply_pressure: float, speed:
     tuple of float
         Flow [m3/s] and its derivative by port pressure [m3/(s Pa)].
     """
+    if share == 0.0:
+        return 0.0, 0.0
+    area = edge_area(share, valve)
     if share > 0.0:
-        area, drop, sign = share * valve.orifice_area, supply_pressure - port_pressure, 1.0
+        drop, sign, full = supply_pressure - port_pressure, 1.0, valve.orifice_area
         if drop <= 0.0:
             return 0.0, 0.0
-    elif share < 0.0:
-        area, drop, sign = -share * valve.drain_area, port_pressure, -1.0
     else:
-        return 0.0, 0.0
-    laminar = 2.0e3  # Pa: below this the orifice flow turns laminar; far below every pressure of interest
+        drop, sign, full = port_pressure, -1.0, valve.drain_area
+    below = max(STEEPEST, laminar / full)
     if drop == 0.0:  # an empty line, as most lines are at most times; this saves the roots below, which take long
-        return 0.0, -area * (speed / sqrt(laminar))
-    root = speed / sqrt(sqrt(drop * drop + laminar * laminar))
+        return 0.0, -area * (speed / sqrt(below))
+    square = drop * drop + below * below
+    root = speed / sqrt(sqrt(square))
     flow = area * drop * root
-    slope = area * root * (1.0 - 0.5 * drop * drop / (drop * drop + laminar * laminar))
+    slope = area * root * (1.0 - 0.5 * drop * drop / square)
     return sign * flow, -slope
 
 
@@ -299,9 +369,12 @@ def held_flow(state: Record, port_pressure: float, supply_pressure: float, most:
 
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
-    """Compute the shares of the coil's and the spool's way that are left after a step, and the spool's way per pressure."""
+    """Compute what depends on the step's length, in oil of the reference temperature, and the spool's way per pressure."""
     my = world.values.proportional_valve[k]
-    my.coil_left, my.spool_left, my.gain = coil_decay(h, my), spool_decay(h, my), spool_gain(my)
+    my.coil_left, my.gain = coil_decay(h, my), spool_gain(my)
+    my.per_viscosity = 1.0 / world.values.oil_supply[my.oil].viscosity
+    my.shaken = shaken_off(my.pulses, my)
+    my.spool_left, my.spool_thickness = spool_decay(h, 1.0, my), 1.0
 
 
 @njit(**INLINED)
@@ -330,8 +403,12 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     if me.cut == 0.0:
         # in the middle of the step: the mean current, and the port's pressure continued from the last step
         line = world.oil[my.line]
+        thickness = world.parts.oil_supply[my.oil].viscosity * my.per_viscosity
+        if thickness != my.spool_thickness:
+            my.spool_left, my.spool_thickness = spool_decay(h, thickness, my), thickness
+        friction = friction_under(me.on, my.shaken, my) if my.pwm == 0.0 else my.friction_pressure
         me.magnet = magnet_pressure(me.magnet, 0.5 * (current + me.current), my)
-        me.spool = spool_after(me.spool, me.magnet, line.pressure + 0.5 * line.rise, my.spool_left, my.gain, my)
+        me.spool = spool_after(me.spool, me.magnet, line.port + 0.5 * line.rise, my.spool_left, my.gain, friction, my)
         me.share = opening(me.spool, my)
 
 
@@ -346,11 +423,13 @@ def pickup(world: Record, k: int, h: float, index: int, shown: Record) -> None:
 
 
 @njit(**INLINED)
-def line_flow(valve: Record, line: float, supply: float, speed: float, most: float, values: Record) -> tuple[float, float]:
+def line_flow(
+    valve: Record, line: float, supply: float, speed: float, laminar: float, most: float, values: Record
+) -> tuple[float, float]:
     """Return (flow into the line [m3/s], its slope) of the spool, or of a valve that stands outside the plant."""
     if valve.cut > 0.0:
         return held_flow(valve, line, supply, most)
-    return port_flow(valve.share, line, supply, speed, values)
+    return port_flow(valve.share, line, supply, speed, laminar, values)
 
 
 @njit(**INLINED)
@@ -399,8 +478,8 @@ PART = Part(
         "cut_slope",
         "cut_pressure",
     ),
-    derived=("coil_left", "spool_left", "gain", "ideal_current", "pwm", "pulses"),
-    wires=("line", "supply", "output", "beside"),
+    derived=("coil_left", "spool_left", "spool_thickness", "gain", "per_viscosity", "shaken", "ideal_current", "pwm", "pulses"),
+    wires=("line", "supply", "oil", "output", "beside"),
     stages={"fill": fill, "command": command, "before": before, "pickup": pickup},
     role=VALVE,
     joined={

@@ -63,7 +63,7 @@ class ShownRig(Protocol):
         """Return the name of a clutch's heat among the energies."""
 
     def fed_pressure(self, valve: str) -> float:
-        """Return the pressure between a valve and its clutch [Pa, gauge]."""
+        """Return the pressure of the port at which a valve feeds its clutch [Pa, gauge]."""
 
     def oil_drawn(self, name: str) -> float:
         """Return the flow that valves take from an oil supply [m3/s]."""

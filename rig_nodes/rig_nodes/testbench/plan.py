@@ -260,6 +260,8 @@ class _Planner:
             if part == "pressed_clutch":
                 derived["clearance"] = clearance
             start, configs = {"temperature": temperature}, (values, pack)
+            if part == "wet_clutch":
+                start["empty"] = values.drained_volume
             if part == "curve_clutch":
                 k = self.structure.clutches.index(device)
                 configs, tables = (*configs, self.config.prescribed.forces[k]), {"pieces": self.config.prescribed.pieces[k]}
@@ -278,10 +280,11 @@ class _Planner:
             "oil": lambda: oil,
             "press": lambda: wires["press"],
             "line": lambda: structure.line_of(wires.get("feeds", device.name)),
-            "supply": lambda: structure.line_of(oil),
+            "supply": lambda: structure.line_of(oil) if oil else parts.NOWHERE,
             "valve": lambda: valve.name,
             "output": lambda: self.config.wiring[structure.valves.index(driven)],
             "beside": lambda: wires.get("beside", parts.NOWHERE),
+            "turns_with": lambda: wires.get("turns_with", parts.NOWHERE),
             "driving": lambda: wires["driving"],
             "driven": lambda: wires["driven"],
             "row": lambda: self.losses.index(device),

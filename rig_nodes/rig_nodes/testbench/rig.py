@@ -166,7 +166,7 @@ class Rig(RigBase):
         ]
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
-        self._fed = {valve.name: f"{valve.wires['feeds']}.pressure" for valve in structure.valves}
+        self._fed = {valve.name: f"{valve.wires['feeds']}.port" for valve in structure.valves}
         self._heats = {name: f"heat_{structure.device(name).key}" for name in self.clutch_names}
         self._drawing: dict[str, list[np.void]] = {}  # by oil supply: states of the valves that it feeds
         self._held_by = {frozenset(gear.clutches): number for number, gear in enumerate(structure.gears, 1)}
@@ -651,7 +651,7 @@ class Rig(RigBase):
         return self.config.structure.oil_of(device) if key == "oil" else str(device.wires[key])
 
     def fed_pressure(self, valve: str) -> float:
-        """Return the pressure between a valve and its clutch [Pa, gauge]."""
+        """Return the pressure of the port at which a valve feeds its clutch [Pa, gauge]."""
         return self.true(self._fed[valve])
 
     def supply_pressure(self, valve: str) -> float:
@@ -660,7 +660,7 @@ class Rig(RigBase):
         return float(self.device(structure.oil_of(structure.device(valve), "supply"))["pressure"])
 
     def line_pressure(self, clutch: int | str) -> float:
-        """Return the pressure between a clutch and its valve [Pa, gauge]."""
+        """Return the pressure of a clutch where its transducer is [Pa, gauge]."""
         return self.true(f"{self._clutch(clutch)}.pressure")
 
     def oil_drawn(self, name: str) -> float:

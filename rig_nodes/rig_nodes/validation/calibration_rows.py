@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from .targets import Target, load_targets
 
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
+PAUSE = 10  # s between two engagements, after which pistons and lines are as they were
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a constant current
 FIRST_RISE = 10e3  # Pa: about the smallest first rise that the laboratory could see
 FALLEN = 2.2e6  # Pa: the fall has begun when the pressure passes it (22 bar, Annex A)
@@ -90,6 +91,10 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
         rig.order_gear(gear)
         _go(rig, samples)
         found.append(rig.take_rows(10 * samples)[1][::10, column].copy())
+        if gear == NEUTRAL:  # until the line has run empty again
+            for _ in range(PAUSE):
+                _go(rig, 1000)
+                rig.take_rows(10000)
     return found[2], found[3]
 
 
@@ -336,13 +341,17 @@ def shift(
     return shift_metrics(recording, (order * SAMPLE, of, to))
 
 
-def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """Return the misses of :func:`hydraulic_misses` for S2, and that of the highest peak torque of the 19 delay series.
+def hydraulics_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """Return the misses of :func:`hydraulic_misses` for both clutches, whose valves are of one type.
 
-    That peak is series 5's, where S2 catches an output that nothing else drives; only it shows how far p2 overshoots.
+    The highest peak torque of the 19 delay series is added. That peak is series 5's, where S2 catches an output that nothing else
+    drives; only it shows how far p2 overshoots.
     """
     target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["input_torque_max_nm"]
-    return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
+    return [
+        *(miss for name in CURVES for miss in hydraulic_misses(config, targets, name)),
+        Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE),
+    ]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
@@ -419,8 +428,7 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
 
 ROWS: dict[str, Callable] = {  # stage -> function that gives its misses
     "losses": loss_misses,
-    "clutch_s1": partial(hydraulic_misses, name="S1"),
-    "clutch_s2": clutch_s2_misses,
+    "hydraulics": hydraulics_misses,
     "release": release_misses,
 }
 
