@@ -294,7 +294,7 @@ def study(config, rigs=()):
 
 def test_a_search_that_goes_on_is_as_one_that_was_never_stopped(config, monkeypatch):
     pytest.importorskip("optuna")
-    monkeypatch.setattr(search, "POPULATION", 6)
+    monkeypatch.setattr(search, "POPULATION", 12)
     with Workers(1) as workers:
         whole, first, second = study(config), study(config), study(config)
         notes = []

@@ -31,6 +31,7 @@ BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift, for profiles, torque 
 
 LETTER, BESIDE = 6.5, 40.0  # px of a letter of a legend, and of its frame and dot
 NUMBERS = 45.0  # px of the numbers at the left of a plot
+SHORTEST = 0.01  # s; a bag may hold one instant only
 MOST_ROOM = 1.5  # share of a window
 MARGIN = 0.06  # share of a plot's height left free above and below its curves
 NUMBER = 0.032  # share of a plot's height that half a number at its left takes
@@ -126,7 +127,7 @@ def room_for(labels: Iterable[str], columns: int) -> float:
 def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
     """Return the window [s] with which plots open: a window and, after it, the share of it that the legends need."""
     start, end = window
-    return start, end + room * (end - start)
+    return start, max(end + room * (end - start), start + SHORTEST)
 
 
 def height(low: float, high: float) -> tuple[float, float]:
@@ -328,7 +329,7 @@ def _tab(name: str, columns: list[list], text: str = "/report") -> rrb.Horizonta
         rrb.TextLogView(name="Events", origin="/events", columns=log),
         row_shares=[3, 2],
     )
-    return rrb.Horizontal(*parts, texts, column_shares=[(1.0 - TEXTS) / len(parts)] * len(parts) + [TEXTS], name=name)
+    return rrb.Horizontal(*parts, texts, column_shares=[(1.0 - TEXTS) / max(len(parts), 1)] * len(parts) + [TEXTS], name=name)
 
 
 def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], axis: rrb.TimeAxis, legend: bool) -> list:
