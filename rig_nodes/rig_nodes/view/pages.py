@@ -378,10 +378,12 @@ class Pages:
         return STATE_COLOURS | {gear.name: hues(place)[0] for place, gear in enumerate(self.structure.gears)}
 
     @cached_property
-    def _drives(self) -> tuple[set[str], set[str]]:
-        """Torques of the driving devices, and their setpoints."""
+    def _drives(self) -> tuple[set[str], set[str], set[str]]:
+        """Torques of the driving devices, those measured on their shafts, and their setpoints."""
         sources = self.structure.of_role(parts.SOURCE)
-        return set(self.each(sources, "torque")), {name for one in sources for name in self.setpoints(one)}
+        shafts = {name for one in sources for name in self.measured(at=one.name, types=("torque",))}
+        shafts |= {self.box.input.torque} if self.box else set()
+        return set(self.each(sources, "torque")), shafts, {name for one in sources for name in self.setpoints(one)}
 
     def colour(self, name: str) -> Colour:
         """Return the colour of a signal, which is the same in every plot."""
@@ -390,12 +392,14 @@ class Pages:
     def width(self, name: str) -> float:
         """Return the width of a curve in pixels; a setpoint is wider, so that it shows on both sides of the measured curve.
 
-        The viewer draws in the order of names: a motor's torque would hide the shaft's, so its curve is thin. When a drive holds
-        its speed within a step of the encoder, only the edges of its setpoint stay visible.
+        The viewer draws in the order of names: a motor's torque would hide the shaft's, so its curve is thin and the shaft's wide.
+        When a drive holds its speed within a step of the encoder, only the edges of its setpoint stay visible.
         """
-        torques, setpoints = self._drives
+        torques, shafts, setpoints = self._drives
         if name in torques:
             return 1.0
+        if name in shafts:
+            return 3.0
         if name in setpoints:
             return 6.0
         return 4.0 if self.colour(name) in PALE else 2.0
