@@ -62,7 +62,7 @@ def test_rows_orders_and_events_are_those_of_the_bag(tmp_path, config, text, sta
 def test_the_truth_stands_beside_the_rows(tmp_path, config):
     sequence = written(tmp_path, WAITS)
     config = with_overrides(config, {"effects.transducers": "off"})  # because an encoder rounds the speed to steps
-    plain, run = record(config, sequence), record(config, sequence, plant_states=("s1_slip", "motor_torque"))
+    plain, run = record(config, sequence), record(config, sequence, plant_states=("s1_slip", "motor_torque", "gear_ordered"))
     channels = run.recording.channels
     assert all(np.array_equal(values, plain.recording.channels[name]) for name, values in channels.items())
     # wheel z3 on w0 less the intermediate shaft on wk
@@ -70,6 +70,8 @@ def test_the_truth_stands_beside_the_rows(tmp_path, config):
     assert run.plant_states["s1_slip"].shape == slip.shape and np.abs(slip).max() > 5.0
     assert np.abs(run.plant_states["s1_slip"] - slip)[::10].max() < 1e-9, "in the first row of each millisecond"
     assert len(np.unique(run.plant_states["motor_torque"][20_000:20_010])) == 1 and run.plant_states["motor_torque"].max() > 5.0
+    ordered = run.plant_states["gear_ordered"]
+    assert ordered[np.flatnonzero(np.diff(ordered)) + 1].tolist() == [gear for *_, gear in run.recording.orders], "a command's"
     with pytest.raises(RigError, match="p1: only signals of state topics"):
         record(config, sequence, plant_states=("p1",))
 

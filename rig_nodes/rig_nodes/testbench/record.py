@@ -56,16 +56,17 @@ class Run:
 
 
 class PlantStates:
-    """Signals of the state topics, taken once a controller sample."""
+    """Signals of the state topics and of the controller's commands, taken once a controller sample."""
 
     def __init__(self, rig: Rig, signals: tuple[str, ...]) -> None:
         self.signals, self._states, self._heard = signals, States(rig), Heard(rig.config.catalogue)
+        self._fields = self._states.topics | ({CONTROLLER_COMMAND: self._states.command} if rig.shifts else {})
         self._topics = sorted({self._heard.topic(name) for name in signals})
-        unknown = [name for name in signals if self._heard.topic(name) not in self._states.topics]
+        unknown = [name for name in signals if self._heard.topic(name) not in self._fields]
         if unknown:
             raise RigError(
-                f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
-                "docs/reference/signals.md lists them"
+                f"{', '.join(unknown)}: only signals of state topics and of {CONTROLLER_COMMAND} are known without a "
+                "transducer; docs/reference/signals.md lists them"
             )
         self._values: list[list[float]] = []
 
@@ -73,7 +74,7 @@ class PlantStates:
         """Keep the present values."""
         self._states.refresh()
         for topic in self._topics:
-            self._heard.fields[topic] = self._states.topics[topic]()
+            self._heard.fields[topic] = self._fields[topic]()
         self._values.append([self._heard.reading(name) for name in self.signals])
 
     def on_rows(self, rows: int, per_sample: int) -> dict[str, np.ndarray]:
@@ -251,7 +252,8 @@ def record(
         Time from row to row [s] in place of ``rows_per_second``, e.g. 8e-6 with a ``kernel.step`` of 8 us for every row of the
         kernel, as of the NI-USB 6210.
     plant_states : tuple of str
-        Signals of the state topics to take too, e.g. ("s1_torque", "s1_slip"); a run with any of them takes twice as long.
+        Signals of the state topics and of the controller's commands to take too, e.g. ("s1_torque", "gear_ordered"); a run with any
+        of them takes twice as long.
     controller : Plug, optional
         A plug in place of the embedded Alfa46, as :func:`simulate` takes it; it is closed at the end.
     delay : int
