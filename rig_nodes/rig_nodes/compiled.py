@@ -14,6 +14,7 @@ import os
 import platform
 import sys
 from contextlib import suppress
+from importlib.abc import MetaPathFinder
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,6 +90,18 @@ def _processor() -> str:
         return platform.processor()
 
 
+class _WithoutCoverage(MetaPathFinder):
+    """Keeps numba from loading the package ``coverage``, which takes a tenth of a second of each start.
+
+    numba loads it only to ask whether it measures this process. If it does, it is loaded already and nothing is looked for.
+    """
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        """Find nothing; raise ModuleNotFoundError for ``coverage`` while numba itself is loaded."""
+        if fullname == "coverage" and "numba" in sys.modules and not hasattr(sys.modules["numba"], "njit"):
+            raise ModuleNotFoundError(f"{fullname} is left out while numba is loaded", name=fullname)
+
+
 def use_kernel_cache() -> None:
     """Set numba's cache folder, unless the user has chosen one; it is called before numba is imported.
 
@@ -100,6 +113,8 @@ def use_kernel_cache() -> None:
     RigError
         When the folder belongs to another user, or others can write to it.
     """
+    if not any(isinstance(finder, _WithoutCoverage) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _WithoutCoverage())
     if "NUMBA_CACHE_DIR" not in os.environ:
         os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
         if "numba" in sys.modules:  # other code imported it, so it has read its settings already
