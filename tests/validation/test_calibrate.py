@@ -14,6 +14,7 @@ from rig_nodes.config import CONFIG_DIR, RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.plant.kiss_point import kiss_pressure
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig_base import Tripped
 from rig_nodes.validation import calibrate as c
 from rig_nodes.validation import calibration_rows as rows
 from rig_nodes.validation import trade_off
@@ -220,3 +221,22 @@ def test_a_downshift_that_does_not_end_counts_in_every_row(config):
     ends, never = (rows.s2_releases(one, TARGETS) for one in (config, weak))
     assert [miss.row for miss in never] == [miss.row for miss in ends]
     assert {miss.tolerances for miss in never} == {rows.UNSHIFTED}
+
+
+def test_an_upshift_that_is_not_measured_counts_in_every_row(config, monkeypatch):
+    monkeypatch.setattr(rows, "shift", lambda *_: dict.fromkeys(("k", "input_torque_max_nm", "t_c_s")))
+    assert [miss.tolerances for miss in rows.s1_releases(config, TARGETS)] == [rows.UNSHIFTED] * 5
+
+
+def test_values_at_which_the_rig_trips_are_left_again(config):
+    """From 2.4 Nm the slope points to 4.9 Nm, and this rig trips above 3.5 Nm."""
+
+    def flat(config, targets):
+        loss = config.loss_out.drag
+        if loss > 3.5:
+            raise Tripped("the rig tripped")
+        return [rows.Miss("flat", loss, float(np.arctan(5.0 * (loss - 3.0))))]
+
+    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    off = c.with_values(config, parameters, {"loss_out_constant": 2.4})
+    assert c.search(off, parameters, flat, 0, jobs=1, seed=1)["loss_out_constant"] == pytest.approx(3.0, abs=1e-3)

@@ -399,13 +399,17 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     border of the dip is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
     """
     target, (late, early) = targets["delay_up_dip_begins"], (-0.15, -0.19)
+    flat, peaks, longest = (targets[name] for name in ("up_k_flat_load", "up_peak_torque_range", "up_t_c_upper"))
     k_late, k_early = (shift(config, 2, t12)["k"] for t12 in (late, early))
-    steep = min(k_late - k_early, -0.02)  # flat where neither dips; the border is then far off, on the correct side
-    border = early + (late - early) * (NO_DIP - k_early) / steep
     slow, slow_loaded, fast_loaded = (
         shift(config, 2, None, speed * RPM, load) for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0))
     )
-    flat, peaks, longest = (targets[name] for name in ("up_k_flat_load", "up_peak_torque_range", "up_t_c_upper"))
+    needed = [k_late, k_early, *(of[name] for of in (slow, slow_loaded) for name in ("k", "input_torque_max_nm"))]
+    if any(value is None for value in (*needed, fast_loaded["input_torque_max_nm"], fast_loaded["t_c_s"])):
+        names = (target.id, flat.id, f"{peaks.id}: least", f"{peaks.id}: most", longest.id)
+        return [Miss(name, 0.0, UNSHIFTED) for name in names]
+    steep = min(k_late - k_early, -0.02)  # flat where neither dips; the border is then far off, on the correct side
+    border = early + (late - early) * (NO_DIP - k_early) / steep
     fall = slow["k"] - slow_loaded["k"]
     least, most = slow["input_torque_max_nm"], fast_loaded["input_torque_max_nm"]
     return [
