@@ -461,7 +461,8 @@ class Rig(RigBase):
                 bool(self._gear)
                 or self._shifting
                 or any(
-                    command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
+                    command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0)
+                    > v.cracking_current + v.zero_setting
                     for output, v in zip(self._wiring, valves)
                 )
             )

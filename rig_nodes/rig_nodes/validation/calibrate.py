@@ -3,7 +3,7 @@
 
 """The search for the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
 
-Used by `rig calibrate`, in this order: losses, valve and cylinder of each clutch, then what holds a released clutch.
+Used by `rig calibrate`, in this order: losses, valves and cylinders, then what holds a released clutch.
 Friction stays as printed. calibration.yaml lists what may change and how far; calibration_rows.py computes the rows' values
 for a rig.
 """
@@ -29,7 +29,7 @@ from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig, load_rig
 from ..testbench.rig_base import Tripped
-from .calibration_rows import ROWS, Miss, calibrating
+from .calibration_rows import ROWS, UNSHIFTED, Miss, calibrating
 from .which_rows import CALIBRATION_FILE, LABORATORY_FOLDER, LABORATORY_RIG
 
 if TYPE_CHECKING:
@@ -242,7 +242,15 @@ def nearby(
     (n,) array of float
         The shares.
     """
-    cost = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
+    plain = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
+    count = len(plain(shares))
+
+    def cost(x: Floats) -> np.ndarray:
+        try:
+            return plain(x)
+        except Tripped:
+            return np.full(count, UNSHIFTED)  # values far from any real ones, which a long step of the search can reach
+
     start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method needs a start inside the bounds
     found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20, loss="arctan" if bounded else "linear").x
     after, before = (total(cost(x)) if bounded else np.sum(cost(x) ** 2) for x in (found, shares))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -28,8 +28,10 @@ from .targets import Target, load_targets
 
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
+PAUSE = 3  # s between two engagements, as in the sequences of chapter 7: "at least some seconds" (7.1.3.5)
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a constant current
 FIRST_RISE = 10e3  # Pa: about the smallest first rise that the laboratory could see
+LAST = 50  # samples of the end of a fall, where the current stands at its last value and the curve is level
 FALLEN = 2.2e6  # Pa: the fall has begun when the pressure passes it (22 bar, Annex A)
 CURVES = {  # clutch -> rows of its rising and of its falling pressure in chapter 9
     "S1": ("ch9_pressure_down_p1", "ch9_pressure_up_p1"),
@@ -90,6 +92,10 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
         rig.order_gear(gear)
         _go(rig, samples)
         found.append(rig.take_rows(10 * samples)[1][::10, column].copy())
+        if gear == NEUTRAL:  # until the line has run empty again
+            for _ in range(PAUSE):
+                _go(rig, 1000)
+                rig.take_rows(10000)
     return found[2], found[3]
 
 
@@ -206,6 +212,10 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
         Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
         Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance),
     ]
+    over = round((fallen + falling.pieces[-1][1]) / SAMPLE)
+    standby = float(fall[over - LAST : over].mean())
+    ends = float(on_curve(falling, np.array([falling.pieces[-1][1]]))[0])
+    out.append(Miss(f"{falling.id}: end", standby, (standby - ends) / falling.tolerance))
     for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
         apart = distances(row, p, start)
         miss = float(np.sqrt(np.mean(apart**2)))
@@ -336,13 +346,17 @@ def shift(
     return shift_metrics(recording, (order * SAMPLE, of, to))
 
 
-def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """Return the misses of :func:`hydraulic_misses` for S2, and that of the highest peak torque of the 19 delay series.
+def hydraulics_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """Return the misses of :func:`hydraulic_misses` for both clutches, whose valves are of one type.
 
-    That peak is series 5's, where S2 catches an output that nothing else drives; only it shows how far p2 overshoots.
+    The highest peak torque of the 19 delay series is added. That peak is series 5's, where S2 catches an output that nothing else
+    drives; only it shows how far p2 overshoots.
     """
     target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["input_torque_max_nm"]
-    return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
+    return [
+        *(miss for name in CURVES for miss in hydraulic_misses(config, targets, name)),
+        Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE),
+    ]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
@@ -399,13 +413,17 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     border of the dip is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
     """
     target, (late, early) = targets["delay_up_dip_begins"], (-0.15, -0.19)
+    flat, peaks, longest = (targets[name] for name in ("up_k_flat_load", "up_peak_torque_range", "up_t_c_upper"))
     k_late, k_early = (shift(config, 2, t12)["k"] for t12 in (late, early))
-    steep = min(k_late - k_early, -0.02)  # flat where neither dips; the border is then far off, on the correct side
-    border = early + (late - early) * (NO_DIP - k_early) / steep
     slow, slow_loaded, fast_loaded = (
         shift(config, 2, None, speed * RPM, load) for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0))
     )
-    flat, peaks, longest = (targets[name] for name in ("up_k_flat_load", "up_peak_torque_range", "up_t_c_upper"))
+    needed = [k_late, k_early, *(of[name] for of in (slow, slow_loaded) for name in ("k", "input_torque_max_nm"))]
+    if any(value is None for value in (*needed, fast_loaded["input_torque_max_nm"], fast_loaded["t_c_s"])):
+        names = (target.id, flat.id, f"{peaks.id}: least", f"{peaks.id}: most", longest.id)
+        return [Miss(name, 0.0, UNSHIFTED) for name in names]
+    steep = min(k_late - k_early, -0.02)  # flat where neither dips; the border is then far off, on the correct side
+    border = early + (late - early) * (NO_DIP - k_early) / steep
     fall = slow["k"] - slow_loaded["k"]
     least, most = slow["input_torque_max_nm"], fast_loaded["input_torque_max_nm"]
     return [
@@ -419,8 +437,7 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
 
 ROWS: dict[str, Callable] = {  # stage -> function that gives its misses
     "losses": loss_misses,
-    "clutch_s1": partial(hydraulic_misses, name="S1"),
-    "clutch_s2": clutch_s2_misses,
+    "hydraulics": hydraulics_misses,
     "release": release_misses,
 }
 
