@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .typed_arguments import seconds_of_bag
+
 if TYPE_CHECKING:
     from ..bags.copy import Kept
     from ..bags.opened import OpenedBags
@@ -37,9 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             verb.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the new bag, which is made")
         if name == "cut":
             verb.add_argument(
-                "--from", type=_seconds, dest="begin", metavar="S", help="seconds after the first message (default: 0)"
+                "--from", type=seconds_of_bag, dest="begin", metavar="S", help="seconds after the first message (default: 0)"
             )
-            verb.add_argument("--to", type=_seconds, dest="end", metavar="S", help="seconds after the first message, excluded")
+            verb.add_argument(
+                "--to", type=seconds_of_bag, dest="end", metavar="S", help="seconds after the first message, excluded"
+            )
             verb.add_argument("--topics", metavar="A,B", help="only these topics")
             verb.add_argument("--regex", type=pattern, metavar="R", help="also topics whose whole name this pattern matches")
             verb.add_argument("--exclude-regex", type=pattern, metavar="R", help="no topics whose whole name this pattern matches")
@@ -153,13 +157,3 @@ def pattern(text: str) -> re.Pattern:
         return re.compile(text)
     except re.error as error:
         raise argparse.ArgumentTypeError(f"{text} is no regular expression ({error})") from None
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1e9:
-        raise argparse.ArgumentTypeError(f"{text} is no time; give seconds after the beginning of the bag, e.g. 1.5")
-    return value

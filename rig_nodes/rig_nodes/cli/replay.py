@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .bag import chosen, pattern
+from .typed_arguments import number_within, seconds_of_bag
 
 if TYPE_CHECKING:
     from ..bags.opened import OpenedBags
@@ -32,11 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate", type=_rate, default=1.0, metavar="R", help="recorded seconds per second, 0.01 to 100, or 'max' (default: 1)"
     )
     parser.add_argument(
-        "--start", type=_seconds, default=0.0, metavar="S", help="seconds after the beginning of the bag to start at (default: 0)"
+        "--start",
+        type=seconds_of_bag,
+        default=0.0,
+        metavar="S",
+        help="seconds after the beginning of the bag to start at (default: 0)",
     )
-    parser.add_argument("--duration", type=_seconds, metavar="S", help="recorded seconds to replay (default: up to the end)")
-    parser.add_argument("--until", type=_seconds, metavar="S", help="seconds after the beginning of the bag to end before")
-    parser.add_argument("--delay", type=_seconds, default=0.0, metavar="S", help="seconds to wait before the first message")
+    parser.add_argument("--duration", type=seconds_of_bag, metavar="S", help="recorded seconds to replay (default: up to the end)")
+    parser.add_argument("--until", type=seconds_of_bag, metavar="S", help="seconds after the beginning of the bag to end before")
+    parser.add_argument("--delay", type=seconds_of_bag, default=0.0, metavar="S", help="seconds to wait before the first message")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until stopped")
     parser.add_argument("--paused", action="store_true", help="start paused")
     parser.add_argument("--topics", type=_names, metavar="A,B", help="only these topics")
@@ -189,26 +194,12 @@ def _warn(text: str) -> None:
     print(f"rig: {text}", file=sys.stderr, flush=True)
 
 
-def _number(text: str, what: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text} is no {what}")
-    return value
-
-
 def _rate(text: str) -> float:
-    return math.inf if text == "max" else _number(text, "rate; give 0.01 to 100, or max", 0.01, 100.0)
-
-
-def _seconds(text: str) -> float:
-    return _number(text, "time; give seconds after the beginning of the bag, e.g. 1.5", 0.0, 1e9)
+    return math.inf if text == "max" else number_within(text, "rate; give 0.01 to 100, or max", 0.01, 100.0)
 
 
 def _frequency(text: str) -> float:
-    return _number(text, "frequency of the clock; give 1 to 10000 messages per recorded second", 1.0, 1e4)
+    return number_within(text, "frequency of the clock; give 1 to 10000 messages per recorded second", 1.0, 1e4)
 
 
 def _count(text: str) -> int:

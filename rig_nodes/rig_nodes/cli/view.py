@@ -15,6 +15,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .typed_arguments import number_within
+
 if TYPE_CHECKING:
     from ..graph.domain import Domain
 
@@ -296,10 +298,4 @@ def _whole(text: str, what: str, low: int, high: int) -> int:
 
 
 def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.1 <= value <= 600.0:
-        raise argparse.ArgumentTypeError(f"{text} is no span of a plot; give 0.1 to 600 s")
-    return value
+    return number_within(text, "span of a plot; give 0.1 to 600 s", 0.1, 600.0)
