@@ -17,7 +17,7 @@ from contextlib import suppress
 from importlib.abc import MetaPathFinder
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from .errors import RigError
 
@@ -90,20 +90,27 @@ def _processor() -> str:
         return platform.processor()
 
 
-class _WithoutCoverage(MetaPathFinder):
-    """Keeps numba from loading the package ``coverage``, which takes a tenth of a second of each start.
+class _LeftOut(MetaPathFinder):
+    """Keeps numba from loading what nothing here uses, which would take a quarter of a second of each start.
 
-    numba loads it only to ask whether it measures this process. If it does, it is loaded already and nothing is looked for.
+    numba asks for ``coverage`` only to learn whether it measures this process, and for scipy's BLAS for products of matrices. It
+    does without either; what is loaded already it finds as ever.
     """
 
+    asks: ClassVar = {
+        "coverage": "numba.misc.coverage_support",
+        "scipy": "numba.np.arraymath",
+    }  # package -> who asks as it is loaded
+
     def find_spec(self, fullname: str, path: object, target: object = None) -> None:
-        """Find nothing; raise ModuleNotFoundError for ``coverage`` while numba itself is loaded."""
-        if fullname == "coverage" and "numba" in sys.modules and not hasattr(sys.modules["numba"], "njit"):
+        """Find nothing; raise ModuleNotFoundError for a package that numba asks for while the asking module itself is loaded."""
+        asking = sys.modules.get(self.asks.get(fullname.partition(".")[0], ""))
+        if getattr(getattr(asking, "__spec__", None), "_initializing", False):
             raise ModuleNotFoundError(f"{fullname} is left out while numba is loaded", name=fullname)
 
 
 def use_kernel_cache() -> None:
-    """Set numba's cache folder, unless the user has chosen one; it is called before numba is imported.
+    """Set numba's cache folder, unless the user has chosen one, and what numba leaves out; it is called before numba is imported.
 
     The folder holds machine code and numba's pickled index of it, which are executed as they are read. Only the folder's owner and
     rights protect them.
@@ -113,8 +120,8 @@ def use_kernel_cache() -> None:
     RigError
         When the folder belongs to another user, or others can write to it.
     """
-    if not any(isinstance(finder, _WithoutCoverage) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _WithoutCoverage())
+    if not any(isinstance(finder, _LeftOut) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _LeftOut())
     if "NUMBA_CACHE_DIR" not in os.environ:
         os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
         if "numba" in sys.modules:  # other code imported it, so it has read its settings already
@@ -127,16 +134,3 @@ def use_kernel_cache() -> None:
             f"{folder}: the compiled code in it would run as it is, and others can write to it; delete it, or "
             "name a folder of your own by NUMBA_CACHE_DIR"
         )
-
-
-def load_numba() -> None:
-    """Import all of numba except scipy's BLAS, which takes it 0.15 s to find and which nothing compiled here uses."""
-    blas = "scipy.linalg.cython_blas"
-    hide = blas not in sys.modules
-    if hide:
-        sys.modules[blas] = None
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        if hide:
-            del sys.modules[blas]

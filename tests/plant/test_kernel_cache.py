@@ -27,6 +27,16 @@ def test_every_way_in_leads_to_the_keyed_folder(first):
     assert all(path.startswith(folder) for path in out), out
 
 
+def test_a_start_loads_neither_coverage_nor_scipys_algebra_which_can_be_loaded_afterwards():
+    code = (
+        "import sys; from rig_nodes.engine import loop; import numba.np.arraymath; "
+        "print([name for name in ('coverage', 'scipy.linalg') if name in sys.modules]); "
+        "import scipy.linalg.cython_blas as blas; print(blas.__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", "scipy.linalg.cython_blas"]
+
+
 def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     package = tmp_path / "rig_nodes"
     (package / "plant").mkdir(parents=True)

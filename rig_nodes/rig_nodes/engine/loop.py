@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 from ..alfa46.law import OFF, current_loop, law_step
-from ..compiled import load_numba
 from ..instruments import transducers
 from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
     from ..arrays import Floats, Ints, Record
 
-load_numba()
 EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
 
 
