@@ -243,17 +243,20 @@ def nearby(
         The shares.
     """
     plain = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
-    count = len(plain(shares))
+    try:
+        here = plain(shares)
+    except Tripped:
+        return np.asarray(shares)
 
     def cost(x: Floats) -> np.ndarray:
         try:
             return plain(x)
         except Tripped:
-            return np.full(count, UNSHIFTED)  # values far from any real ones, which a long step of the search can reach
+            return np.full(len(here), UNSHIFTED)  # values far from any real ones, which a long step of the search can reach
 
     start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method needs a start inside the bounds
     found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20, loss="arctan" if bounded else "linear").x
-    after, before = (total(cost(x)) if bounded else np.sum(cost(x) ** 2) for x in (found, shares))
+    after, before = (total(of) if bounded else np.sum(of**2) for of in (cost(found), here))
     return found if after < before else np.asarray(shares)
 
 

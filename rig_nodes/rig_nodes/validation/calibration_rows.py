@@ -404,20 +404,19 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     slow, slow_loaded, fast_loaded = (
         shift(config, 2, None, speed * RPM, load) for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0))
     )
-    needed = [k_late, k_early, *(of[name] for of in (slow, slow_loaded) for name in ("k", "input_torque_max_nm"))]
-    if any(value is None for value in (*needed, fast_loaded["input_torque_max_nm"], fast_loaded["t_c_s"])):
+    fall = None if None in (slow["k"], slow_loaded["k"]) else slow["k"] - slow_loaded["k"]
+    least, most, slowest = slow["input_torque_max_nm"], fast_loaded["input_torque_max_nm"], fast_loaded["t_c_s"]
+    if None in (k_late, k_early, fall, least, most, slowest):
         names = (target.id, flat.id, f"{peaks.id}: least", f"{peaks.id}: most", longest.id)
         return [Miss(name, 0.0, UNSHIFTED) for name in names]
     steep = min(k_late - k_early, -0.02)  # flat where neither dips; the border is then far off, on the correct side
     border = early + (late - early) * (NO_DIP - k_early) / steep
-    fall = slow["k"] - slow_loaded["k"]
-    least, most = slow["input_torque_max_nm"], fast_loaded["input_torque_max_nm"]
     return [
         Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
         Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),
         within(peaks, least, PEAK_TOLERANCE, ": least"),
         within(peaks, most, PEAK_TOLERANCE, ": most"),
-        within(longest, fast_loaded["t_c_s"], TIME_TOLERANCE),
+        within(longest, slowest, TIME_TOLERANCE),
     ]
 
 
