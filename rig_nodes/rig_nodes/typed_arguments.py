@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Types of command line arguments that several verbs take; each refuses a wrong text in one sentence."""
+"""Types of arguments that several command lines take, those of verbs and of nodes; each refuses a wrong text in one sentence."""
 
 from __future__ import annotations
 

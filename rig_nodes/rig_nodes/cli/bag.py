@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .typed_arguments import seconds_of_bag
+from ..typed_arguments import seconds_of_bag
 
 if TYPE_CHECKING:
     from ..bags.copy import Kept

@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..typed_arguments import number_within, seconds_of_bag
 from .bag import chosen, pattern
-from .typed_arguments import number_within, seconds_of_bag
 
 if TYPE_CHECKING:
     from ..bags.opened import OpenedBags

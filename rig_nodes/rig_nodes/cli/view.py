@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .typed_arguments import number_within
+from ..typed_arguments import number_within
 
 if TYPE_CHECKING:
     from ..graph.domain import Domain

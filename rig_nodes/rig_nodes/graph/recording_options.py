@@ -9,11 +9,11 @@ The recorder uses it, and `rig run` and the launch file refuse wrong options wit
 from __future__ import annotations
 
 import argparse
-import math
 import re
 from typing import TYPE_CHECKING, Any
 
 from ..errors import RigError
+from ..typed_arguments import number_within
 
 if TYPE_CHECKING:
     from ..bags.writer import Layout
@@ -30,13 +30,7 @@ def _size(text: str) -> int:
 
 
 def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not SHORTEST <= value <= LONGEST:
-        raise argparse.ArgumentTypeError(f"'{text}': expected seconds of simulated time, {SHORTEST} or more")
-    return value
+    return number_within(text, f"length of a file; give seconds of simulated time, {SHORTEST} or more", SHORTEST, LONGEST)
 
 
 OPTIONS: list[tuple[str, dict[str, Any]]] = [
