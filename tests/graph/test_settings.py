@@ -28,6 +28,7 @@ pytestmark = pytest.mark.against_the_clock
 
 TWO_TICKS = 0.0101
 NAN = math.nan
+ALWAYS = ("/controller/events", "/rig/events", "/rig/state")  # topics to which the user listens in every test
 PROFILE_1 = load_rig().alfa46.profiles[0]
 
 
@@ -41,12 +42,19 @@ class User(Client):
     def __init__(self, domain):
         super().__init__(domain)
         self.accepted, self._nodes, self._topics = [], {}, {}
-        self.events = {topic: self.heard(topic) for topic in ("/controller/events", "/rig/events")}
+        self.events = {topic: self.heard(topic) for topic in ALWAYS[:2]}
+        self.heard(ALWAYS[2])
 
     def heard(self, topic) -> list:
         if topic not in self._topics:
             self._topics[topic] = self.listen(topic)
         return self._topics[topic]
+
+    def forget(self):
+        """Ends what one test has subscribed to: with all topics a busy machine is never done with old messages."""
+        always = [self._heard.pop(0) for _ in ALWAYS]
+        super().forget()
+        self._heard, self._topics = always, {topic: self._topics[topic] for topic in ALWAYS}
 
     def _at(self, node):
         if node not in self._nodes:
@@ -115,10 +123,16 @@ def graph(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def user(graph):
+def joined(graph):
     user = User(graph.domain)
     yield user
     user.close()
+
+
+@pytest.fixture
+def user(joined):
+    yield joined
+    joined.forget()
 
 
 @pytest.mark.parametrize(
