@@ -13,7 +13,7 @@ from rig_nodes.view.pages import Pages
 PAGES = Pages()
 LONGEST = 300.0  # s for the requests to one viewer on a busy machine
 DOT = 5  # px; a square of this size fits into a legend's dot, but into no curve
-LEGEND = {"right": 0.4, "left": 0.3}  # share of the width in which the legend lies; on the left it is that of a running rig
+LEGEND = 0.4  # share of the width in which the legend lies
 WHITE = 200  # least brightness of each channel of a text
 BAR = 0.78  # brightness of a state's bar relative to its given colour
 
@@ -31,7 +31,7 @@ def has(image: np.ndarray, colour, tolerance: int = 10) -> np.ndarray:
 def curve_pixels(image: np.ndarray, colour, side: str = "right") -> int:
     """Returns the pixels of a colour outside the legend; ``side`` is the side on which the legend lies."""
     width = image.shape[1]
-    part = image[:, : int((1 - LEGEND[side]) * width)] if side == "right" else image[:, int(LEGEND[side] * width) :]
+    part = image[:, : int((1 - LEGEND) * width)] if side == "right" else image[:, int(LEGEND * width) :]
     return int(has(part, colour).sum())
 
 
