@@ -12,7 +12,7 @@ from rig_nodes.view.pages import Pages
 
 PAGES = Pages()
 LONGEST = 300.0  # s for the requests to one viewer on a busy machine
-DOT = 5  # px; a square of this size fits into a legend's dot, but into no curve
+DOT = 5  # px; a square of this size fits into a legend's dot, but into no curve without noise
 LEGEND = 0.4  # share of the width in which the legend lies
 WHITE = 200  # least brightness of each channel of a text
 BAR = 0.78  # brightness of a state's bar relative to its given colour
@@ -42,11 +42,12 @@ def dots(image: np.ndarray, colour) -> list[tuple[int, int]]:
 
 
 def legend_text(image: np.ndarray, colour) -> int:
-    """Returns the number of bright pixels to the right of the dot of a colour; 0 without a dot."""
+    """Returns the number of bright pixels to the right of the last dot of a colour, behind its curve; 0 without a dot."""
     found = dots(image, colour)
     if not found:
         return 0
-    row, column = found[0]
+    end = max(column for _, column in found)
+    row, column = next(one for one in found if one[1] > end - DOT)
     return text_pixels(image[max(0, row - 4) : row + DOT + 4, column + 2 * DOT :])
 
 

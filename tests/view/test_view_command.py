@@ -163,6 +163,14 @@ def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(
     assert [row["t_c_s"] for row in found.rows] == pytest.approx([0.62, 0.72])
 
 
+def test_drawn_values_of_a_sweep_keep_their_unit(tmp_path):
+    for name, t12 in (("a", "-162.2041 ms"), ("b", "-246.3962 ms")):
+        (tmp_path / name).mkdir()
+        row = {"from_gear": 1, "to_gear": 2, "t_c_s": 0.5, "valid": True}
+        write_report(tmp_path / name, {"run": {"configuration": load_rig().as_dict(), "parameters": {"t12": t12}}, "shifts": [row]})
+    assert read_campaign(tmp_path).conditions == {"t12": ("ms", [-162.2041, -246.3962])}
+
+
 def test_a_campaign_is_told_by_its_folder(tmp_path, run):
     (tmp_path / "campaign" / "one").mkdir(parents=True)
     assert not is_campaign(tmp_path / "campaign") and not is_campaign(run)

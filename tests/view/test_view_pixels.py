@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 import pytest
 from PIL import Image
-from pixels import BAR, LONGEST, curve_pixels, dots, image_of, lanes, legend_text, of_state, text_pixels, upright
+from pixels import BAR, LONGEST, curve_pixels, dots, has, image_of, lanes, legend_text, of_state, text_pixels, upright
 
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.report import write_report
@@ -121,6 +121,14 @@ def test_legends_and_numbers_are_written(tabs, tab, title, names):
     ground = int(np.median(image))
     assert (image[-18:].max(axis=2) > ground + 60).sum() > 20, "no times below"
     assert (image[:-18, :26].max(axis=2) > ground + 60).sum() > 5, "no values at the left"
+
+
+def test_a_peak_of_some_milliseconds_is_drawn_in_a_plot_of_the_whole_run(tabs):
+    """The plot ends 6 % above the highest torque, which is that of a shift; a mean over each pixel would end 29 % below."""
+    title, names = next(plot for plot in PLOTS["run"] if "M_wej" in plot[1])
+    (image,) = pictures(tabs, "run", title, names)
+    rows = [np.flatnonzero(has(image[:, : image.shape[1] // 2], PAGES.colour(name)).any(axis=1)) for name in names]
+    assert min(found[0] for found in rows if len(found)) < 0.12 * image.shape[0]
 
 
 def test_report_and_events_are_written(tabs):

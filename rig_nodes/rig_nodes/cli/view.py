@@ -135,7 +135,7 @@ def _recorded(args: argparse.Namespace) -> int:
     elif has_display():
         print(f"the viewer runs as process {open_window(path, args.theme)}")
     else:
-        print(f"no display here; on a machine with one, open it with: {command_for(path.name)}", flush=True)
+        print(f"no display here; copy {path} to a machine with one and open it there with: {command_for(path.name)}", flush=True)
         try:
             _draw(args, path, path.with_suffix(".png"), campaign)
         except RigError as error:

@@ -43,6 +43,7 @@ AXIS = "condition"  # the timeline that carries the values of conditions
 PLOTTED = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "overlap_s")
 MOST_CONDITIONS, MOST_ROWS = 3, 200
 ROOM = 0.3  # share of an axis left free behind the points, for the legend
+DOT = 0.01  # size of a point, as a share of the axis
 COLUMN, MOST_TEXT = 0.037, 0.5  # share of the width for a column of the table, and for all of them
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 _PREFIXES = {0: "", 3: "m", 6: "µ"}
@@ -157,14 +158,15 @@ def _conditions(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, l
 
 
 def _shown(unit: str, values: list[float]) -> tuple[str, list[float]]:
-    """Return a unit for people and the values in it, large enough for the axis, which has whole numbers only."""
+    """Return a unit for people and the values in it, so large that the axis, which has whole numbers only, is finer than a dot."""
     if unit == "rad/s":
         unit, values = "rpm", [value * RPM for value in values]
     if unit == "Pa":
         unit, values = "kPa", [1e-3 * value for value in values]
     for power in _PREFIXES:
         scaled = [value * 10.0**power for value in values]
-        if power == max(_PREFIXES) or all(not np.isfinite(one) or abs(one - round(one)) < 1e-3 for one in scaled):
+        finite = [one for one in scaled if np.isfinite(one)]
+        if power == max(_PREFIXES) or all(abs(one - round(one)) <= DOT * (max(finite) - min(finite)) for one in finite):
             break
     if power and unit in _WITH_PREFIX:
         return _PREFIXES[power] + unit, scaled

@@ -77,7 +77,8 @@ def write_compare_file(found: Comparison, signals: Mapping[str, Signal], path: P
         for curve in curves:
             shown = [np.asarray(signals[curve.name].shown(values), float) for values in curve.values]
             for n, values in enumerate(shown):
-                line = rr.SeriesLines(names=found.names[n], colors=hues(n)[0] if n < len(HUES) else None, widths=1.5)
+                colour = hues(n)[0] if n < len(HUES) else None
+                line = rr.SeriesLines(names=found.names[n], colors=colour, widths=1.5, aggregation_policy="MinMax")
                 _send(rr, rec, f"{curve.name}/recordings/{n}", line, curve.time, values)
                 if n:
                     _send(rr, rec, f"{curve.name}/differences/{n}", line, curve.time, values - shown[0])

@@ -48,8 +48,16 @@ def thinned(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def style(rr: ModuleType, pages: Pages, signal: Signal) -> SeriesLines:
-    """Return the name with unit, the colour and the width of a curve."""
-    return rr.SeriesLines(names=pages.label(signal.name), colors=pages.colour(signal.name), widths=pages.width(signal.name))
+    """Return the name with unit, the colour and the width of a curve.
+
+    Where a pixel has many values the viewer would draw their mean, which cuts peaks; it draws the least and the greatest.
+    """
+    return rr.SeriesLines(
+        names=pages.label(signal.name),
+        colors=pages.colour(signal.name),
+        widths=pages.width(signal.name),
+        aggregation_policy="MinMax",
+    )
 
 
 def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
