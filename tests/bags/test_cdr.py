@@ -78,6 +78,33 @@ def test_bytes_equal_rosbags_and_rclpy_reads_them(ros_type, reference):
             np.testing.assert_array_equal(getattr(ours, name), value)
 
 
+def varied(node, count, rng):
+    """Returns random values of a field in some messages: an array of numbers or of lists of the same length, or the same text."""
+    first = sample(node, rng)
+    if node.kind == "number":
+        return np.array([sample(node, rng) for _ in range(count)], node.name)
+    if node.kind == "string" or node.item.kind == "string":
+        return first
+    return np.array([[sample(node.item, rng) for _ in first] for _ in range(count)], node.item.name).reshape(count, len(first))
+
+
+@pytest.mark.parametrize("ros_type", RIG_TYPES)
+def test_a_block_holds_the_bytes_of_its_messages(ros_type):
+    rng, count = np.random.default_rng(5), 4
+    for _ in range(5):
+        fields = [node for _, node in installed(ros_type).tree.fields[2:]]
+        values = [varied(node, count, rng) for node in fields]
+        texts = [k for k, node in enumerate(fields) if node.kind == "sequence" and node.item.kind == "string"]
+        for k in range(min(texts, default=len(fields)), len(fields)):  # behind a list of texts all messages are the same
+            values[k] = values[k][0].tolist() if isinstance(values[k], np.ndarray) else values[k]
+        stamps, seqs = rng.integers(0, 2**60, count), rng.integers(0, 2**62, count)
+        each = [
+            encoder(ros_type).encode(ns, seq, *(value[k] if isinstance(value, np.ndarray) else value for value in values))
+            for k, (ns, seq) in enumerate(zip(stamps.tolist(), seqs.tolist()))
+        ]
+        assert [row.tobytes() for row in encoder(ros_type).encode_block(stamps, seqs, *values)] == each
+
+
 @pytest.mark.parametrize("lists", [([], [], []), ([1.0], [], [2.0, 3.0]), ([1.0, 2.0], [3.0], [])])
 @pytest.mark.parametrize("frame", ["", "rig", "output"])
 def test_standard_messages_equal_rosbags_and_rclpy_reads_them(lists, frame, reference):

@@ -6,8 +6,9 @@
 import re
 import subprocess
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd
@@ -21,7 +22,7 @@ from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.metadata import PROFILES
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.writer import BagWriter
+from rig_nodes.bags.writer import BagWriter, Column, Layout
 from rig_nodes.catalogue import QOS, catalogue
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.qos import publisher_profile
@@ -117,6 +118,37 @@ def test_a_bag_says_how_the_nodes_offer_their_topics(qos):
     assert deadline == (offered.deadline.nanoseconds or 2**63 - 1)
 
 
+@pytest.mark.parametrize("layout", [Layout(), Layout(size=20_000), Layout(length=120_000_000), Layout(packing="none")])
+def test_columns_are_stored_as_their_messages_one_by_one(messages, tmp_path, layout):
+    rows = messages(0.35)
+    types = {name: topic.ros_type for name, topic in catalogue().topics.items()}
+    with BagWriter(tmp_path / "each", "run", layout=layout) as bag:
+        for topic, ns, data in rows:
+            bag.write(topic, types[topic], data, ns)
+    # two blocks; in each a column for each topic and size of its messages
+    with BagWriter(tmp_path / "columns", "run", layout=layout) as bag:
+        for begin, end in ((0, 700), (700, len(rows))):
+            columns = defaultdict(list)
+            for place in range(begin, end):
+                columns[rows[place][0], len(rows[place][2])].append(place)
+            bag.write_columns(
+                [
+                    Column(
+                        topic,
+                        np.array(places),
+                        np.array([rows[place][1] for place in places]),
+                        np.array([list(rows[place][2]) for place in places], np.uint8),
+                    )
+                    for (topic, _), places in columns.items()
+                ]
+            )
+        assert bag.counts == Counter(topic for topic, _, _ in rows)
+    files = sorted(path.name for path in (tmp_path / "each").iterdir())
+    assert files == sorted(path.name for path in (tmp_path / "columns").iterdir())
+    for name in files:
+        assert (tmp_path / "columns" / name).read_bytes() == (tmp_path / "each" / name).read_bytes()
+
+
 def test_no_chunk_spans_a_boundary_of_100_ms(run):
     with open(run / "run_0.mcap", "rb") as file:
         chunks = make_reader(file).get_summary().chunk_indexes
@@ -167,7 +199,7 @@ def test_a_run_without_messages_is_a_bag(tmp_path):
 KILLED = """
 import sys
 from rig_nodes.bags.cdr import encoder
-from rig_nodes.bags.writer import BagWriter
+from rig_nodes.bags.writer import BagWriter, Column, Layout
 encode = encoder("rig_msgs/msg/Measurement").encode
 writer = BagWriter(sys.argv[1], "run")
 for ms in range(60_000):
@@ -198,7 +230,7 @@ import resource, sys
 TOPIC, TYPE = "/motor/n_wej", "rig_msgs/msg/Measurement"
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.writer import BagWriter
+from rig_nodes.bags.writer import BagWriter, Column, Layout
 from rig_nodes.errors import RigError
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 encode = encoder("rig_msgs/msg/Measurement").encode

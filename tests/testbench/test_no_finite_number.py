@@ -29,8 +29,9 @@ def spoil(monkeypatch):
     def spoil(after, only=lambda rig: True):
         def advance_spoiled(rig, samples=1):
             if rig.sample <= after < rig.sample + samples:
-                advance(rig, after - rig.sample)
-                samples -= after - rig.sample
+                first = after - rig.sample
+                advance(rig, first)
+                samples -= first
             if rig.sample >= after and only(rig):
                 rig.clutches[1]["heat"] = np.nan
             advance(rig, samples)

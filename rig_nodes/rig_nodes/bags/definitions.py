@@ -173,6 +173,34 @@ class Definition:
         places = [slice(at, at + 4) for at, _, _ in self._places(data)]
         return tuple((place, data[place]) for place in places)
 
+    def numbers_in(self, data: bytes) -> np.dtype:
+        """Return the numpy record of all numbers of a message of this type, as long as the message.
+
+        Its fields are the leaves, and those of the tail up to the first one that is no text, number or list of numbers. Messages
+        with texts and lists of the same lengths have the same record.
+        """
+        found = [(leaf.path, _numpy_format(leaf), 4 + leaf.offset) for leaf in self.leaves]
+        at = self.size
+        for name, node in self.tail:
+            if node.kind == "number":
+                at += -(at - 4) % node.size
+                found.append((name, _numpy_format(Leaf(name, node, 0, 0)), at))
+                at += node.size
+                continue
+            at += -(at - 4) % 4
+            count = int.from_bytes(data[at : at + 4], "little")
+            at += 4
+            if node.kind == "string":
+                at += count
+            elif node.kind == "sequence" and node.item.kind == "number":
+                at += -(at - 4) % node.item.size if count else 0
+                found.append((name, (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)), at))
+                at += count * node.item.size
+            else:
+                break
+        names, formats, offsets = zip(*found)
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": len(data)})
+
     def _places(self, data: bytes) -> list[tuple[int, int, int]]:
         """Return for each list of the tail the places of its length and first number, and its count; empty for a cut message."""
         places, end = [], self.size

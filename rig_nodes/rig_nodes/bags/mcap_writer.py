@@ -38,6 +38,9 @@ _PACKED = struct.Struct("<Q")  # packed size
 _CHUNK_INDEX = struct.Struct("<BQQQQQI")  # opcode, length, first and last time, chunk's offset and length, bytes of the table
 _INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, length of the compression's name
 _SIZES = struct.Struct("<QQ")  # behind that name: packed size, size
+_NONE = np.zeros(0, np.int64)
+# numbers of messages of a channel after which its records may lie at the same distance again, when all are sent at fixed rates
+PERIODS = (1, 2, 10)
 _FOOTER = struct.Struct("<BQQQ")
 
 
@@ -90,20 +93,25 @@ class McapWriter:
         if self._size > self._chunk_bytes:
             self._end_chunk()
 
-    def add_messages(
-        self, channels: Sequence[int], log_times: Sequence[int], data: Sequence[bytes], sequences: Sequence[int]
-    ) -> None:
-        """Store messages as :meth:`add_message` does, all of them at once."""
-        size = self._size + _HEAD * len(data) + sum(map(len, data))
-        if size > self._chunk_bytes:
-            for message in zip(channels, log_times, data, sequences):
-                self.add_message(*message)
-            return
-        self._of += channels
-        self._times += log_times
-        self._sequences += sequences
-        self._data += data
-        self._size = size
+    def add_records(self, content: bytes | memoryview, channels: np.ndarray, log_times: np.ndarray, ends: np.ndarray) -> None:
+        """Store the records of messages as :func:`message_records` makes them, joined.
+
+        Parameters
+        ----------
+        content : bytes
+            The records.
+        channels : (n,) array of int
+            Channel of each message.
+        log_times : (n,) array of int
+            Their times [ns].
+        ends : (n,) array of int
+            End of each record in the content.
+        """
+        self._gather()
+        self._parts.append((content, channels, log_times, ends))
+        self._size += len(content)
+        if self._size > self._chunk_bytes:
+            self._end_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Store named texts outside the chunks."""
@@ -158,29 +166,43 @@ class McapWriter:
         )
 
     def _begin_chunk(self) -> None:
-        self._of: list[int] = []  # of each message: its channel, log time, sequence number and bytes
+        self._of: list[int] = []  # of each message that is in no part yet: its channel, log time, sequence number and bytes
         self._times: list[int] = []
         self._sequences: list[int] = []
         self._data: list[bytes] = []
-        self._records: list[tuple[int, bytes]] = []  # other records, with the number of messages before each
+        # the chunk so far: records of messages with their channels, times and ends, or one other record
+        self._parts: list[tuple[bytes | memoryview, np.ndarray, np.ndarray, np.ndarray]] = []
         self._size = 0
 
     def _into_chunk(self, record: bytes) -> None:
-        self._records.append((len(self._data), record))
+        self._gather()
+        self._parts.append((record, _NONE, _NONE, _NONE))
         self._size += len(record)
 
-    def _end_chunk(self) -> None:
+    def _gather(self) -> None:
+        """Make a part of the messages that are in none yet."""
         if not self._data:
             return
-        first, last = min(self._times), max(self._times)
-        self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
         heads = np.empty(len(self._data), _MESSAGE)
         heads["opcode"], heads["length"] = Opcode.MESSAGE, array("Q", map(len, self._data))
         heads["channel"], heads["sequence"] = array("H", self._of), array("I", self._sequences)
         heads["logged"] = heads["published"] = array("Q", self._times)
-        sizes = heads["length"] + _HEAD
+        ends = np.cumsum(heads["length"].astype(np.int64) + _HEAD)
         heads["length"] += _MESSAGE_LENGTH
-        content = self._content(heads.tobytes())
+        packed, records = heads.tobytes(), [b""] * (2 * len(self._data))
+        records[::2] = [packed[at : at + _HEAD] for at in range(0, len(packed), _HEAD)]
+        records[1::2] = self._data
+        self._parts.append((b"".join(records), heads["channel"], heads["logged"].astype(np.int64), ends))
+        self._of, self._times, self._sequences, self._data = [], [], [], []
+
+    def _end_chunk(self) -> None:
+        self._gather()
+        if not any(len(times) for _, _, times, _ in self._parts):
+            return
+        channels, times = (np.concatenate([part[k] for part in self._parts]).astype(np.int64) for k in (1, 2))
+        first, last = int(times.min()), int(times.max())
+        self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
+        content = b"".join([part[0] for part in self._parts])
         packed, compression = self._compress(content), self._compression
         at = self._file.tell()
         self._write(
@@ -199,7 +221,7 @@ class McapWriter:
         )
         indices_at, places, rows = self._file.tell(), [], []
         place = indices_at
-        for channel, entries in self._indices(heads, sizes):
+        for channel, entries in self._indices(channels, times):
             places += channel, place
             rows.append(_MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries)
             place += len(rows[-1])
@@ -220,33 +242,85 @@ class McapWriter:
         self._chunks += _SIZES.pack(len(packed), len(content))
         self._begin_chunk()
 
-    def _content(self, heads: bytes) -> bytes:
-        """The records of the chunk in their order, from the heads of its messages."""
-        parts: list[bytes] = [b""] * (2 * len(self._data))
-        parts[::2] = [heads[at : at + _HEAD] for at in range(0, len(heads), _HEAD)]
-        parts[1::2] = self._data
-        for before, record in reversed(self._records):
-            parts.insert(2 * before, record)
-        return b"".join(parts)
-
-    def _indices(self, heads: np.ndarray, sizes: np.ndarray) -> Iterator[tuple[int, bytes]]:
+    def _indices(self, channels: np.ndarray, times: np.ndarray) -> Iterator[tuple[int, bytes]]:
         """Each channel with the log times and offsets of its messages, in the order of the channels' first messages."""
-        offsets = np.cumsum(sizes) - sizes
-        for before, record in self._records:
-            offsets[before:] += np.uint64(len(record))
-        order = np.argsort(heads["channel"], kind="stable")
+        offsets, begin = [], 0
+        for content, _, _, ends in self._parts:
+            if len(ends):
+                offsets.append(begin + np.append(0, ends[:-1]))
+            begin += len(content)
+        order = np.argsort(channels, kind="stable")
         entries = np.empty((len(order), 2), "<u8")
-        entries[:, 0], entries[:, 1] = heads["logged"][order], offsets[order]
-        table, channels = entries.tobytes(), heads["channel"][order]
+        entries[:, 0], entries[:, 1] = times[order], np.concatenate(offsets)[order]
+        table, channels = entries.tobytes(), channels[order]
         begins = np.concatenate([[0], np.flatnonzero(channels[1:] != channels[:-1]) + 1])
-        firsts, ends = order[begins].tolist(), [*begins[1:].tolist(), len(order)]
-        for _, channel, begin, end in sorted(zip(firsts, channels[begins].tolist(), begins.tolist(), ends)):
+        firsts, stops = order[begins].tolist(), [*begins[1:].tolist(), len(order)]
+        for _, channel, begin, end in sorted(zip(firsts, channels[begins].tolist(), begins.tolist(), stops)):
             yield channel, table[begin * _ENTRY : end * _ENTRY]
 
     def _write(self, data: bytes) -> None:
         """Write to the part of the file that the data's CRC covers."""
         self._data_crc = zlib.crc32(data, self._data_crc)
         self._file.write(data)
+
+
+def message_records(channel: int, times: np.ndarray, sequences: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """Return the records of messages of one channel.
+
+    Parameters
+    ----------
+    channel : int
+        The channel.
+    times, sequences : (n,) arrays of int
+        Log times [ns], which are the publish times too, and sequence numbers.
+    data : (n, size) array of uint8
+        The messages.
+
+    Returns
+    -------
+    (n, size of a record) array of uint8
+        The records.
+    """
+    count, size = data.shape
+    out = np.empty(count, [("head", _MESSAGE), ("data", "u1", (size,))])
+    head = out["head"]
+    head["opcode"], head["length"], head["channel"], head["sequence"] = Opcode.MESSAGE, size + _MESSAGE_LENGTH, channel, sequences
+    head["logged"] = head["published"] = times
+    out["data"] = data
+    return out.view(np.uint8).reshape(count, -1)
+
+
+def joined(records: Sequence[np.ndarray], order: np.ndarray) -> tuple[memoryview, np.ndarray]:
+    """Return records of several channels in a given order.
+
+    Parameters
+    ----------
+    records : sequence of (n, size) arrays of uint8
+        The records of each channel.
+    order : (total,) array of int
+        Number of each record, counted through all channels, in the order of the result.
+
+    Returns
+    -------
+    content : memoryview
+        The records.
+    ends : (total,) array of int
+        End of each record in the content.
+    """
+    ends = np.cumsum(np.repeat([each.shape[1] for each in records], [len(each) for each in records])[order])
+    places = np.empty(len(order), np.int64)
+    places[order] = ends
+    content, first = np.empty(int(ends[-1]), np.uint8), 0
+    for each in records:
+        count, size = each.shape
+        begins = places[first : first + count] - size
+        first += count
+        period = next((p for p in PERIODS if p < count and not (begins[p:] - begins[:-p] != begins[p] - begins[0]).any()), count)
+        for k, begin in enumerate(begins[:period].tolist()):
+            part = each[k::period]
+            stride = int(begins[k + period]) - begin if len(part) > 1 else size
+            np.ndarray(part.shape, np.uint8, content, begin, (stride, 1))[:] = part
+    return memoryview(content), ends
 
 
 def _bytes(record: McapRecord) -> bytes:

@@ -8,13 +8,15 @@ The headless run and the recorder use it. The same calls give the same bytes.
 
 from __future__ import annotations
 
+import itertools
 import struct
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
 
 from .. import __version__
 from ..atomic_write import atomic_write
@@ -23,7 +25,7 @@ from ..errors import RigError, not_written
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
-from .mcap_writer import McapWriter
+from .mcap_writer import McapWriter, joined, message_records
 from .pieces import pack
 
 if TYPE_CHECKING:
@@ -70,6 +72,44 @@ class Layout:
     size: int = 0
     length: int = 0
     packing: str = "chunk"
+
+
+@dataclass(frozen=True)
+class Column:
+    """Messages of one topic, all of the same size.
+
+    Attributes
+    ----------
+    topic : str
+        The topic.
+    places : (n,) array of int64
+        Place of each message in the order of all that are written together; it grows, and no two messages have the same.
+    times : (n,) array of int64
+        Simulated times from 0 on [ns].
+    data : (n, size) array of uint8
+        The messages.
+    """
+
+    topic: str
+    places: np.ndarray
+    times: np.ndarray
+    data: np.ndarray
+
+    @property
+    def sequences(self) -> np.ndarray:
+        """The low half of the sequence number in each message of the rig's own form (n,)."""
+        return np.ascontiguousarray(self.data[:, _SEQUENCE_AT]).view("<u4")[:, 0]
+
+    def before(self, place: int) -> Column:
+        """Return the messages before a place."""
+        return self._cut(slice(0, np.searchsorted(self.places, place)))
+
+    def after(self, place: int) -> Column:
+        """Return the messages behind a place."""
+        return self._cut(slice(np.searchsorted(self.places, place, "right"), None))
+
+    def _cut(self, part: slice) -> Column:
+        return Column(self.topic, self.places[part], self.times[part], self.data[part])
 
 
 class MessageRefused(RigError):
@@ -125,7 +165,6 @@ class BagWriter:
         self._earlier: dict[str, _Topic] = {}  # topics of the files before, with all messages up to then
         self._files: list[metadata.File] = []  # files that are closed
         self._split = False
-        self._made: list[tuple[str, int, bytes]] = []  # messages that are not in their chunk yet
         self._closed = False
         self._library = library
         self._failure: tuple[type[RigError], str] | None = None
@@ -165,7 +204,6 @@ class BagWriter:
         """
         if self._closed or self._failure:
             self._writable()
-        self._settle()
         if not 0 <= log_time_ns < _END_OF_TIME:
             raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; time begins at 0")
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
@@ -178,69 +216,90 @@ class BagWriter:
                 raise MessageRefused(f"topic {topic}: {error}; expected exact little-endian CDR") from None
         self._add(topic, known, data, log_time_ns)
 
-    def write_made(self, messages: Iterable[tuple[str, int, bytes]], now: int) -> None:
-        """Store messages that an encoder of bags.cdr in this process made, on topics of the catalogue; they are not checked.
-
-        Until their chunk is closed they are only kept, and then stored all at once.
+    def write_columns(self, columns: Sequence[Column]) -> None:
+        """Store messages that encoders of bags.cdr in this process made, on topics of the catalogue; they are not checked.
 
         Parameters
         ----------
-        messages : iterable of (str, int, bytes)
-            Topic, simulated time from 0 on [ns] and bytes of each message.
-        now : int
-            A time [ns] after which none of them is.
+        columns : sequence of Column
+            The messages; they are stored in the order of their places.
 
         Raises
         ------
         RigError
             When the bag is closed or the disk accepts no more data.
         """
-        if self._closed or self._failure:
-            self._writable()
-        if self._flush_at is not None and now < self._flush_at:
-            self._made += messages
+        self._writable()
+        columns = [column for column in columns if len(column.data)]
+        while new := [column for column in columns if column.topic not in self._topics]:
+            # a topic is described in front of its first message
+            first = min(new, key=lambda column: column.places[0])
+            self._store([column.before(first.places[0]) for column in columns])
+            self._add_made(first.topic, int(first.times[0]), first.data[0].tobytes())
+            columns = [column.after(first.places[0]) for column in columns]
+            columns = [column for column in columns if len(column.data)]
+        self._store(columns)
+
+    def _store(self, columns: Sequence[Column]) -> None:
+        """Store messages of topics that the bag knows."""
+        columns = [column for column in columns if len(column.data)]
+        if not columns:
+            return
+        order = np.argsort(np.concatenate([column.places for column in columns]), kind="stable")
+        times = np.concatenate([column.times for column in columns])[order]
+        if self._split or self._layout.size or self._layout.length:
+            self._store_each(columns, order.tolist(), times.tolist())
+            return
+        channels, records = [], []
+        for column in columns:
+            topic = self._topics[column.topic]
+            numbers = column.sequences if topic.counted else topic.count + np.arange(len(column.data))
+            topic.count += len(column.data)
+            channels.append(topic.channel)
+            records.append(message_records(topic.channel, column.times, numbers, column.data))
+        content, ends = joined(records, order)
+        of = np.repeat(channels, [len(column.data) for column in columns])[order]
+        # a chunk begins with the first message behind a multiple of its length
+        window = np.maximum.accumulate(times // FLUSH_NS)
+        begins = [0, *(np.flatnonzero(window[1:] > window[:-1]) + 1).tolist(), len(times)]
+        for begin, end in itertools.pairwise(begins):
+            self._begin_chunk(int(times[begin]))
+            at = int(ends[begin - 1]) if begin else 0
+            self._guard(
+                self._writer.add_records, content[at : ends[end - 1]], of[begin:end], times[begin:end], ends[begin:end] - at
+            )
+        self._first, self._last = min(self._first, int(times.min())), max(self._last, int(times.max()))
+
+    def _store_each(self, columns: Sequence[Column], order: Sequence[int], times: Sequence[int]) -> None:
+        """Store messages one by one, as before each the next file may begin."""
+        every = [(column.topic, message.tobytes()) for column in columns for message in column.data]
+        for k, time in zip(order, times):
+            self._add_made(every[k][0], time, every[k][1])
+
+    def _add_made(self, topic: str, log_time_ns: int, data: bytes) -> None:
+        known = self._topics.get(topic) or self._guard(self._add_topic, topic, self._known[topic].ros_type, "")
+        self._add(topic, known, data, log_time_ns)
+
+    def _begin_chunk(self, log_time_ns: int) -> bool:
+        """Begin a new chunk where a message of this time begins one; return True where it begins the next file too."""
+        if self._flush_at is not None and log_time_ns < self._flush_at:
+            return False
+        fresh = False
+        if self._flush_at is None:
+            self._first = self._last = log_time_ns
         else:
-            self._settle()
-            self._add_made(messages)
-
-    def _settle(self) -> None:
-        """Store what :meth:`write_made` has kept."""
-        if not self._made:
-            return
-        made, self._made = self._made, []
-        topics, times, data = zip(*made)
-        if not self._topics.keys() >= set(topics):
-            self._add_made(made)  # which makes new topics
-            return
-        sequences = list(struct.unpack(f"<{len(made)}I", b"".join([one[_SEQUENCE_AT] for one in data])))
-        for name, count in Counter(topics).items():
-            topic = self._topics[name]
-            if not topic.counted:
-                places = [k for k, other in enumerate(topics) if other == name]
-                for k, number in zip(places, range(topic.count, topic.count + count)):
-                    sequences[k] = number
-            topic.count += count
-        channels = [self._topics[topic].channel for topic in topics]
-        self._guard(self._writer.add_messages, channels, times, data, sequences)
-        self._first, self._last = min(self._first, *times), max(self._last, *times)
-
-    def _add_made(self, messages: Iterable[tuple[str, int, bytes]]) -> None:
-        for topic, log_time_ns, data in messages:
-            known = self._topics.get(topic) or self._guard(self._add_topic, topic, self._known[topic].ros_type, "")
-            self._add(topic, known, data, log_time_ns)
+            self._guard(self._writer.flush)
+            if self._split or self._full(log_time_ns):
+                self._guard(self._next)
+                self._first = self._last = log_time_ns
+                fresh = True
+        self._flush_at = (log_time_ns // FLUSH_NS + 1) * FLUSH_NS
+        return fresh
 
     def _add(self, topic: str, known: _Topic, data: bytes, log_time_ns: int) -> None:
         """Store a message, in a new chunk where its time begins one."""
-        if self._flush_at is None or log_time_ns >= self._flush_at:
-            if self._flush_at is None:
-                self._first = self._last = log_time_ns
-            else:
-                self._guard(self._writer.flush)
-                if self._split or self._full(log_time_ns):
-                    self._guard(self._next)
-                    known = self._guard(self._add_topic, topic, known.ros_type, known.qos)
-                    self._first = self._last = log_time_ns
-            self._flush_at = (log_time_ns // FLUSH_NS + 1) * FLUSH_NS
+        if self._begin_chunk(log_time_ns):
+            known = self._guard(self._add_topic, topic, known.ros_type, known.qos)
         sequence = _SEQUENCE.unpack_from(data, _SEQUENCE_AT.start)[0] if known.counted else known.count
         try:
             self._writer.add_message(known.channel, log_time_ns, data, sequence)
@@ -271,7 +330,6 @@ class BagWriter:
             Class of catalogue.QOS that metadata.yaml names.
         """
         self._writable()
-        self._settle()
         message, _, language = encoding.partition("/")
         schema = self._schemas.get(key := f"{ros_type}\n{language}\n{text}")
         if schema is None:
@@ -287,13 +345,11 @@ class BagWriter:
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
-        self._settle()
         return {name: topic.count for name, topic in {**self._earlier, **self._topics}.items()}
 
     def flush(self) -> None:
         """Close the chunk in progress and hand all data to the operating system."""
         self._writable()
-        self._settle()
         self._guard(self._writer.flush)
 
     def close(self) -> None:
@@ -408,7 +464,6 @@ class BagWriter:
         self._files.append(this)
 
     def _finish(self) -> None:
-        self._settle()
         self._end_file()
         topics = [_told(name, topic, topic.count) for name, topic in {**self._earlier, **self._topics}.items()]
         information = metadata.bag_metadata(self._files, topics, self._layout.packing == "file", self.custom)

@@ -20,8 +20,8 @@ from ..bags.writer import BagWriter
 from ..sweep.plan import make_plan
 from ..sweep.run import manifest_of, run_sweep
 from ..sweep.store import Store
+from ..testbench.bag_outputs import BagOutputs
 from ..testbench.configuration import load_rig
-from ..testbench.outputs import Outputs
 from ..testbench.rig import Rig
 from ..testbench.workers import Workers
 from .kernel import SAMPLES_PER_S, drive
@@ -69,14 +69,15 @@ def by_length(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
 def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Return the same cost with a bag as ``simulate`` writes it: all topics, on disk."""
     rig = Rig(load_rig())
-    outputs = Outputs(rig, {}, commands=True)
     out, size = [], 0
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, BagWriter(folder, "long") as bag:
+        outputs = BagOutputs(bag, rig, {}, commands=True)
 
         def go(_phase: str, seconds: float) -> None:
-            for _ in range(round(seconds * SAMPLES_PER_S)):
-                bag.write_made(outputs.due(), rig.time_ns)
-                rig.advance_samples(1)
+            end = rig.sample + round(seconds * SAMPLES_PER_S)
+            while rig.sample < end:
+                outputs.boundary()
+                rig.advance_samples(min(outputs.room, end - rig.sample))
 
         drive(rig, go)
         for begin in range(0, LENGTH, 2 * PART):

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from numba import njit
 
-from ..alfa46.law import OFF, current_loop, law_step
+from ..alfa46.law import OFF, OUTPUTS, current_loop, law_step
+from ..clocks import TICK_SAMPLES
 from ..instruments import transducers
 from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
-from ..plant.driveline_algebra import N_CAPPED
+from ..plant.driveline_algebra import KIN1, N_CAPPED
 from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .stages import command, fill, ordered, pickup
 from .step import plant_step
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from ..arrays import Floats, Ints, Record
 
+COMMAND = 2 + 2 * OUTPUTS  # numbers of a row of the law's commands
 EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
 
 
@@ -90,6 +92,26 @@ def put_row(log: Floats, place: int, shown: Record) -> None:
         log[place, c] = shown.row[c]
     for c in range(shown.untouched.shape[0]):
         log[place, count + c] = shown.untouched[c]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def put_command(commands: Floats, place: int, outputs: Record, state: Record) -> None:
+    """Write the law's command to a row of the ring: gear, 1 while it shifts, duty of each output, setpoint of each output [A]."""
+    commands[place, 0] = state.gear
+    commands[place, 1] = 1.0 if state.sample < state.shift_end else 0.0
+    count = outputs.shape[0]
+    for k in range(count):
+        commands[place, 2 + k] = outputs[k].duty
+        commands[place, 2 + count + k] = outputs[k].setpoint
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def put_moment(moments: Ints, capacities: Floats, place: int, moved: Ints, world: Record) -> None:
+    """Write the present state to a row of the rings."""
+    for i in range(moments.shape[1]):
+        moments[place, i] = moved[i]
+    for f in range(capacities.shape[1]):
+        capacities[place, f] = world.driveline.cap[KIN1, f]
 
 
 @njit(cache=True, error_model="numpy")
@@ -170,6 +192,9 @@ def advance(
     law_profiles: Floats,
     law_outputs: Record,
     law_state: Record,
+    commands: Floats,
+    moments: Ints,
+    capacities: Floats,
     log: Floats,
     moved: Ints,
     finite: int,
@@ -207,6 +232,10 @@ def advance(
         Arrays of the gauges.
     law_config, law_profiles, law_outputs, law_state : arrays
         Arrays of the law.
+    commands : (samples, COMMAND) array of float
+        Ring of the law's commands: :func:`put_command` writes the row of each sample that the law answers.
+    moments, capacities : (ticks, count) array of int64, (ticks, elements) array of float
+        Rings of what ``moved`` is at each tick of the graph, and of what the driveline's elements could carry then.
     log : (rows, channels) array of float
         Ring of logger rows.
     finite : int
@@ -234,6 +263,7 @@ def advance(
                 if world.channel[k] != NOWHERE:
                     world.current[k] = log[newest, world.channel[k]]
             law_step(s, world.current, law_config[0], law_profiles, law_outputs, law_state[0])
+            put_command(commands, s % commands.shape[0], law_outputs, law_state[0])
         ordered(world, law_outputs, steps_per_sample, h)
         for i in range(kept.shape[1]):
             kept[0, i] = moved[i]
@@ -258,6 +288,8 @@ def advance(
                 counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]
             put_row(log, newest, shown)
         reached = s + 1
+        if reached % TICK_SAMPLES == 0:
+            put_moment(moments, capacities, (reached // TICK_SAMPLES) % moments.shape[0], moved, world)
         if how == WHOLE:
             wrong = 0
             for i in range(finite):

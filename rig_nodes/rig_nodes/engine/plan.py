@@ -229,6 +229,11 @@ class World:
         """Return the configuration, derived numbers and wires of an instance, which may be read and written."""
         return self._of("values", name)
 
+    def states_in(self, records: np.ndarray, name: str) -> np.ndarray:
+        """Return the states of an instance in other records (n,) that begin as the world's does."""
+        kind, k = self._where(name)
+        return records["parts"][kind][:, k]
+
     def _of(self, where: str, name: str) -> np.void:
         # the record never moves in memory, and every message reads its device
         if (where, name) not in self._views:

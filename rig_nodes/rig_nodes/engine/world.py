@@ -159,6 +159,22 @@ def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[in
     )
 
 
+def beginning(dtype: np.dtype) -> np.dtype:
+    """Return the type of the beginning of a rig's record, which a step leaves to the next one; its fields have the same names."""
+    line = _first_fields(dtype["driveline"], "mode")
+    return _first_fields(dtype, "driveline", line)
+
+
+def _first_fields(dtype: np.dtype, last: str, form: np.dtype | None = None) -> np.dtype:
+    """Return the type with the fields up to the last one, which may have another form."""
+    names = list(dtype.names or ())
+    names = names[: names.index(last) + 1]
+    places: dict[str, int] = {name: entry[1] for name, entry in (dtype.fields or {}).items()}
+    formats = [form if name == last and form is not None else dtype[name] for name in names]
+    end = places[last] + formats[-1].itemsize
+    return np.dtype({"names": names, "formats": formats, "offsets": [places[name] for name in names], "itemsize": end})
+
+
 @lru_cache(maxsize=8)
 def places(dtype: np.dtype) -> tuple[str, ...]:
     """Return the name of each number of 8 bytes in a record, e.g. "parts.wet_clutch[1].temperature"."""

@@ -53,7 +53,7 @@ class Recording:
 
     def __init__(self, folder: Path, rig: Rig, config: RigConfig, seed: int) -> None:
         from ..bags.writer import BagWriter
-        from ..testbench.outputs import Outputs
+        from ..testbench.bag_outputs import BagOutputs
         from ..testbench.sequence import Sequence
         from ..testbench.simulate import run_record
 
@@ -62,13 +62,13 @@ class Recording:
         if any(folder.iterdir()):
             raise RigError(f"the parameter record names the folder {folder}, which is not empty; name a new one")
         self.record = run_record(config, Sequence("fmu", "driven through FMI", 0.0), seed)
-        self.outputs = Outputs(rig, self.record, commands=True)
         self._bag = BagWriter(folder, "fmu", topics=config.catalogue.all_topics)
         self._bag.__enter__()
+        self.outputs = BagOutputs(self._bag, rig, self.record, commands=True)
 
     def due(self) -> None:
-        """Write what is due now."""
-        self._bag.write_made(self.outputs.due(), self.rig.time_ns)
+        """Take what is due now."""
+        self.outputs.boundary()
 
     def _controller(self) -> dict:
         """Return what the run's record says about the shift controller, if the rig has one."""
@@ -83,6 +83,7 @@ class Recording:
         from ..clocks import TICK_SAMPLES
         from ..testbench.rig_base import RigStatus
 
+        self.outputs.flush()
         self._bag.__exit__(None, None, None)
         tripped = self.rig.status == RigStatus.TRIPPED
         end = (

@@ -102,13 +102,13 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState; it has no drag, no pressure and no piston."""
     me, config = rig.device(name), getattr(rig.config, name)
     arm = config.friction * config.drum_radius * config.shoes
-    kinetic = float(me["kinetic"])
+    kinetic = me["kinetic"]
     return (
         rig.clutch_mode(name),
         rig.friction_torque(name),
         0.0,
         kinetic,
-        float(me["static"]),
+        me["static"],
         rig.slip(name),
         kinetic / arm if arm > 0.0 else 0.0,
         0.0,

@@ -222,8 +222,8 @@ def after(world: Record, k: int, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
-    runs = bool(me["runs"] == FIRING or me["runs"] == STARTING)
-    return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], runs)
+    runs = (me["runs"] == FIRING) | (me["runs"] == STARTING)
+    return (rig.speed_at(name), me["setpoint"], me["torque"], rig.energies["motor"], runs)
 
 
 # target, lever, enabled: speed setpoint, setpoint of the throttle, and switch; a speed setpoint above 0 moves the throttle, and

@@ -139,7 +139,7 @@ def after(world: Record, k: int, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
-    return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))
+    return (rig.speed_at(name), me["setpoint"], me["torque"], rig.energies["motor"], me["enabled"] > 0.0)
 
 
 PART = Part(

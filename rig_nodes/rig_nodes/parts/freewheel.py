@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState; nothing presses it, and it has no drag."""
-    return (2 if rig.holds(name) else 0, rig.friction_torque(name), 0.0, 0.0, 0.0, rig.slip(name), 0.0, 0.0, 0.0, 0.0)
+    return (2 * rig.holds(name), rig.friction_torque(name), 0.0, 0.0, 0.0, rig.slip(name), 0.0, 0.0, 0.0, 0.0)
 
 
 PART = Part(

@@ -117,10 +117,10 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     me = rig.device(name)
     return (
         rig.speed_at(name),
-        float(me["target"]),
-        getattr(rig.config, name).displacement * float(me["pressure"]),
+        me["target"],
+        getattr(rig.config, name).displacement * me["pressure"],
         rig.energies["motor"],
-        bool(me["enabled"] > 0.0),
+        me["enabled"] > 0.0,
     )
 
 

@@ -197,7 +197,7 @@ def after(world: Record, k: int, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
-    return (float(me["motor_speed"]), float(me["asked"]), float(me["torque_motor"]), float(me["given"]), bool(me["pump_on"] > 0.0))
+    return (me["motor_speed"], me["asked"], me["torque_motor"], me["given"], me["pump_on"] > 0.0)
 
 
 PART = Part(

@@ -141,7 +141,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState."""
     me = rig.device(name)
-    return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])
+    return (rig.friction_torque(name), rig.capacity(name), me["pressure"], me["setting"], rig.energies["load"])
 
 
 PART = Part(

@@ -180,13 +180,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
-    return (
-        float(me["pressure"]),
-        float(me["setting"]),
-        rig.oil_drawn(name),
-        float(me["oil_temperature"]),
-        bool(me["enabled"] > 0.0),
-    )
+    return (me["pressure"], me["setting"], rig.oil_drawn(name), me["oil_temperature"], me["enabled"] > 0.0)
 
 
 # setting, enabled: setting and switch of the relief valve; oil_temperature: temperature of the oil in the whole rig [degC];

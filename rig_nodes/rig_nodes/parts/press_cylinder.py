@@ -137,13 +137,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
-    return (
-        float(me["pressure"]),
-        float(me["setting"]),
-        0.0,
-        getattr(rig.config, rig.wire(name, "oil")).temperature,
-        bool(me["enabled"] > 0.0),
-    )
+    return (me["pressure"], me["setting"], 0.0, getattr(rig.config, rig.wire(name, "oil")).temperature, me["enabled"] > 0.0)
 
 
 PART = Part(

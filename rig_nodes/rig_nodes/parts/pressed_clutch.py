@@ -48,7 +48,7 @@ def after(world: Record, k: int, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState."""
     press = rig.device(rig.wire(name, "press"))
-    return plates.shown_pack(rig, name, float(press["pressure"]), float(press["travel"]))
+    return plates.shown_pack(rig, name, press["pressure"], press["travel"])
 
 
 PART = Part(

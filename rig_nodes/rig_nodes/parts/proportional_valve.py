@@ -430,15 +430,7 @@ def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ValveState."""
     me = rig.device(name)
-    return (
-        float(me["duty"]),
-        float(me["current"]),
-        float(me["spool"]),
-        float(me["flow"]),
-        rig.fed_pressure(name),
-        rig.command_age,
-        rig.safe,
-    )
+    return (me["duty"], me["current"], me["spool"], me["flow"], rig.fed_pressure(name), rig.command_age, rig.safe)
 
 
 # on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: work on the port since

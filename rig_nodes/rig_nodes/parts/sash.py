@@ -152,7 +152,7 @@ def after(world: Record, k: int, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState."""
     me = rig.device(name)
-    return (-float(me["torque"]), 0.0, 0.0, 0.0, -float(me["work"]))
+    return (-me["torque"], 0.0, 0.0, 0.0, -me["work"])
 
 
 PART = Part(

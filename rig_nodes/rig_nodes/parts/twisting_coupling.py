@@ -267,18 +267,18 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState: no drag apart, no oil; what is pressed together are the springs."""
     me = rig.device(name)
     may = rig.capacity(name)
-    free = -getattr(rig.config, name).play < float(me["twist"]) < 0.0
+    free = (-getattr(rig.config, name).play < me["twist"]) & (me["twist"] < 0.0)
     return (
-        0 if free else 2 if rig.holds(name) else 1,
-        float(me["torque"]),
-        float(me["friction"]),
+        (1 - free) * (1 + rig.holds(name)),
+        me["torque"],
+        me["friction"],
         may,
         may,
         rig.slip(name),
-        float(me["force"]),
+        me["force"],
         0.0,
-        float(me["travel"]),
-        float(me["heat"]),
+        me["travel"],
+        me["heat"],
     )
 
 

@@ -156,7 +156,7 @@ def after(world: Record, k: int, h: float) -> None:
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState: it has no pressure line."""
     me = rig.device(name)
-    return (rig.friction_torque(name) + float(me["torque"]), rig.capacity(name), 0.0, 0.0, rig.energies["load"])
+    return (rig.friction_torque(name) + me["torque"], rig.capacity(name), 0.0, 0.0, rig.energies["load"])
 
 
 PART = Part(

@@ -497,7 +497,7 @@ EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState."""
     me = rig.device(name)
-    return plates.shown_pack(rig, name, float(me["chamber"]), float(me["piston"]))
+    return plates.shown_pack(rig, name, me["chamber"], me["piston"])
 
 
 PART = Part(

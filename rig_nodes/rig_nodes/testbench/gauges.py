@@ -46,13 +46,15 @@ class Gauges:
         counts (rows of the longest gate, channels).
     on : bool
         False when every channel shows its true value.
+    changes : int
+        How often the noise was changed.
     """
 
     def __init__(self, rig: RigConfig, seed: int, channels: tuple[str, ...]) -> None:
         """Fill the arrays; the class describes the parameters."""
         config, step, on = rig.instruments, rig.kernel.step, rig.effects.transducers
         self.config, self.present, self.on, self.channels = config, on, on, channels
-        size = len(channels)
+        self.changes, size = 0, len(channels)
         self.table, self.state = np.zeros((parts.ROWS, size)), np.zeros(size)
         for row, value in NO_TRANSDUCER.items():
             self.table[row] = value
@@ -125,6 +127,7 @@ class Gauges:
         if on and not self.present:
             raise RigError("noise refused: this rig shows true values (effects.transducers is off)")
         self.on = on
+        self.changes += 1
         self.table[DISTURBANCES] = self._set if on else 0.0
 
     def set_noise(self, channel: str, value: float) -> None:

@@ -48,7 +48,6 @@ class Outputs:
 
     def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None) -> None:
         self.rig, self.states, self._heard = rig, States(rig), Heard(rig.config.catalogue)
-        self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
         self._answered = -1  # sample of the newest command that went out
         self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same for the answer of each cut device inside
@@ -62,6 +61,14 @@ class Outputs:
         self._status, self._started = rig.status, False
         self._own = dict(controller.signals) if controller is not None else {}
         self._own_blocks = own_signals.Blocks(len(self._own))
+
+    def reading(self, name: str) -> float:
+        """Return the newest value of a signal that was sent [SI], as a listener has it; NaN before the first."""
+        return self._heard.reading(name)
+
+    def period(self, name: str) -> int:
+        """Return the number of controller samples between two messages with a signal."""
+        return self.states.period(self._heard.topic(name))
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Queue an event of the present time; it is sent with the next :meth:`due`."""
@@ -90,27 +97,12 @@ class Outputs:
             The encoded message.
         """
         rig, now, sample = self.rig, self.rig.time_ns, self.rig.sample
-        if not self._started:
-            self._started = True
-            yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
-            names = rig.logger_names
-            units = [rig.config.catalogue.signal(name).unit for name in names]
-            yield self._message("/instruments/channels", now, names, units, ROW)
-            for topic, fields in self.states.once():
-                yield self._message(topic, now, *fields)
-            if self._own:
-                names, units = list(self._own), list(self._own.values())
-                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE)
+        yield from self._once()
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
             yield self._message(CONTROLLER_COMMAND, answered * SAMPLE_NS, *self.states.command())
-        if rig.cuts.devices:
-            yield from self._cuts(now)
-        self._watch_status()
-        for topic, stamp, *values in self._queued:
-            yield self._message(topic, stamp, *values)
-        self._queued.clear()
+        yield from self._unforeseen()
         for topic, fields in self.states.each_sample():
             yield self._message(topic, now, *fields)
         if sample % TICK_SAMPLES == 0:
@@ -119,14 +111,40 @@ class Outputs:
                 yield self._message(topic, now, *fields())
             if sample > 0:
                 first, rows = rig.take_rows(ROWS_PER_TICK)
-                self.states.turn(rows)
+                self.states.turn(rows[None])
                 yield self._message(BLOCK, first * ROW_NS, first, ROW, *rows.shape, rows.ravel())
         if sample % SCALAR_SAMPLES == 0:
             row = rig.row()
             yield from self._measured(now, row)
             for topic, mirror, values in self._mirrors:
                 self.counts[topic] = self.counts.get(topic, 0) + 1
-                yield topic, now, mirror.encode(now, *values(row))
+                numbers = values(row[None], self.states.angles[None], rig.gauges.effective)[0]
+                yield topic, now, mirror.encode(now, *numbers.tolist())
+
+    def _once(self) -> Iterator[tuple[str, int, bytes]]:
+        """What is sent when time begins: the record of the run, and what the numbers of other messages mean."""
+        if self._started:
+            return
+        self._started = True
+        rig, now = self.rig, self.rig.time_ns
+        yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
+        names = rig.logger_names
+        units = [rig.config.catalogue.signal(name).unit for name in names]
+        yield self._message("/instruments/channels", now, names, units, ROW)
+        for topic, fields in self.states.once():
+            yield self._message(topic, now, *fields)
+        if self._own:
+            names, units = list(self._own), list(self._own.values())
+            yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE)
+
+    def _unforeseen(self) -> Iterator[tuple[str, int, bytes]]:
+        """What has no fixed rate: the ends of cuts, and the events and setpoints that were queued."""
+        if self.rig.cuts.devices:
+            yield from self._cuts(self.rig.time_ns)
+        self._watch_status()
+        for topic, stamp, *values in self._queued:
+            yield self._message(topic, stamp, *values)
+        self._queued.clear()
 
     def _cuts(self, now: int) -> Iterator[tuple[str, int, bytes]]:
         """The ports of the devices outside the plant, and the answers of those that have no node of their own."""

@@ -16,15 +16,15 @@ import numpy as np
 
 from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
-from ..clocks import ROW, SAMPLE, SAMPLE_NS, TICK_SAMPLES
+from ..clocks import ROW, SAMPLE, TICK_SAMPLES
 from ..controllers.plug import Plug
 from ..description.signals import CONTROLLER_COMMAND, SHIFT_ORDERED
 from ..errors import RigError
 from .configuration import RigConfig
 from .rig import Rig
 from .rig_base import RigStatus
-from .sequence import Sequence, SequenceFailed, SequenceRunner
-from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
+from .sequence import Sequence, SequenceFailed
+from .simulate import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Heard, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
@@ -120,8 +120,7 @@ class Listener:
 
     def period(self, signal: str) -> int:
         """Return the number of controller samples between two messages with this signal."""
-        topic = self._heard.topic(signal)
-        return SCALAR_SAMPLES if topic in self._states.measured else 1 if topic == CONTROLLER_COMMAND else TICK_SAMPLES
+        return self._states.period(self._heard.topic(signal))
 
     def reading(self, name: str) -> float:
         """Return the reading of Outputs.reading; called at a tick, before any message of that tick is sent."""
@@ -296,7 +295,7 @@ def _record(
     listener.advance(TICK_SAMPLES)
     try:
         while rig.status != RigStatus.TRIPPED and not runner.poll(rig.time):
-            upto = next_poll(runner, rig, listener)
+            upto = next_poll(runner, rig, listener.period, listener.controller)
             while rig.sample < upto and rig.status != RigStatus.TRIPPED:
                 rows.take(rig.sample)
                 listener.advance(min(upto - rig.sample, CHUNK))
@@ -322,18 +321,3 @@ def _record(
 def signals_of(sequence: Sequence) -> list[str]:
     """Return the signals that a sequence waits for."""
     return [step.condition.signal for step in sequence.steps if step.condition is not None]
-
-
-def next_poll(runner: SequenceRunner, rig: Rig, listener: Listener) -> int:
-    """Return the sample of the next tick at which the sequence may have something to do."""
-    tick = rig.sample // TICK_SAMPLES
-    if listener.controller is not None:  # what a plug will do cannot be known beforehand
-        return (tick + 1) * TICK_SAMPLES
-    look = runner.next_look()
-    due = int(look["until"] * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
-    if "gear" in look:  # before the order is taken, shift_end is still that of the shift before
-        due = min(due, -(-(rig.shift_end + 1) // TICK_SAMPLES))
-    if "signal" in look:
-        every = max(1, listener.period(look["signal"]) // TICK_SAMPLES)
-        due = min(due, -(-tick // every) * every + 1)  # the tick after the next message
-    return max(tick + 1, due) * TICK_SAMPLES

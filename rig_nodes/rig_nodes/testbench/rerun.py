@@ -28,6 +28,7 @@ from ..description.settings import CHANGED, CONTROLLER, Settings
 from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED
 from ..errors import RigError
 from ..uninterrupted import Uninterrupted
+from .bag_outputs import BagOutputs
 from .configuration import RigConfig
 from .outputs import BLOCK, Outputs
 from .rig import Rig
@@ -172,25 +173,29 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
         raise RigError(f"{bag.path}: holds no valve commands, which the rig '{config.name}' needs")
     level = LEVELS[first.level] if first is not None else None
     rig = Rig(config, int(bag.run_info().get("seed", 1)), "external", level, delay=found.delay)
-    outputs = Outputs(rig, rerun_record(bag, config, "plant"), commands=config.structure.shifts)
     notes: list[str] = []
     stops = Uninterrupted()
     with stops, BagWriter(folder, bag.path.stem.rpartition("_")[0] or bag.path.stem, topics=config.catalogue.all_topics) as new:
-        for sample in range(found.last + 1):
-            _act(rig, outputs, found, sample, notes)
-            stops.held = True
-            try:
-                new.write_made(outputs.due(), rig.time_ns)
-            finally:
-                stops.let_in()
-            if sample == found.last:
-                break
-            if rig.delay == 0:
-                _command(rig, found, sample)
-            _stop(rig, found, sample + 1)
-            rig.advance_samples(1)
-            if rig.delay > 0:
-                _command(rig, found, sample)
+        outputs = BagOutputs(new, rig, rerun_record(bag, config, "plant"), commands=config.structure.shifts)
+        try:
+            for sample in range(found.last + 1):
+                _act(rig, outputs, found, sample, notes)
+                stops.held = True
+                try:
+                    outputs.boundary()
+                finally:
+                    stops.let_in()
+                if sample == found.last:
+                    break
+                if rig.delay == 0:
+                    _command(rig, found, sample)
+                _stop(rig, found, sample + 1)
+                rig.advance_samples(1)
+                if rig.delay > 0:
+                    _command(rig, found, sample)
+        finally:
+            stops.held = True  # the bag is finished now
+            outputs.flush()
     return notes
 
 

@@ -31,16 +31,18 @@ from ..description.settings import CONTROLLER, Setting
 from ..errors import RigError
 from ..parts import part as parts
 from ..parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
-from ..plant import driveline_algebra
-from ..plant.driveline_laws import stored_energy
 from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
 from .rig_base import RigBase, RigStatus
+from .shown_state import Facts, ShownState
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Collection, Sequence
+
+    from ..engine.plan import World
+    from ..plant.driveline import System
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
@@ -72,7 +74,7 @@ def check_level(config: RigConfig, level: str | None) -> None:
         )
 
 
-class Rig(RigBase):
+class Rig(RigBase, ShownState):
     """A rig that is made from its configuration.
 
     Parameters
@@ -138,19 +140,9 @@ class Rig(RigBase):
         config, structure = self.config, self.config.structure
         self.drive = structure.of_role(parts.SOURCE)[0].name
         planned = plan_of(config)
-        plan, self._system = planned.plan, planned.true
-        self.build(plan, Gauges(config, self.seed, tuple(plan.channels)))
-        self._place = {name: f for f, name in enumerate(plan.system.elements)}
-        self._heavy = int(np.abs(plan.system.mass - self._system.mass).diagonal().argmax())
-        # kg m2; 0 unless the input's speed is to stay constant
-        self._put_on = float(plan.system.mass[self._heavy, self._heavy] - self._system.mass[self._heavy, self._heavy])
-        self._loads, self._sources = structure.of_role(parts.LOAD), structure.of_role(parts.SOURCE)
-        self._couplings = structure.of_role(parts.COUPLING)
-        # shafts that belong to devices, which know the energy in them
-        self._owned = [
-            (plan.system.shafts.index(shaft_of(one)), self.device(one.name)) for one in structure.devices if owns_shaft(one)
-        ]
-        self.clutch_names = tuple(one.name for one in structure.clutches)
+        self.build(planned.plan, Gauges(config, self.seed, tuple(planned.plan.channels)))
+        self.facts = _facts(config, self.world, planned.true)
+        self.clutch_names = self.facts.clutches
         self.valve_names = tuple(one.name for one in structure.valves)
         self.motor = self.device(self.drive)
         self.load, self.oil = (
@@ -159,33 +151,13 @@ class Rig(RigBase):
             )
             for role in (parts.LOAD, parts.OIL)
         )
-        self.losses = {one.name: self.device(one.name) for one in structure.of_role(parts.LOSS)}
         self._currents = [
-            (self.channels.index(plan.currents[name]), output)  # column and output of each valve's current
+            (self.channels.index(planned.plan.currents[name]), output)  # column and output of each valve's current
             for name, output in zip(self.valve_names, config.wiring)
         ]
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
-        self._fed = {valve.name: f"{valve.wires['feeds']}.port" for valve in structure.valves}
-        self._heats = {name: f"heat_{structure.device(name).key}" for name in self.clutch_names}
-        self._drawing: dict[str, list[np.void]] = {}  # by oil supply: states of the valves that it feeds
-        self._held_by = {frozenset(gear.clutches): number for number, gear in enumerate(structure.gears, 1)}
-        line = self.world.line
-        self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
-        self._slips, self._twist, self._shaft = line["w"], line["twist"], line["shaft"]
-        devices = {one.name for one in structure.devices}
-        # elements of the driveline that are not devices
-        self._elements = [name for name in plan.system.elements if name not in devices]
-        # states with the work and the stored energy of each device that stores energy
-        self._stores = [(self.device(one.name), *stores) for one in structure.devices if (stores := parts.part(one.part).stores)]
-        # devices that push bodies and do not drive the rig: the state with the work that each has taken
-        self.accounts = {
-            one.name: (self.device(one.name), parts.part(one.part).account)
-            for one in structure.devices
-            if parts.part(one.part).account
-        }
-        self._stored_first = 0.0
-        self._stored_first = self._stored()
+        self.stored_first = self.stored()
         self.energies: dict[str, float] = {}  # of the last tick; States.refresh writes them
         if self.shifts:
             self._law_config = config.alfa46.law_config(config.transmission)
@@ -596,9 +568,29 @@ class Rig(RigBase):
             currents[output] = row[column]
         return currents, [row[column] for column in self._wired]
 
+    def seen_in(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the controller's samples carry, as :meth:`seen`, from rows (n, channels): (n, 3) and (n, transducers)."""
+        currents = np.zeros((len(rows), law.OUTPUTS))
+        for column, output in self._currents:
+            currents[:, output] = rows[:, column]
+        return currents, rows[:, self._wired]
+
     def coil_currents(self) -> np.ndarray:
         """Return the measured currents at the controller's outputs (3,) [A]."""
         return np.array(self.seen()[0])
+
+    def number(self, place: int) -> float:
+        """Return a number of the plant by its place in the world."""
+        return float(self.world.numbers[place])
+
+    def entries(self, array: str, row: int | None = None) -> list:
+        """Return the numbers of an array of the driveline's record, or of one of its rows."""
+        numbers = self.world.line[array]
+        return (numbers if row is None else numbers[row]).tolist()
+
+    def each(self, function: Callable[[np.void], float]) -> float:
+        """Return the value that a function takes of the driveline's record."""
+        return function(self.world.line)
 
     def clutch_mode(self, clutch: int | str) -> int:
         """Return the mode of a clutch, as in rig_msgs/ClutchState.
@@ -613,46 +605,18 @@ class Rig(RigBase):
         int
             0 open, 1 slipping, 2 locked.
         """
-        name = self._clutch(clutch)
-        if self.device(name)["static"] <= 0.0:
-            return 0
-        return 2 if self.holds(name) else 1
-
-    def holds(self, name: str) -> bool:
-        """Say whether a clutch or free-wheel, given by its name, does not slip."""
-        return bool(abs(self.mode[self._place[name]]) >= 2)
+        return int(super().clutch_mode(self._clutch(clutch)))
 
     def _clutch(self, clutch: int | str) -> str:
         return clutch if isinstance(clutch, str) else self.clutch_names[clutch]
-
-    def friction_torque(self, name: str) -> float:
-        """Return the friction torque of a device [Nm]; positive when a clutch drives its driven side, or when a brake brakes."""
-        return float(self._el[driveline_algebra.LAM, self._place[name]])
-
-    def capacity(self, name: str) -> float:
-        """Return the friction torque that a device could carry while it slips [Nm]."""
-        return float(self._cap[driveline_algebra.KIN1, self._place[name]])
 
     def clutch_torque(self, clutch: int | str) -> float:
         """Return the :meth:`friction_torque` of a clutch, given by its name or its place [Nm]."""
         return self.friction_torque(self._clutch(clutch))
 
     def slip(self, clutch: int | str) -> float:
-        """Return the speed of the driving side of a clutch minus that of its driven side [rad/s]."""
-        return float(self._slips[self._place[self._clutch(clutch)]] @ self.v)
-
-    def speed_at(self, name: str) -> float:
-        """Return the speed of the body on which a device sits [rad/s]."""
-        return self.true(f"{self.wire(name, 'body')}.speed")
-
-    def wire(self, name: str, key: str) -> str:
-        """Return the name of what a device is joined to by a key of its description."""
-        device = self.config.structure.device(name)
-        return self.config.structure.oil_of(device) if key == "oil" else str(device.wires[key])
-
-    def fed_pressure(self, valve: str) -> float:
-        """Return the pressure of the port at which a valve feeds its clutch [Pa, gauge]."""
-        return self.true(self._fed[valve])
+        """Return the slip [rad/s] of a clutch that is given by its name or its place among the rig's clutches."""
+        return super().slip(self._clutch(clutch))
 
     def supply_pressure(self, valve: str) -> float:
         """Return the pressure of the oil supply of a valve [Pa, gauge]."""
@@ -663,90 +627,9 @@ class Rig(RigBase):
         """Return the pressure of a clutch where its transducer is [Pa, gauge]."""
         return self.true(f"{self._clutch(clutch)}.pressure")
 
-    def oil_drawn(self, name: str) -> float:
-        """Return the flow that the valves now take from an oil supply [m3/s]."""
-        if name not in self._drawing:
-            structure = self.config.structure
-            self._drawing[name] = [
-                self.device(valve.name) for valve in structure.valves if structure.oil_of(valve, "supply") == name
-            ]
-        return max(0.0, sum([float(valve["flow"]) for valve in self._drawing[name]]))
-
     def load_torque(self) -> float:
         """Return the torque of the load against the output shaft [Nm]."""
-        return self.friction_torque(self._loads[0].name)
-
-    def locked_gear(self) -> int:
-        """Return the number of the gear whose clutches are locked.
-
-        Returns
-        -------
-        int
-            0 when no clutch is locked; one more than the highest gear when the locked clutches make no gear.
-        """
-        locked = frozenset(name for name in self.clutch_names if self.clutch_mode(name) == 2)
-        return self._held_by.get(locked, len(self._held_by) + 1) if locked else 0
-
-    def heat_of(self, name: str) -> str:
-        """Return the name of a clutch's heat among the energies."""
-        return self._heats[name]
-
-    def energy(self) -> dict[str, float]:
-        """Return the energies since time 0 by name [J]; each is computed from its own torque and slip, and none as a difference."""
-        fric, visc = self._el[driveline_algebra.E_FRIC].tolist(), self._el[driveline_algebra.E_VISC].tolist()
-        place, outside, driven, line = self._place, float(self._e_in.sum()), self.world.plan.driven, self.world.line
-        motor = float(line["part_work"][0]) if driven else outside
-        if self._put_on:  # the energy of the added inertia is not work of the motor
-            motor -= 0.5 * self._put_on * float(self.v[self._heavy]) ** 2
-        for me, work, _ in self._stores:  # what stores energy pushes its body, as a motor does
-            motor -= float(me[work])
-        out = {"motor": motor}
-        taken = {name: float(me[state]) for name, (me, state) in self.accounts.items()}
-        for work in taken.values():  # what pushes from outside do is the work of the motor less what these devices take
-            out["motor"] += work
-        if self._loads:
-            out["load"] = sum([fric[place[one.name]] + taken.pop(one.name, 0.0) for one in self._loads])
-        out |= taken
-        for name in self.clutch_names:
-            out[self.heat_of(name)] = fric[place[name]] + visc[place[name]]
-        for name in self.losses:
-            out[name] = fric[place[name]]
-        if own := [place[one.name] for one in (*self._sources, *self._couplings) if one.name in place]:
-            out["friction"] = sum([fric[f] for f in own])
-        if driven:  # work taken by torques, motions and inputs of the description
-            out["torques"] = float(line["part_work"][0]) - outside - float(line["law_work"][0])
-        if self._elements:
-            out["elements"] = math.fsum(fric[place[name]] + visc[place[name]] for name in self._elements)
-        count = len(self._system.shafts)
-        if count:
-            out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT, :count].sum())
-        stored = self._stored() - self._stored_first
-        out["stored"] = stored
-        # sum() rounds differently from Python 3.12 on, and the bag must be the same with every version
-        used = 0.0
-        for name, value in out.items():
-            if name != "motor":
-                used += value
-        out["residual"] = out["motor"] - used
-        return out
-
-    def _stored(self) -> float:
-        """Energy that is stored now in motion, shafts, springs and devices [J]."""
-        held = 0.0
-        for me, _, energy in self._stores:
-            held += float(me[energy])
-        if self.world.plan.driven:
-            line, count = self.world.line, len(self._system.shafts)
-            rows = (self.v, self._twist[:count], line["law_torque"], line["spring"])
-            return held + float(stored_energy(self._system, *(row[None] for row in rows))[0]) + self._stored_by_devices()
-        stored = held + float(0.5 * self.v @ self._system.mass @ self.v)
-        if len(self._twist):
-            stored += 0.5 * float(self._system.kc[0] @ self._twist**2) + self._stored_by_devices()
-        return stored
-
-    def _stored_by_devices(self) -> float:
-        """Energy in the shafts that devices own, less what it would be by their first stiffness and their twist alone [J]."""
-        return sum([float(one["stored"]) - 0.5 * float(self._system.kc[0, k] * self._twist[k] ** 2) for k, one in self._owned])
+        return self.friction_torque(self.facts.loads[0])
 
     # ---- the state, saved and restored
 
@@ -801,3 +684,45 @@ class Rig(RigBase):
             digest.update(np.ascontiguousarray(part).tobytes())
         digest.update(str(self.sample).encode())
         return digest.hexdigest()
+
+
+def _facts(config: RigConfig, world: World, true: System) -> Facts:
+    """Return what does not change of a rig with a configuration and its true driveline."""
+    structure, plan = config.structure, world.plan
+    place = {name: f for f, name in enumerate(plan.system.elements)}
+    added = plan.system.mass - true.mass
+    heavy = int(np.abs(added).diagonal().argmax())
+    devices, clutches = {one.name for one in structure.devices}, tuple(one.name for one in structure.clutches)
+    roles = (parts.LOAD, parts.SOURCE, parts.COUPLING, parts.LOSS)
+    names = {role: tuple(one.name for one in structure.of_role(role)) for role in roles}
+    return Facts(
+        world,
+        true,
+        place,
+        [[(k, float(weight)) for k, weight in enumerate(row) if weight] for row in world.line["w"]],
+        [
+            (i, k, float(true.mass[i, k]) * (0.5 if i == k else 1.0))
+            for i in range(len(true.mass))
+            for k in range(i, len(true.mass))
+            if true.mass[i, k]
+        ],
+        heavy,
+        float(added[heavy, heavy]),
+        names[parts.LOAD],
+        names[parts.SOURCE],
+        names[parts.LOSS],
+        tuple(name for name in (*names[parts.SOURCE], *names[parts.COUPLING]) if name in place),
+        clutches,
+        {name: f"heat_{structure.device(name).key}" for name in clutches},
+        tuple(name for name in plan.system.elements if name not in devices),
+        [(one.name, *stores) for one in structure.devices if (stores := parts.part(one.part).stores)],
+        {one.name: account for one in structure.devices if (account := parts.part(one.part).account)},
+        [(plan.system.shafts.index(shaft_of(one)), one.name) for one in structure.devices if owns_shaft(one)],
+        {sum(1 << clutches.index(name) for name in gear.clutches): k for k, gear in enumerate(structure.gears, 1)} | {0: 0},
+        len(structure.gears) + 1,
+        {valve.name: world.number(f"{valve.wires['feeds']}.port") for valve in structure.valves},
+        {
+            one.name: tuple(valve.name for valve in structure.valves if structure.oil_of(valve, "supply") == one.name)
+            for one in structure.of_role(parts.OIL)
+        },
+    )

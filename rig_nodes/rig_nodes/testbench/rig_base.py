@@ -15,7 +15,7 @@ import numpy as np
 
 from ..alfa46 import law
 from ..catalogue import Catalogue
-from ..clocks import ROW, SAMPLE, SAMPLE_NS
+from ..clocks import ROW, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..engine import general_step, loop
 from ..engine.outcome import NOT_SETTLED, WHOLE
 from ..engine.plan import Plan, World
@@ -23,9 +23,11 @@ from ..engine.warm_compile import compiling_in_parallel
 from ..errors import RigError
 from ..instruments import transducers
 from ..parts.proportional_valve import BY_DUTY
+from ..plant.driveline_algebra import KIN1
 from .gauges import Gauges
 
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
+LOG_SAMPLES = 2_000  # rings of the embedded controller's commands and of the state at each tick, as long
 SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
 
 
@@ -116,6 +118,9 @@ class RigBase(ABC):
         self._by = BY_DUTY
         self._law_config, self._law_profiles = np.zeros(1, law.LAW_CONFIG), np.zeros((law.OUTPUTS, 6, 2))
         self._law_outputs, self._law_state = np.zeros(law.OUTPUTS, law.LAW_OUTPUT), np.zeros(1, law.LAW_STATE)
+        self._commands = np.zeros((LOG_SAMPLES, loop.COMMAND))
+        self._moments = np.zeros((LOG_SAMPLES // TICK_SAMPLES, len(self.world.moved)), np.int64)
+        self._capacities = np.zeros((len(self._moments), len(plan.system.elements)))
         self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
         count = len(self.channels) - plan.untouched
         self._shown = np.zeros(1, transducers.shown_dtype(count, plan.untouched, len(plan.encoders)))
@@ -157,6 +162,9 @@ class RigBase(ABC):
             self._law_profiles,
             self._law_outputs,
             self._law_state,
+            self._commands,
+            self._moments,
+            self._capacities,
             self._log,
             world.moved,
             world.finite,
@@ -259,6 +267,48 @@ class RigBase(ABC):
     def row_of(self, sample: int) -> np.ndarray:
         """Return the row (channels,) of a controller sample of the last two seconds [SI]."""
         return self._log[(sample * self._steps_per_sample) % len(self._log)]
+
+    def law_commands(self, first: int, count: int) -> np.ndarray:
+        """Return the commands of the embedded controller that answer samples of the last two seconds.
+
+        Parameters
+        ----------
+        first : int
+            The first sample.
+        count : int
+            Number of samples.
+
+        Returns
+        -------
+        (count, engine.loop.COMMAND) array of float
+            Gear, 1 while it shifts, duty of each output, setpoint of each output [A].
+        """
+        return self._commands[(first + np.arange(count)) % LOG_SAMPLES]
+
+    def keep_moment(self) -> None:
+        """Keep the present state, at a tick, once more: setpoints and settings have changed it since the step."""
+        place = (self.sample // TICK_SAMPLES) % len(self._moments)
+        self._moments[place], self._capacities[place] = self.world.moved, self.world.line["cap"][KIN1]
+
+    def moments(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states at ticks of the last two seconds.
+
+        Parameters
+        ----------
+        first : int
+            The first tick.
+        count : int
+            Number of ticks.
+
+        Returns
+        -------
+        kept : (count, size) array of int64
+            What a step leaves to the next one, as ``World.moved``.
+        capacities : (count, elements) array of float
+            Friction torque that each element of the driveline could carry while it slips [Nm].
+        """
+        places = (first + np.arange(count)) % len(self._moments)
+        return self._moments[places], self._capacities[places]
 
     def measurement(self, name: str) -> float:
         """Return the newest value of a transducer, as the wire carries it [SI]; RigError for a name without a transducer."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from .. import __version__
 from ..alfa46.settings import check_gains
 from ..bags.writer import BagWriter
-from ..clocks import COMMAND_TIMEOUT, TICK_SAMPLES
+from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS, TICK_SAMPLES
 from ..config.schema import SWITCH
 from ..controllers.plug import SAID, Answer, Plug
 from ..controllers.seam import ControllerFailed
@@ -23,6 +23,7 @@ from ..description.settings import CHANGED, CONTROLLER, OWN, own_setting
 from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
 from ..errors import RigError, ended_by
 from ..uninterrupted import Uninterrupted
+from .bag_outputs import BagOutputs
 from .configuration import RigConfig
 from .outputs import Outputs
 from .rig import Rig
@@ -304,6 +305,38 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
     return answer is not None
 
 
+def next_poll(runner: SequenceRunner, rig: Rig, period: Callable[[str], int], controller: Plug | None = None) -> int:
+    """Return the sample of the next tick at which a sequence may have something to do.
+
+    Parameters
+    ----------
+    runner : SequenceRunner
+        The runner of the sequence.
+    rig : Rig
+        The rig.
+    period : callable
+        Returns the number of samples between two messages with a signal.
+    controller : Plug, optional
+        The plugged controller.
+
+    Returns
+    -------
+    int
+        The sample.
+    """
+    tick = rig.sample // TICK_SAMPLES
+    if controller is not None:  # what a plug will do cannot be known beforehand
+        return (tick + 1) * TICK_SAMPLES
+    look = runner.next_look()
+    due = int(look["until"] * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
+    if "gear" in look:  # before the order is taken, shift_end is still that of the shift before
+        due = min(due, -(-(rig.shift_end + 1) // TICK_SAMPLES))
+    if "signal" in look:
+        every = max(1, period(look["signal"]) // TICK_SAMPLES)
+        due = min(due, -(-tick // every) * every + 1)  # the tick after the next message
+    return max(tick + 1, due) * TICK_SAMPLES
+
+
 def simulate(
     config: RigConfig,
     sequence: Sequence,
@@ -347,30 +380,31 @@ def simulate(
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
     record = run_record(config, sequence, seed, delay)
-    outputs = Outputs(rig, record, commands=config.structure.shifts, controller=controller)
-    runner = runner_on(rig, outputs, config, sequence, controller)
     end = {"state": "ended", "reason": "the sequence ended"}
 
     stops = Uninterrupted()
-
-    def record_due() -> None:
-        stops.held = True
-        try:
-            bag.write_made(outputs.due(), rig.time_ns)
-        finally:
-            stops.let_in()
-
     with stops, BagWriter(folder, sequence.name, topics=config.catalogue.all_topics) as bag:
+        outputs = BagOutputs(bag, rig, record, config.structure.shifts, controller)
+        runner = runner_on(rig, outputs, config, sequence, controller)
+
+        def uninterrupted(action: Callable[[], None]) -> None:
+            stops.held = True
+            try:
+                action()
+            finally:
+                stops.let_in()
+
         try:
-            done = False
+            done, upto = False, TICK_SAMPLES  # upto: sample of the next poll
             while not done and not rig.safe:
-                if rig.sample and rig.sample % TICK_SAMPLES == 0:
+                if rig.sample >= upto:
                     done = runner.poll(rig.time) or rig.time > LONGEST_RUN
+                    upto = next_poll(runner, rig, outputs.period, controller)
                     if progress:
                         progress(rig.time, runner.text)
-                record_due()
+                uninterrupted(outputs.boundary)
                 if controller is None:
-                    rig.advance_samples(1)
+                    rig.advance_samples(min(upto - rig.sample, outputs.room))
                 else:
                     sample = rig.sample
                     if advance_with(rig, controller) and controller.signals:
@@ -378,7 +412,7 @@ def simulate(
             if rig.status == RigStatus.TRIPPED:
                 end = {"state": "tripped", "reason": rig.reason}
                 for _ in range(AFTER_TRIP):
-                    record_due()
+                    uninterrupted(outputs.boundary)
                     rig.advance_samples(1)
         except SequenceFailed as failure:
             end = {"state": "failed", "reason": str(failure)}
@@ -387,7 +421,8 @@ def simulate(
         finally:
             if controller is not None:
                 controller.close()
-            stops.held = True  # the bag is closed now
+            stops.held = True  # the bag is finished now
+            outputs.flush()
     plugged = {}
     if config.structure.shifts:
         told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}

@@ -8,8 +8,9 @@ testbench.outputs encodes the fields; testbench.record only reads them.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..bags.cdr import Form
 from ..bags.definitions import installed
@@ -17,9 +18,10 @@ from ..catalogue import Catalogue
 from ..clocks import ROW, SAMPLE, TICK_SAMPLES
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
-from ..description.signals import TORQUES, absolute_pressures
+from ..description.signals import CONTROLLER_COMMAND, TORQUES, absolute_pressures
 from ..parts import part as parts
 from .rig import Rig
+from .shown_state import ShownState
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,6 +67,71 @@ def measured_columns(rig: Rig) -> dict[str, int]:
     return {topic: rig.channels.index(name) for topic, name in rig.config.catalogue.measured().items()}
 
 
+def state_fields(rig: ShownState, overruns: Callable[[], int] = lambda: 0) -> dict[str, Callable[[], tuple]]:
+    """Return for each state topic the function that makes its fields, of the present moment or of several.
+
+    Parameters
+    ----------
+    rig : ShownState
+        The rig, or several moments of it.
+    overruns : callable, optional
+        Returns how many ticks were late.
+
+    Returns
+    -------
+    dict of str to callable
+        The functions by topic, in the order in which the topics are sent.
+    """
+
+    def whole() -> tuple:
+        return (
+            int(rig.status),
+            rig.reason,
+            rig.stopped_by_person,
+            rig.sample // TICK_SAMPLES,
+            overruns(),
+            rig.energies["residual"],
+        )
+
+    def of(name: str) -> Callable[[], tuple]:
+        if name == "gearbox":
+            return _gearbox(rig)
+        if name == "rig":
+            return whole
+        shown_values = parts.part(rig.config.structure.device(name).part).shown_values
+        return lambda: shown_values(rig, name)
+
+    topics = rig.config.catalogue.topics.values()
+    return {topic.name: of(topic.node) for topic in topics if topic.name == f"/{topic.node}/state"} | {"/rig/state": whole}
+
+
+def _gearbox(rig: ShownState) -> Callable[[], tuple]:
+    """The function that returns the fields of the gearbox's state."""
+    structure, facts = rig.config.structure, rig.facts
+    into, out = _ends(rig)
+    shows = {one.name: one.shows for one in structure.transducers}
+    ends = [facts.world.number(what) for what in (f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])]
+    # 0: at the input's side, 1: at all others
+    lost_at = {name: int(rig.wire(name, "body") != into.body) for name in facts.losses}
+    between = [name for name in facts.accounts if name not in facts.loads]
+
+    def fields() -> tuple:
+        torques, lost = [0.0, 0.0], 0.0
+        for name, side in lost_at.items():
+            torques[side] = torques[side] + rig.device(name)["torque"]
+            lost = lost + rig.energies[name]
+        for name in between:
+            lost = lost + rig.energies[name]
+        return (rig.locked_gear(), *(rig.number(place) for place in ends), *torques, lost)
+
+    return fields
+
+
+def _ends(rig: ShownState) -> list:
+    """The input and the output of the rig's driveline, as far as it has them."""
+    return [end for end in (rig.config.structure.input, rig.config.structure.output) if end]
+
+
 class States:
     """The fields of the state topics, from the rig's present state; :meth:`refresh` is called before those of each tick."""
 
@@ -72,14 +139,9 @@ class States:
         self.rig, self.overruns = rig, 0  # overruns: the caller that keeps real time sets it
         self.measured = measured_columns(rig)
         self._columns = {name: column for column, name in enumerate(rig.channels)}
-        self._ends = [end for end in (rig.config.structure.input, rig.config.structure.output) if end]
-        self._angles = [0.0] * len(self._ends)  # of input and output since time 0 [rad]
-        said = {
-            topic.name: self._says(topic.node)
-            for topic in rig.config.catalogue.topics.values()
-            if topic.name == f"/{topic.node}/state"
-        }
-        self.topics = said | {"/rig/state": self._rig_state}
+        self._ends = _ends(rig)
+        self.angles = np.zeros(len(self._ends))  # of input and output since time 0 [rad]
+        self.topics = state_fields(rig, lambda: self.overruns)
         self._torques = None
         if TORQUES in rig.config.structure.signals:
             from .joint_torques import JointTorques  # here: it imports what runs drivelines in Python, which few rigs need
@@ -87,31 +149,33 @@ class States:
             self._torques = JointTorques(rig)
             self.topics["/rig/torques"] = self._joint_torques
 
-    def _says(self, name: str) -> Callable[[], tuple]:
-        """The function that returns the fields of a device's state."""
-        if name == "gearbox":
-            return self._gearbox()
-        if name == "rig":
-            return self._rig_state
-        shown_values = parts.part(self.rig.config.structure.device(name).part).shown_values
-        return lambda: shown_values(self.rig, name)
+    def period(self, topic: str) -> int:
+        """Return the number of controller samples between two messages of a topic with signals."""
+        return SCALAR_SAMPLES if topic in self.measured else 1 if topic == CONTROLLER_COMMAND else TICK_SAMPLES
 
     def refresh(self) -> None:
         """Compute the energies of this tick."""
         self.rig.energies = self.rig.energy()
 
-    def turn(self, rows: Floats) -> None:
-        """Add a tick to the angles of the shafts, as a counter of the encoders would without wrapping.
+    def turn(self, rows: Floats) -> Floats:
+        """Add ticks to the angles of the shafts, as a counter of the encoders would without wrapping.
 
-        ``fsum`` keeps the order of summing out of the bag.
+        The rows are added one after the other, so that the sum is the same on every machine.
 
         Parameters
         ----------
-        rows : (rows, channels) array of float
-            The logger's rows of the tick, one every 0.1 ms [SI].
+        rows : (ticks, rows, channels) array of float
+            The logger's rows of each tick, one every 0.1 ms [SI].
+
+        Returns
+        -------
+        (ticks, shafts) array of float
+            The angles after each tick [rad].
         """
-        for k, end in enumerate(self._ends):
-            self._angles[k] += ROW * math.fsum(rows[:, self._columns[end.speed]].tolist())
+        gained = ROW * rows[:, :, [self._columns[end.speed] for end in self._ends]].cumsum(axis=1)[:, -1]
+        turned = np.vstack([self.angles, gained]).cumsum(axis=0)[1:]
+        self.angles = turned[-1]
+        return turned
 
     def each_sample(self) -> list[tuple]:
         """Return each topic that is sent with every sample, with its fields: what a controller measures, if the rig has one."""
@@ -129,7 +193,9 @@ class States:
         Returns
         -------
         list of (str, Form, callable)
-            Topic, form of the message, and the function that makes its values from a logger row (channels,).
+            Topic, form of the message, and the function that makes the values of n messages (n, values) from n logger rows
+            (n, channels), the angles at these (n, shafts) [rad], and the function that returns a transducer's noise, as
+            Gauges.effective does.
         """
         structure = self.rig.config.structure
         if not self.rig.shifts:
@@ -142,7 +208,11 @@ class States:
                 lambda value, variance: {"header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance},
                 2,
             )
-            return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name) ** 2)
+
+            def values(rows: Floats, _angles: Floats, noise: Callable[[str], float]) -> Floats:
+                return np.column_stack([rows[:, column] + ATMOSPHERE, np.full(len(rows), noise(name) ** 2)])
+
+            return form, values
 
         names, count = [end.body for end in self._ends], len(self._ends)
         joints = Form(
@@ -158,7 +228,7 @@ class States:
         )
         columns = [self._columns[name] for name in (*(end.speed for end in self._ends), *(end.torque for end in self._ends))]
         return [
-            ("/instruments/joint_states", joints, lambda row: [*self._angles, *row[columns].tolist()]),
+            ("/instruments/joint_states", joints, lambda rows, angles, _noise: np.column_stack([angles, rows[:, columns]])),
             *((f"/instruments/{one.name}_absolute", *absolute(one.at, one.name)) for one in absolute_pressures(structure)),
         ]
 
@@ -201,42 +271,6 @@ class States:
             ),
         ]
 
-    def _gearbox(self) -> Callable[[], tuple]:
-        """The function that returns the fields of the gearbox's state."""
-        rig, (into, out) = self.rig, self._ends
-        shows = {one.name: one.shows for one in rig.config.structure.transducers}
-        ends = [
-            rig.world.number(what) for what in (f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])
-        ]
-        lost_at = {
-            name: int(rig.wire(name, "body") != into.body) for name in rig.losses
-        }  # 0: at the input's side, 1: at all others
-
-        loads = {one.name for one in rig.config.structure.of_role(parts.LOAD)}
-        between = [name for name in rig.accounts if name not in loads]
-
-        def fields() -> tuple:
-            torques, lost = [0.0, 0.0], 0.0
-            for name, side in lost_at.items():
-                torques[side] += float(rig.losses[name]["torque"])
-                lost += rig.energies[name]
-            for name in between:
-                lost += rig.energies[name]
-            return (rig.locked_gear(), *rig.world.numbers[ends].tolist(), *torques, lost)
-
-        return fields
-
     def _joint_torques(self) -> tuple:
         values = self._torques.values()
         return self.rig.sample // TICK_SAMPLES, TICK_SAMPLES * SAMPLE, 1, len(values), values
-
-    def _rig_state(self) -> tuple:
-        rig = self.rig
-        return (
-            int(rig.status),
-            rig.reason,
-            rig.stopped_by_person,
-            rig.sample // TICK_SAMPLES,
-            self.overruns,
-            rig.energies["residual"],
-        )

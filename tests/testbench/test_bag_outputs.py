@@ -1,0 +1,112 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A bag that is made in blocks holds what a listener hears who gets every message at once, in the same order and bit for bit."""
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from rig_nodes.bags.writer import BagWriter
+from rig_nodes.testbench.bag_outputs import BagOutputs
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.outputs import Outputs
+from rig_nodes.testbench.rig import Rig
+
+READ = ("n_wej", "p1", "gear_ordered", "s1_torque", "motor_work", "energy_residual")
+
+
+def acts(rig, outputs):
+    """What is done to the rig at the samples of a run, each with its message: starting, a shift, other noise, an emergency stop."""
+
+    def give(step, value, enable=True):
+        rig.set(step, value, enable)
+        outputs.setpoint(rig.settings.steps[step].setpoint.topic, value, enable)
+
+    def order(gear):
+        rig.order_gear(gear)
+        outputs.event("/controller/events", "shift_ordered", f"shift to {gear} ordered", gear)
+
+    def change(name, value):
+        rig.set_value(name, value)
+        outputs.event("/rig/events", "changed", f"{name} is {value}", value)
+
+    return {
+        5: lambda: give("oil", 4e6),
+        200: lambda: order(1),
+        900: lambda: (give("motor", 100.0), give("load", 2e6)),
+        1500: lambda: change("instruments.noise.p1", 2e3),
+        1505: lambda: change("oil_supply.temperature", 60.0),
+        2000: lambda: order(2),
+        3100: rig.e_stop,
+    }
+
+
+def known(rig):
+    """Returns those of the signals that are read which the rig has."""
+    return [name for name in READ if name in rig.config.catalogue.signals]
+
+
+def one_by_one(config, end):
+    """Returns the messages of a run and what was read at some ticks, one sample at a time."""
+    rig = Rig(config, 3)
+    outputs = Outputs(rig, {"seed": 3}, commands=config.structure.shifts)
+    todo, messages, read = acts(rig, outputs), [], []
+    for sample in range(end + 1):
+        if sample % 35 == 0:
+            read.append([outputs.reading(name) for name in known(rig)])
+        if rig.shifts and sample in todo:
+            todo[sample]()
+        messages += [(topic, stamp, bytes(data)) for topic, stamp, data in outputs.due()]
+        rig.advance_samples(1)
+    return messages, read
+
+
+def in_blocks(config, end, folder, step):
+    """Returns the same of a run that moves as far as it may, but at most ``step`` samples at once."""
+    rig = Rig(config, 3)
+    with BagWriter(folder, "run", topics=config.catalogue.all_topics) as bag:
+        outputs = BagOutputs(bag, rig, {"seed": 3}, commands=config.structure.shifts)
+        todo, read = acts(rig, outputs), []
+        stops = {*range(0, end + 1, 35), *todo, end, end + 1}
+        while rig.sample <= end:
+            if rig.sample % 35 == 0:
+                read.append([outputs.reading(name) for name in known(rig)])
+            if rig.shifts and rig.sample in todo:
+                todo[rig.sample]()
+            outputs.boundary()
+            room = min(outputs.room, step, min(stop for stop in stops if stop > rig.sample) - rig.sample)
+            rig.advance_samples(room)
+        outputs.flush()
+    with open(folder / "run_0.mcap", "rb") as file:
+        found = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.data) for _, channel, message in found], read
+
+
+@pytest.mark.parametrize("step", [1, 5, 10_000])
+def test_blocks_hold_the_messages_that_are_sent_one_by_one(config, tmp_path, step):
+    messages, read = one_by_one(config, 3300)
+    found, also_read = in_blocks(config, 3300, tmp_path, step)
+    assert [(topic, stamp) for topic, stamp, _ in found] == [(topic, stamp) for topic, stamp, _ in messages]
+    assert found == messages
+    assert np.array_equal(read, also_read, equal_nan=True)
+
+
+@pytest.mark.parametrize("rig", ["chain_saw", "hydmag_coupling", "three_speed", "ural2"])
+def test_it_does_on_rigs_with_other_parts(tmp_path, rig):
+    config = load_rig(rig)
+    messages, read = one_by_one(config, 600)
+    found, also_read = in_blocks(config, 600, tmp_path, 10_000)
+    assert found == messages
+    assert np.array_equal(read, also_read, equal_nan=True)
+
+
+def test_a_block_ends_within_a_second(config, tmp_path):
+    rig = Rig(config, 3)
+    with BagWriter(tmp_path, "run") as bag:
+        outputs = BagOutputs(bag, rig, {"seed": 3}, commands=True)
+        while rig.sample < 4000:
+            outputs.boundary()
+            rig.advance_samples(outputs.room)
+            assert outputs.room >= 1 and rig.sample - bag.counts.get("/instruments/controller", 0) <= 1005
+        outputs.flush()
