@@ -37,6 +37,24 @@ def test_a_start_loads_neither_coverage_nor_scipys_algebra_which_can_be_loaded_a
     assert done.stdout.split() == ["[]", "scipy.linalg.cython_blas"]
 
 
+def test_a_start_prepares_the_compiler_only_where_it_must_compile(tmp_path):
+    code = (
+        "import sys; from rig_nodes.instruments import noise; import numpy as np; "
+        "noise.uniform(1, 2, 3); print('numba.np.npdatetime' in sys.modules)"
+    )
+    starts = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+        ).stdout.strip()
+        for _ in range(2)
+    ]
+    assert starts == ["True", "False"]
+
+
 def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     package = tmp_path / "rig_nodes"
     (package / "plant").mkdir(parents=True)
