@@ -13,8 +13,8 @@ import hashlib
 import os
 import platform
 import sys
-from contextlib import suppress
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import version
@@ -106,7 +106,7 @@ class _LeftOut(MetaPathFinder):
     }  # package -> who asks as it is loaded
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: object = None) -> ModuleSpec | None:
-        """Find numba's cache only; raise ModuleNotFoundError for a package that numba asks for while the asking module is loaded."""
+        """Find numba's cache only; raise ModuleNotFoundError for a package that is left out while its asking module is loaded."""
         if fullname == "numba.core.caching":
             return _spec_of_cache(path)
         asking = sys.modules.get(self.asks.get(fullname.partition(".")[0], ""))

@@ -8,12 +8,13 @@ import pickle
 
 import pytest
 
+import rig_nodes.kept
 from rig_nodes import config
 
 
 def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, monkeypatch):
     alike = [config.RIGS_DIR / name / "rig.yaml" for name in ("hydmag", "clutch_bench")]
-    monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "kernel-cache")
     config._parsed.cache_clear()
     first = [config.load_yaml(path) for path in alike]
     assert len(list((tmp_path / "read-configuration").iterdir())) == 2
@@ -24,7 +25,7 @@ def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, mo
 
 def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, monkeypatch):
     monkeypatch.setattr(config, "CONFIG_DIR", tmp_path / "config")
-    monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "cache" / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "cache" / "kernel-cache")
     path = tmp_path / "a.yaml"
     for text, value in (("a: 1", {"a": 1}), ("a: 23", {"a": 23})):
         path.write_text(text)
@@ -35,7 +36,7 @@ def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, mo
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """Returns the file in which the content of an installed one is kept, and a way to read it as another process would."""
-    monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def read():
         config._parsed.cache_clear()

@@ -12,6 +12,7 @@ import re
 import struct
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +22,13 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ..errors import RigError
+from ..kept import kept, kept_folder
 from . import limits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from rosbags.typesys.store import Typestore
 
 # Type names of the .msg language -> struct code; a number's size is also its alignment in CDR.
 CODES = {
@@ -113,7 +117,6 @@ class Definition:
     leaves: tuple[Leaf, ...]
     tail: tuple[tuple[str, Node], ...]
     size: int
-    store: object
     # lengths of messages with lists that were exact -> the bytes of their lists' lengths, each with its place (cdr.exact)
     met: dict[int, tuple[tuple[slice, bytes], ...]] = field(default_factory=dict, repr=False)
 
@@ -121,6 +124,11 @@ class Definition:
     def fixed(self) -> bool:
         """True when every message of the type has the same size."""
         return not self.tail
+
+    @cached_property
+    def store(self) -> Typestore:
+        """What decodes its messages; it is made with the first one."""
+        return _parsed(self.name, self.text)[2]
 
     @cached_property
     def counted(self) -> bool:
@@ -235,11 +243,36 @@ def _numpy_format(leaf: Leaf) -> str | tuple[str, tuple[int]]:
 def installed(ros_type: str) -> Definition:
     """Return the definition of an installed type, e.g. ``rig_msgs/msg/Measurement``.
 
+    What was read of its files is kept on disk for later processes, because reading those of a run takes a tenth of a second.
+
     Raises
     ------
     RigError
         When the package or the message is not installed.
     """
+    return parse(ros_type, _kept(ros_type)["text"])
+
+
+@cache
+def _kept(ros_type: str) -> dict:
+    """Return text, tree, hash and files of an installed type; RigError when it is not installed."""
+    _file_of(ros_type)  # whatever is kept
+    return kept(
+        kept_folder("message-definitions") / f"{ros_type.replace('/', '-')}.json",
+        _reader() + ros_type.encode(),
+        lambda: _read(ros_type),
+        lambda content: all(_about(name) == about for name, about in content["files"].items()),
+    )
+
+
+@lru_cache(maxsize=1)
+def _reader() -> bytes:
+    """What decides the content that is kept in addition to the files of the messages."""
+    return Path(__file__).read_bytes() + version("rosbags").encode()
+
+
+def _read(ros_type: str) -> dict:
+    """Read an installed type from its files."""
     texts: dict[str, str] = {}
     _collect(ros_type, texts)
     separator = "=" * 80
@@ -247,7 +280,44 @@ def installed(ros_type: str) -> Definition:
     for name, part in texts.items():
         if name != ros_type:
             text += f"{separator}\nMSG: {_short(name)}\n{part.rstrip()}\n"
-    return parse(ros_type, text)
+    tree, type_hash, _ = _parsed(ros_type, text)
+    return {"files": {name: _about(name) for name in texts}, "text": text, "tree": _as_lists(tree), "hash": type_hash}
+
+
+def _file_of(ros_type: str) -> Path:
+    """Return the file of an installed type; RigError when there is none."""
+    package, folder, short = ([*ros_type.split("/"), "", ""])[:3]
+    if folder != "msg" or not _TYPE.fullmatch(ros_type):
+        raise RigError(f"'{ros_type}' is not a message type; expected package/msg/Name")
+    try:
+        path = Path(_share(package)) / "msg" / f"{short}.msg"
+    except (PackageNotFoundError, ValueError):  # ValueError: no name that a package can have
+        raise RigError(f"the message package '{package}' is not installed; './rig doctor' says what is") from None
+    if not path.is_file():
+        raise RigError(f"the package '{package}' has no message '{short}'")
+    return path
+
+
+_share = lru_cache(maxsize=64)(get_package_share_directory)
+
+
+def _about(ros_type: str) -> list:
+    """What tells whether the file of an installed type is another one: its path, size and time of change."""
+    path = _file_of(ros_type)
+    about = path.stat()
+    return [str(path), about.st_size, about.st_mtime_ns]
+
+
+def _as_lists(node: Node) -> list:
+    """A type of a field as JSON holds it."""
+    item = _as_lists(node.item) if node.item else None
+    return [node.kind, node.name, node.count, item, [[name, _as_lists(field)] for name, field in node.fields]]
+
+
+def _of_lists(content: list) -> Node:
+    """The type of a field from what JSON holds."""
+    kind, name, count, item, fields = content
+    return Node(kind, name, count, _of_lists(item) if item else None, tuple((name, _of_lists(field)) for name, field in fields))
 
 
 @lru_cache(maxsize=256)
@@ -271,21 +341,32 @@ def parse(ros_type: str, text: str) -> Definition:
     RigError
         When the text is not a message definition or describes more than bags.limits allows.
     """
+    try:
+        known = _kept(ros_type)
+    except RigError:
+        known = {"text": ""}
+    if known["text"] == text:
+        root, type_hash = _of_lists(known["tree"]), known["hash"]
+    else:
+        root, type_hash, _ = _parsed(ros_type, text)
+    leaves, tail, end = _lay_out(root)
+    return Definition(ros_type, text, type_hash, root, leaves, tail, 4 + end)
+
+
+def _parsed(ros_type: str, text: str) -> tuple[Node, str, Typestore]:
+    """Return the tree and the hash of a type, and the store that decodes its messages."""
     store = get_typestore(Stores.EMPTY)
     try:
         types = get_types_from_msg(_said(ros_type, text), ros_type)
         _Size(ros_type, types).check()
         store.register(types)
-        tree = _message(ros_type, store.fielddefs)
-        type_hash = store.hash_rihs01(ros_type)
+        return _message(ros_type, store.fielddefs), store.hash_rihs01(ros_type), store
     except RigError:
         raise
     except Exception as error:
         # rosbags raises errors of several unrelated classes, with the whole text in their message
         why = f"{type(error).__name__}: {str(error).partition(chr(10))[0][:200]}"
         raise RigError(f"the definition of {ros_type} cannot be read ({why}); expected .msg text") from None
-    leaves, tail, end = _lay_out(tree)
-    return Definition(ros_type, text, type_hash, tree, leaves, tail, 4 + end, store)
 
 
 def _said(ros_type: str, text: str) -> str:
@@ -345,16 +426,7 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
     """Put the .msg text of a type and of all types it uses into ``texts``, the type itself first."""
     if ros_type in texts:
         return
-    package, folder, short = ([*ros_type.split("/"), "", ""])[:3]
-    if folder != "msg" or not short:
-        raise RigError(f"'{ros_type}' is not a message type; expected package/msg/Name")
-    try:
-        path = Path(get_package_share_directory(package)) / "msg" / f"{short}.msg"
-        texts[ros_type] = path.read_text(encoding="utf-8")
-    except PackageNotFoundError:
-        raise RigError(f"the message package '{package}' is not installed; './rig doctor' says what is") from None
-    except FileNotFoundError:
-        raise RigError(f"the package '{package}' has no message '{short}'") from None
+    texts[ros_type] = _file_of(ros_type).read_text(encoding="utf-8")
     for _, description in _fields_of(ros_type, texts[ros_type]):
         form, value = description
         if form in (Nodetype.ARRAY, Nodetype.SEQUENCE):

@@ -8,18 +8,14 @@ The files are YAML 1.2 without duplicate keys; errors state file, line, reason a
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import stat
-from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..compiled import cache_root, own_folder
 from ..errors import RigError, no_file
+from ..kept import kept, kept_folder
 from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
@@ -102,22 +98,8 @@ def _parsed(_absolute: Path, path: Path, _changed: int, _size: int) -> object:
     text = path.read_text(encoding="utf-8")
     if not path.is_relative_to(CONFIG_DIR.parent):
         return _plain(read_yaml(path, text))
-    kept = cache_root().parent / "read-configuration" / "-".join(path.relative_to(CONFIG_DIR.parent).parts)
-    kept = kept.with_suffix(".json")
-    with suppress(OSError):
-        if own_folder(kept.parent):
-            key, _, body = kept.read_bytes().partition(b"\n")
-            if key == _key(text, body):  # otherwise it belongs to another text or is damaged, and is made again
-                return json.loads(body)
-    content = _plain(read_yaml(path, text))
-    with suppress(OSError):  # without a folder that can be written, the file is read each time
-        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if own_folder(kept.parent):
-            part = kept.with_name(f".{kept.name}.{os.getpid()}")
-            body = json.dumps(content, separators=(",", ":")).encode()
-            part.write_bytes(_key(text, body) + b"\n" + body)
-            os.replace(part, kept)
-    return content
+    name = "-".join(path.relative_to(CONFIG_DIR.parent).with_suffix(".json").parts)
+    return kept(kept_folder("read-configuration") / name, _readers() + b"\0" + text.encode(), lambda: _plain(read_yaml(path, text)))
 
 
 @lru_cache(maxsize=1)
@@ -125,8 +107,3 @@ def _readers() -> bytes:
     """What decides the content of a file in addition to its text."""
     sources = b"\0".join((CONFIG_DIR / name).read_bytes() for name in _READERS)
     return sources + version("ruamel.yaml").encode()
-
-
-def _key(text: str, body: bytes) -> bytes:
-    """A hash of a file's text, its kept content and the code that reads it."""
-    return hashlib.sha256(b"\0".join((_readers(), text.encode(), body))).hexdigest().encode()

@@ -1,0 +1,65 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What was read once and is kept as JSON for later processes: configuration files (config) and message definitions (bags).
+
+Nothing that is kept can do more than be wrong, and only for who can write to the user's own folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from .compiled import cache_root, own_folder
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def kept_folder(what: str) -> Path:
+    """Return the folder in which contents of a kind are kept; it need not exist."""
+    return cache_root().parent / what
+
+
+def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any], bool] = lambda _: True) -> Any:
+    """Return the content that is kept in a file, or make it and keep it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    about : bytes
+        All that decides the content but what ``fits`` looks at.
+    make : callable
+        Returns the content, which JSON can hold.
+    fits : callable, optional
+        Says whether a content that was kept is still right.
+
+    Returns
+    -------
+    object
+        The content.
+    """
+    with suppress(OSError):
+        if own_folder(path.parent):
+            key, _, body = path.read_bytes().partition(b"\n")
+            if key == _key(about, body) and fits(content := json.loads(body)):  # otherwise it is damaged or of another time
+                return content
+    content = make()
+    with suppress(OSError):  # without a folder that can be written, it is made each time
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if own_folder(path.parent):
+            part = path.with_name(f".{path.name}.{os.getpid()}")
+            body = json.dumps(content, separators=(",", ":")).encode()
+            part.write_bytes(_key(about, body) + b"\n" + body)
+            os.replace(part, path)
+    return content
+
+
+def _key(about: bytes, body: bytes) -> bytes:
+    return hashlib.sha256(about + b"\0" + body).hexdigest().encode()

@@ -1,0 +1,61 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Definitions of installed messages are read once and kept between processes, as long as their files are the same."""
+
+import pytest
+
+import rig_nodes.kept
+from rig_nodes.bags import definitions
+from rig_nodes.bags.definitions import installed, parse
+
+NAME = "rig_msgs/msg/RigState"
+
+
+@pytest.fixture
+def another_process(tmp_path, monkeypatch):
+    """Returns a function that forgets what this process has read; what is kept on disk lies in a folder of the test's own."""
+    monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "kernel-cache")
+
+    def forget():
+        for function in (definitions.installed, definitions._kept, definitions.parse, definitions._fields_of):
+            function.cache_clear()
+
+    forget()
+    yield forget
+    forget()
+
+
+def test_a_kept_definition_is_the_one_that_was_read(another_process, monkeypatch):
+    first = installed(NAME)
+    another_process()
+    monkeypatch.setattr(definitions, "get_types_from_msg", None)
+    second = installed(NAME)
+    assert (second.text, second.type_hash, second.tree, second.leaves, second.tail, second.size) == (
+        first.text,
+        first.type_hash,
+        first.tree,
+        first.leaves,
+        first.tail,
+        first.size,
+    )
+    assert parse(NAME, first.text).tree == first.tree, "a bag with the installed text needs no reading either"
+
+
+def test_a_bag_with_another_text_is_read_by_its_own(another_process):
+    text = "std_msgs/Header header\nuint64 seq\nfloat64 other\n" + installed("rig_msgs/msg/Measurement").text.partition("=" * 80)[2]
+    head, _, rest = text.partition("MSG:")
+    found = parse("rig_msgs/msg/Measurement", f"{head}{'=' * 80}\nMSG:{rest}")
+    assert [name for name, _ in found.tree.fields] == ["header", "seq", "other"]
+
+
+def test_an_edited_message_is_read_anew(another_process, tmp_path, monkeypatch):
+    share = tmp_path / "share"
+    (share / "msg").mkdir(parents=True)
+    real = definitions.get_package_share_directory
+    monkeypatch.setattr(definitions, "_share", lambda package: str(share) if package == "mine" else real(package))
+    for text, names in (("float64 a\n", ["a"]), ("float64 a\nfloat64 bb\n", ["a", "bb"])):
+        (share / "msg" / "Own.msg").write_text(text)
+        for function in (definitions.installed, definitions._kept):
+            function.cache_clear()
+        assert [name for name, _ in installed("mine/msg/Own").tree.fields] == names
