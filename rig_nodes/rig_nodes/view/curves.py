@@ -89,7 +89,7 @@ class Curves:
         rec: RecordingStream,
         pages: Pages,
         names: Collection[str],
-        shifts: Sequence[layout.Shift],
+        orders: Sequence[layout.Shift],
         thin: bool = False,
     ) -> None:
         """Prepare a recording.
@@ -104,13 +104,13 @@ class Curves:
             The pages of the rig.
         names : collection of str
             Signals of the rig to draw.
-        shifts : sequence of Shift
-            Shifts of layout.shifts_of.
+        orders : sequence of Shift
+            Orders of layout.shifts_of.
         thin : bool
             True to draw fast channels with fewer points, by :func:`thinned`.
         """
         self._thin = thin
-        self._rr, self._rec, self._pages, self._names, self._shifts = rr, rec, pages, names, shifts
+        self._rr, self._rec, self._pages, self._names, self._orders = rr, rec, pages, names, orders
         self.ends = (np.inf, -np.inf)
         self.problems: list[str] = []
         self._styled: set[str] = set()
@@ -118,7 +118,7 @@ class Curves:
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
         # last time [s] of the piece before, and then the heat [J] of plates and how much warmer than the oil [K] they are
         self._plates: dict[str, tuple[float, float, float]] = {}
-        self._heights = {}  # (plot, index of the shift) -> lowest and highest value during the shift
+        self._heights = {}  # (plot, index of the order) -> lowest and highest value in its window
 
     def add(self, piece: Bag) -> None:
         """Send all signals of the next piece."""
@@ -217,12 +217,12 @@ class Curves:
             self._rec.send_columns(layout.entity(signal), [times(self._rr, t[change])], self._rr.StateChange.columns(state=states))
 
     def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """Measure the height of the plots with vertical lines during each shift."""
+        """Measure the height of the plots with vertical lines around each order."""
         for title, names in self._pages.marked_plots:
             if signal.name not in names:
                 continue
-            for number, shift in enumerate(self._shifts):
-                start, end = shift.window
+            for number, order in enumerate(self._orders):
+                start, end = order.window
                 if t[-1] < start or t[0] > end:
                     continue
                 seen = signal.shown(values[(t >= start) & (t <= end)])
@@ -232,11 +232,11 @@ class Curves:
                     self._heights[title, number] = min(low, seen.min()), max(high, seen.max())
 
     def send_marks(self) -> None:
-        """Send a vertical line at the order of each shift, as high as the curves of the plot during the shift."""
+        """Send a vertical line at each order, as high as the curves of the plot around it."""
         for title, _ in self._pages.marked_plots:
             rows = [
-                (shift.order, value)
-                for number, shift in enumerate(self._shifts)
+                (order.order, value)
+                for number, order in enumerate(self._orders)
                 if (title, number) in self._heights
                 for value in (*self._heights[title, number], np.nan)
             ]

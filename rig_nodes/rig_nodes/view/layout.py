@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 import uuid
 from dataclasses import dataclass
+from itertools import count
 from typing import TYPE_CHECKING
 
+from ..analysis.metrics import with_ends
 from ..catalogue import Signal
 from ..errors import RigError
-from ..transmission import Transmission
+from ..transmission import NEUTRAL, Transmission
 from .pages import Pages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     import rerun as rr
     import rerun.blueprint as rrb
@@ -50,7 +52,7 @@ SHARED_AXIS = uuid.UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
 
 @dataclass(frozen=True)
 class Shift:
-    """A shift of a run.
+    """An order of a run and the time around it; a shift when it has a number.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class Shift:
     box : Transmission
         Its transmission.
     number : int
-        Its number among the orders of the run, from 1.
+        Its number among the shifts of the run, from 1, as in the report; 0 for an order that is no shift.
     """
 
     order: float
@@ -90,8 +92,8 @@ class Shift:
         return f"shift {self.number}: {self.way} at {self.order:.3f} s"
 
 
-def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) -> list[Shift]:
-    """Return the shifts of a run; the window of each ends before the next shift's.
+def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None, at_rest: Collection[float] = ()) -> list[Shift]:
+    """Return the orders of a run, those that are shifts with their numbers of the report; each window ends before the next order's.
 
     Parameters
     ----------
@@ -99,14 +101,18 @@ def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) ->
         Time [s], gear before and gear after of every order.
     box : Transmission or None
         The transmission; None for a rig without gears.
+    at_rest : collection of float
+        Times of the orders at which the input shaft stood still [s]; a gear engaged from neutral there is no shift.
     """
-    shifts = []
+    found: list[Shift] = []
     if box is None:
-        return shifts
-    for i, (t, before, after) in enumerate(orders):
-        limit = orders[i + 1][0] - BEFORE if i + 1 < len(orders) else float("inf")
-        shifts.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE), box, i + 1))
-    return shifts
+        return found
+    numbers = count(1)
+    for (t, before, after), following in with_ends(orders):
+        limit = float("inf") if following is None else following - BEFORE
+        number = next(numbers) if after in box.ratios and not (before == NEUTRAL and t in at_rest) else 0
+        found.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE), box, number))
+    return found
 
 
 def room_for(labels: Iterable[str], columns: int) -> float:

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics
+from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, stands
 from ..analysis.phases import FILL, INERTIA, TORQUE, Part, moments_of, phases_of, times_of
 from ..bags import cdr
 from ..bags.reader import UNREADABLE
 from ..errors import RigError
+from ..transmission import NEUTRAL
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, style, thinned, times
 from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots
@@ -237,9 +238,11 @@ class Reader:
                 found[name] = piece.series(signal)
         return {name: _between(t, values, start, end) for name, (t, values) in found.items()}
 
-    def recording(self, order: tuple[float, int, int]) -> Recording | None:
-        """Return the logger's rows around an order, for its metrics; None without them."""
-        piece = self._piece([LOGGER_TOPIC], order[0] - 2 * SPARE - layout.BEFORE, order[0] + LONGEST + SPARE)
+    def recording(
+        self, order: tuple[float, int, int], start: float = SPARE + layout.BEFORE, end: float = LONGEST
+    ) -> Recording | None:
+        """Return the logger's rows from ``start`` before an order to ``end`` behind it [s]; None without them."""
+        piece = self._piece([LOGGER_TOPIC], order[0] - start - SPARE, order[0] + end + SPARE)
         if not piece.counts.get(LOGGER_TOPIC):
             return None
         try:
@@ -247,6 +250,11 @@ class Reader:
             return Recording(logger.t0, logger.period, logger.channels, [order], self._pages.box)
         except (*UNREADABLE, RigError):
             return None
+
+    def engages_at_rest(self, order: tuple[float, int, int]) -> bool:
+        """Return True when the input shaft stands still at an order from neutral; False where the bag does not say so."""
+        recording = self.recording(order, 0.0, 0.0) if order[1] == NEUTRAL and self._pages.box is not None else None
+        return recording is not None and stands(recording, order[0])
 
     def pieces(self, start: float, end: float) -> Iterator[Bag]:
         """Yield the bag from ``start`` to ``end`` [s] piece by piece, with all topics."""
