@@ -72,7 +72,30 @@ def test_states_change_when_the_bag_says_so(shown, recorded, name):
         label = catalogue().signal(name).states[int(value)]
         if not expected or expected[-1][1] != label:
             expected.append((round(time * 1e9), label))
-    assert list(zip(*shown.rows(path_of(name), "StateChange:state"))) == expected
+    times, states = shown.rows(path_of(name), "StateChange:state")
+    assert [(time, state.removeprefix("short ")) for time, state in zip(times, states)] == expected
+
+
+def test_a_state_in_a_bar_that_is_too_short_for_its_name_has_its_colour_without_it(shown, recorded):
+    first, last = window_of(shown)
+    second, end, short = layout.column_width(2) / (last - first), Bag(recorded).logger().time()[-1], set()
+    for name in ("rig_state", "gear", "s1_mode", "s2_mode"):
+        place = path_of(name)
+        looks = {
+            state: (label, colour)
+            for state, label, colour in zip(
+                *(shown.data[place][f"StateConfiguration:{one}"] for one in ("values", "labels", "colors"))
+            )
+        }
+        times, states = shown.rows(place, "StateChange:state")
+        for begin, until, state in zip(times, [*times[1:], 1e9 * end], states):
+            text, colour = looks[state]
+            if state.startswith("short "):
+                assert (text, colour) == (" ", looks[state.removeprefix("short ")][1])
+                short.add(state)
+            else:
+                assert text == state and 7.0 * len(text) < second * (until - begin) / 1e9, (name, state)
+    assert {"short ready", "short slipping"} <= short
 
 
 def test_events_are_logged_with_their_time(shown, recorded):
@@ -323,7 +346,7 @@ def test_missing_topics_leave_no_empty_plot(without, read_rrd):
 
 def test_a_tripped_run_shows_the_trip(tripped, read_rrd):
     rrd = read_rrd(make_view(tripped).path)
-    assert rrd.data[path_of("rig_state")]["StateChange:state"][-1] == "tripped"
+    assert rrd.data[path_of("rig_state")]["StateChange:state"][-1].removeprefix("short ") == "tripped"
     texts = dict(zip(rrd.data["/events/rig"]["TextLog:text"], rrd.data["/events/rig"]["TextLog:level"]))
     assert [level for text, level in texts.items() if text.startswith("0.05")] == ["ERROR"]
     assert "no shift: this run changes no gear" in rrd.data["/report"]["TextDocument:text"][0]

@@ -327,7 +327,9 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         one.send(rr, rec)
     _send_events(rr, rec, source.events)
     start, end = source.span or source.ends
-    curves = Curves(rr, rec, pages, source.names, source.orders, thin=end - start > LONG)
+    first, last = layout.run_window(pages, source.names, (start, end))
+    second = layout.column_width(2) / (last - first)
+    curves = Curves(rr, rec, pages, source.names, source.orders, end - start > LONG, second)
     notes: list[str] = []
     if source.span is not None:
         for piece in source.reader.pieces(*source.span):
@@ -347,7 +349,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         notes = [recovered(held, last, piece.damage)] if piece.damage else []
         if report is None:
             report = build_report(Bag(source.bag, recover=True) if gathered is None else gathered, source.run)
-    curves.send_marks()
+    curves.finish()
     if not index.counts.get(LOGGER_TOPIC):
         notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
     notes += curves.problems

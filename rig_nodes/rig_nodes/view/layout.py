@@ -136,6 +136,12 @@ def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
     return start, max(end + room * (end - start), start + SHORTEST)
 
 
+def run_window(pages: Pages, present: Collection[str], span: tuple[float, float]) -> tuple[float, float]:
+    """Return the window [s] with which the tab of the run opens: the span, and room for the legends of the signals present."""
+    labels = [pages.label(name) for _, names in (*pages.run_left, *pages.run_right) for name in names if name in present]
+    return with_room(span, room_for(labels, 2))
+
+
 def height(low: float, high: float) -> tuple[float, float]:
     """Return the range of a plot that shows values from ``low`` to ``high`` with a margin, and cuts no number at its edges."""
     margin = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
@@ -254,8 +260,7 @@ def blueprint(
         run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
     shown = rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
-        labels = [pages.label(name) for _, names in (*pages.run_left, *pages.run_right) for name in names if name in present]
-        open_with(shown[0], with_room(span, room_for(labels, 2)))
+        open_with(shown[0], run_window(pages, present, span))
     tabs = {}
     for one in close:
         axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))

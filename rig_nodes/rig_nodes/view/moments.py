@@ -22,7 +22,7 @@ from ..bags.reader import UNREADABLE
 from ..errors import RigError
 from ..transmission import NEUTRAL
 from . import layout
-from .curves import LOGGER_TOPIC, OWN_TOPIC, style, thinned, times
+from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
 from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ FILLING, LOCKED = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0)
 PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INERTIA: ALARM}
 TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
 BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
-NO_TEXT = " "  # an empty one would be replaced by the state's value
-LETTER = 7.0  # px of a letter in a bar
 
 
 @dataclass(frozen=True)
@@ -355,15 +353,9 @@ class MomentCurves:
                 if signal.states:
                     change = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
                     since = t[change] - moment.zero
-                    labels = [signal.states.get(int(value), str(int(value))) for value in values[change]]
                     lasts = np.diff(np.append(since, moment.end)) * width
-                    # a bar too short for its text has the same colour without it
-                    states = [one if px > LETTER * (len(one) + 1) else f"short {one}" for one, px in zip(labels, lasts)]
-                    known = {state: label for label in signal.states.values() for state in (label, f"short {label}")}
-                    colours = [self._pages.state_colour(name, label) for label in known.values()]
-                    texts = [NO_TEXT if state != label else label for state, label in known.items()]
-                    look = rr.StateConfiguration(values=list(known), labels=texts, colors=colours)
-                    rec.log(place, look, static=True)
+                    states = [state_of(signal, value, px) for value, px in zip(values[change], lasts)]
+                    log_state_styles(rr, rec, self._pages, signal, place)
                     self._send_states(rr, rec, place, since, states, moment.end)
                 else:
                     rec.log(place, style(rr, self._pages, signal), static=True)
@@ -384,10 +376,10 @@ class MomentCurves:
         looks: dict[str, tuple[str, tuple[int, ...]]] = {}
         at, states, beside = [], [], []
         for n, (part, colour) in enumerate(bars):
-            fits = (part.end - part.start) * width > LETTER * (len(part.name) + 1)
+            inside = fits(part.name, (part.end - part.start) * width)
             state = f"{n + 1}"
-            looks[state] = (part.name if fits else NO_TEXT, (*colour, 255))
-            beside += [] if fits else [part.name]
+            looks[state] = (part.name if inside else NO_TEXT, (*colour, 255))
+            beside += [] if inside else [part.name]
             at.append(part.start)
             states.append(state)
             following = bars[n + 1][0].start if n + 1 < len(bars) else None
