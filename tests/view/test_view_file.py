@@ -237,7 +237,7 @@ def test_a_shift_has_the_same_number_in_view_report_page_and_comparison(run, rea
     report = json.loads((run / "report.json").read_text())
     if not reported:
         (run / "report.json").unlink()
-    titles = [name for name in read_rrd(make_view(run).path).views() if " → " in name]
+    titles = sorted(name for name in read_rrd(make_view(run).path).views() if " → " in name)
     assert [title.partition(" at ")[0] for title in titles] == ["shift 1: I → II", "shift 2: II → I"]
     assert "| shift | 1: I → II | 2: II → I |" in report_document(report, [])
     assert [line.split("  ")[0] for line in format_report(report).splitlines() if " -> " in line[:12]] == [

@@ -327,7 +327,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         one.send(rr, rec)
     _send_events(rr, rec, source.events)
     start, end = source.span or source.ends
-    first, last = layout.run_window(pages, source.names, (start, end))
+    first, last = layout.window_of(pages, source.names, (start, end))
     second = layout.column_width(2) / (last - first)
     curves = Curves(rr, rec, pages, source.names, source.orders, end - start > LONG, second)
     notes: list[str] = []

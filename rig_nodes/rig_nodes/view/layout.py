@@ -18,7 +18,7 @@ from ..analysis.metrics import with_ends
 from ..catalogue import Signal
 from ..errors import RigError
 from ..transmission import NEUTRAL, Transmission
-from .pages import Pages
+from .pages import Pages, Plots
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -115,7 +115,7 @@ def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None, at
     return found
 
 
-def room_for(labels: Iterable[str], columns: int) -> float:
+def room_for(labels: Iterable[str], columns: int, texts: float = TEXTS) -> float:
     """Return the share of a window that is to be shown after it, so that no legend with these labels covers a curve.
 
     Parameters
@@ -124,9 +124,11 @@ def room_for(labels: Iterable[str], columns: int) -> float:
         Names in the legends.
     columns : int
         Number of columns of plots in a picture.
+    texts : float
+        Share of the picture beside them.
     """
     legend = LETTER * max((len(label) for label in labels), default=0) + BESIDE
-    beside = column_width(columns) - NUMBERS - legend
+    beside = column_width(columns, texts) - NUMBERS - legend
     return min(legend / beside, MOST_ROOM) if beside > 0.0 else MOST_ROOM
 
 
@@ -136,10 +138,15 @@ def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
     return start, max(end + room * (end - start), start + SHORTEST)
 
 
-def run_window(pages: Pages, present: Collection[str], span: tuple[float, float]) -> tuple[float, float]:
-    """Return the window [s] with which the tab of the run opens: the span, and room for the legends of the signals present."""
-    labels = [pages.label(name) for _, names in (*pages.run_left, *pages.run_right) for name in names if name in present]
-    return with_room(span, room_for(labels, 2))
+def window_of(pages: Pages, present: Collection[str], span: tuple[float, float], plots: Plots | None = None) -> tuple[float, float]:
+    """Return the window [s] with which two columns of plots open: the span, and room for the legends of the signals present.
+
+    By default the plots are those of the tab of the run, which has texts beside them.
+    """
+    texts = TEXTS if plots is None else 0.0
+    plots = (*pages.run_left, *pages.run_right) if plots is None else plots
+    labels = [pages.label(name) for _, names in plots for name in names if name in present]
+    return with_room(span, room_for(labels, 2, texts))
 
 
 def height(low: float, high: float) -> tuple[float, float]:
@@ -198,9 +205,9 @@ def columns_of(shifts: list[Shift], wanted: Sequence[int] | str | None) -> list[
     return [[shifts[number - 1]] for number in wanted]
 
 
-def column_width(columns: int) -> float:
-    """Return the width of each of some columns of plots in a picture [px]."""
-    return WIDTH * (1.0 - TEXTS) / columns
+def column_width(columns: int, texts: float = TEXTS) -> float:
+    """Return the width of each of some columns of plots in a picture [px], with its share of texts beside them."""
+    return WIDTH * (1.0 - texts) / columns
 
 
 def entity(signal: Signal) -> str:
@@ -258,18 +265,17 @@ def blueprint(
     run, rest = _run_columns(pages, present, axis), _plots(pages, present, pages.other_plots, axis)
     if plates := [name for name, one in pages.plates.items() if one.heat in present]:
         run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
-    shown = rest if only == "other" else [view for column in run for view in column] + rest
+    more = {name: views for name, plots in pages.more_pages.items() if (views := _plots(pages, present, plots, axis))}
+    shown = more[only] if only in more else rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
-        open_with(shown[0], run_window(pages, present, span))
+        open_with(shown[0], window_of(pages, present, span, pages.more_pages[only] if only in more else None))
     tabs = {}
     for one in close:
         axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))
         columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
         tabs[one.page.key] = _tab(one.page.name, columns)
     tabs["run"] = _tab("Run", run, "/run")
-    for name, plots in pages.more_pages.items():
-        if views := _plots(pages, present, plots, axis):
-            tabs[name] = rrb.Grid(*views, name=name)
+    tabs |= {name: rrb.Grid(*views, name=name) for name, views in more.items()}
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
     if own:
