@@ -32,7 +32,7 @@ def test_a_value_meets_or_misses_its_limit_and_is_undecided_within_its_error(res
         "a limit holds for each shift, and a value that is missing is told"
     )
     (line,) = limit_lines(one.as_dict() for one in judged(results, parse_limits([f"{up}k=0.95 .. 2 -"])))
-    assert line.startswith("limit met: I -> II at 1.00 s: k 1.0") and line.endswith("limit 0.95 .. 2")
+    assert line.startswith("limit met: shift 2, I -> II at 1.00 s: k 1.0") and line.endswith("limit 0.95 .. 2")
 
 
 @pytest.mark.parametrize(

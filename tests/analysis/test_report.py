@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,9 +16,14 @@ import pytest
 from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.metrics import KEYS
-from rig_nodes.analysis.report import build_report, format_report, read_report, write_report
+from rig_nodes.analysis.report import build_report, columns_of, format_report, read_report, write_report
+from rig_nodes.analysis.results import name_and_unit, results_of
 from rig_nodes.errors import BagError, RigError
+from rig_nodes.transmission import transmission_of
+from rig_nodes.view.document import report_document
+from rig_nodes.view.report_page import Facts, report_page
 
+REPOSITORY = Path(__file__).parents[2]
 RUN = {
     "configuration": {"rig": "hydmag"},
     "seed": 1,
@@ -112,9 +119,9 @@ def test_file_that_is_no_report_is_refused_in_one_sentence(tmp_path):
 
 def test_table_speaks_peoples_units():
     lines = format_report(build_report(bag(), RUN)).splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith("I -> II"))
+    at = next(i for i, line in enumerate(lines) if line.startswith("2: I -> II"))
     cells = dict(zip(_split(lines[0]), _split(lines[at])))
-    assert cells["shift"] == "I -> II" and cells["valid"] == "yes"
+    assert cells["shift"] == "2: I -> II" and cells["valid"] == "yes"
     assert cells["n_wej rpm"] == "1500"
     assert float(cells["t_d ms"]) == pytest.approx(250, abs=3)
     assert float(cells["t_c ms"]) == pytest.approx(700, abs=2)
@@ -126,11 +133,31 @@ def test_table_speaks_peoples_units():
     assert "messages lost: 0" in text
     assert "lateness of ticks: median 0.11, p99 1.50 ms; 2 of 3000 ticks more than one tick late" in text
     assert "end: sequence done" in text
-    assert "energy I -> II: clutch heat" in text and "+0.50 % of it" in text
+    assert "energy of shift 2, I -> II: clutch heat" in text and "+0.50 % of it" in text
 
 
 def _split(line):
     return [cell.strip() for cell in line.split("  ") if cell.strip()]
+
+
+def test_the_page_and_the_section_that_the_report_names_explain_its_symbols_and_verdicts():
+    report = build_report(bag(), RUN)
+    (line,) = (one for one in format_report(report).splitlines() if one.startswith("what the symbols mean: "))
+    glossary, page = (REPOSITORY / name for name in re.findall(r"docs/\S+\.md", line))
+    assert line.endswith("section Quality of a shift") and "## Quality of a shift" in page.read_text()
+    symbols = glossary.read_text() + page.read_text()
+    for heading, *_ in columns_of(transmission_of()):
+        assert name_and_unit(heading)[0].split()[0] in symbols, heading
+
+
+def test_a_number_that_rounds_to_zero_has_no_sign():
+    report = build_report(bag(), RUN)
+    row, account = report["shifts"][1], report["energy"]["shifts"][1]
+    row |= {"t_p_s": -1e-9, "k": -1e-5, "e_loss_j": -0.3, "output_torque_nm": -0.01}
+    account |= {"residual_j": -1e-4, "residual_of_heat": -1e-7}
+    text = format_report(report) + report_document(report, []) + report_page(report, Facts(), None)
+    assert not re.search(r"[-\u2212]0(\.0*)?(?![0-9.])", text)
+    assert results_of(report)[len(columns_of(transmission_of())) + 1].text.startswith("0.0")
 
 
 def test_errors_stand_under_a_key_of_their_own():
@@ -146,10 +173,10 @@ def test_annex_a_beside_the_plain_definitions():
     plain, annex = report["shifts"][1], report["annex_a"]["shifts"][1]
     assert annex["t_order_s"] == plain["t_order_s"]
     lines = format_report(report).splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith("I -> II at 1.00 s"))
+    at = next(i for i, line in enumerate(lines) if line.startswith("shift 2, I -> II at 1.00 s"))
     difference = dict(zip(_split(lines[at]), _split(lines[at + 3])))
     assert float(difference["M_wej max Nm"]) == pytest.approx(annex["input_torque_max_nm"] - plain["input_torque_max_nm"], abs=0.05)
-    assert "0 -> I at 0.20 s" in "\n".join(lines) and "not by Annex A: Annex A knows only" in "\n".join(lines)
+    assert "shift 1, 0 -> I at 0.20 s" in "\n".join(lines) and "not by Annex A: Annex A knows only" in "\n".join(lines)
 
 
 def test_annex_a_of_another_sample_rate_is_a_problem_not_a_crash():
@@ -169,10 +196,10 @@ def test_bad_shift_is_named_under_the_table():
     report = build_report(FakeBag(case.recording(), state_messages(), events=orders), RUN)
     assert not report["shifts"][1]["valid"]
     text = format_report(report)
-    assert "I -> II at 1.00 s is not valid: the output never settled on the ratio of gear II" in text
+    assert "shift 2, I -> II at 1.00 s, is not valid: the output never settled on the ratio of gear II" in text
     # no heat is given, because heat up to another moment would look like that of a shift
     assert report["energy"]["shifts"][1] is None and report["energy"]["run"]["motor_work_j"] > 0.0
-    assert "energy I -> II: -, as no end of the shift was found" in text
+    assert "energy of shift 2, I -> II: -, as no end of the shift was found" in text
 
 
 def test_lost_messages_are_counted_from_the_bag_when_nobody_else_did():

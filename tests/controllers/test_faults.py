@@ -20,6 +20,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.controllers.examples.can_alfa46 import CanController
 from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController
+from rig_nodes.controllers.plug import BuiltIn
 from rig_nodes.fmu.build import build_controller_fmu
 
 from .conftest import ALFA46_C, CONTROLLERS, INCLUDE
@@ -162,6 +163,18 @@ def test_a_library_that_fails_in_the_run(what, sentence, simulate, build, tmp_pa
     assert code == 1 and said.replace("-nan", "nan") == f"rig: {reason}\n"
     told, tripped = check_safe_state(tmp_path / "run", 0.001)
     assert told.replace("-nan", "nan") == reason and FAIL * 1e-3 <= tripped <= FAIL * 1e-3 + 0.005
+
+
+def test_a_plug_that_breaks_trips_the_rig_with_a_sentence(simulate, tmp_path, monkeypatch):
+    def broken(plug, inputs, answer=BuiltIn._answer):
+        return answer(plug, inputs) if inputs.sample < FAIL else {}["gear"]
+
+    monkeypatch.setattr(BuiltIn, "_answer", broken)
+    code, _, said = simulate("alfa46")
+    reason = f"controller alfa46, sample {FAIL}: the plug could not get its answer: KeyError: 'gear'"
+    assert (code, said) == (1, f"rig: {reason}\n")
+    assert check_safe_state(tmp_path / "run", 0.001)[0] == reason
+    assert "return answer(plug, inputs) if" in (tmp_path / "run" / "logs" / "controller.log").read_text(), "the traceback"
 
 
 def test_a_library_that_crashes_at_its_end_is_a_warning_of_the_run(simulate, build, tmp_path):

@@ -38,26 +38,26 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
     monkeypatch.chdir(tmp_path)
     assert main(["controller", "new", kind, "mine"]) == 0
     wrote, commands = capsys.readouterr().out.split("next:\n")
-    if kind == "ros-cpp":  # what follows the first command needs a ROS 2 with rclcpp and colcon
-        commands = commands.splitlines()[0]
+    if kind == "ros-cpp":  # what follows these needs a ROS 2 with rclcpp and colcon
+        commands = "\n".join(commands.splitlines()[:2])
     assert all(Path(line.removeprefix("wrote ")).is_file() for line in wrote.splitlines())
     programs = []
     try:
         for line in commands.splitlines():
             command = on_own_port(kind, shlex.split(line, comments=True), "mine/my_plc.py")
-            if command[:2] == ["./rig", "export"]:
-                assert main(command[1:]) == 0
+            if command[:2] in (["./rig", "export"], ["./rig", "controller"]):
+                assert main(command[1:]) == 0, capsys.readouterr()
             elif command[0] == "./rig":
                 command[command.index("demo")] = "sample"  # the shorter sequence
-                for run in ("before", "run") if kind in OWN_CLOCK else ("run",):  # one program serves several runs
-                    assert main([*command[1:], "--out", run]) == 0, capsys.readouterr().err
+                assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err  # one program serves check and run
             elif command[-1] == "&":
                 program = [sys.executable if command[0] in PYTHONS else command[0], *command[1:-1]]
                 programs.append(subprocess.Popen(program, stderr=subprocess.PIPE, text=True))
             elif command == ["kill", "%%"]:
-                if kind in (*OWN_CLOCK, "udp-python"):  # Ctrl-C ends the program without any output
+                if kind in (*OWN_CLOCK, "udp-python"):  # Ctrl-C ends the program without a traceback
                     programs[0].send_signal(signal.SIGINT)
-                    assert (programs[0].communicate(timeout=10)[1], programs[0].returncode) == ("", 130)
+                    said = programs[0].communicate(timeout=10)[1]
+                    assert (said.replace("the rig says: the run is over\n", ""), programs[0].returncode) == ("", 130)
             else:
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
                 assert "warning" not in done.stderr
@@ -66,7 +66,8 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
             program.kill()
             program.communicate()
     (shift,) = json.loads(Path("run", "report.json").read_text())["shifts"]
-    assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
+    assert commands.count("./rig controller check ") == 1, "its check comes before its run"
+    assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True) and shift["k"] > 0.95, "the output does not dip"
     assert shift["t_c_s"] == pytest.approx(0.636, abs=0.05), "one law in all templates"
 
 

@@ -3,6 +3,7 @@
 
 """A user's own rig: written, checked, drawn, run, and varied by naming only what differs."""
 
+import json
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -24,8 +25,11 @@ def mine(tmp_path_factory):
     return folder
 
 
-def test_what_is_written_runs_and_shifts(mine, tmp_path):
+def test_what_is_written_runs_and_shifts_well(mine, tmp_path):
     assert main(["simulate", "demo", "--rig", str(mine), "--out", str(tmp_path / "run")]) == 0
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert [(verdict["grade"], verdict["reasons"]) for verdict in report["quality"]] == [("good", [])] * 2
+    assert all(row["overlap_s"] < 0.4 for row in report["shifts"]), "the old clutch lets go"
     bag = Bag(tmp_path / "run")
     gears = [message.gear for _, message in bag.messages("/gearbox/state")]
     assert [gear for k, gear in enumerate(gears) if k == 0 or gear != gears[k - 1]] == [0, 1, 0, 2, 0, 1]
@@ -56,6 +60,26 @@ def test_check_says_what_a_rig_comes_to_and_draws_it(rig, tmp_path, capsys):
     words = " ".join(element.text or "" for element in ElementTree.parse(picture).iter())
     for name in (*config.structure.bodies, *(clutch.called for clutch in config.structure.clutches if "joins" in clutch.wires)):
         assert name in words
+
+
+def test_the_picture_lies_in_the_folder_of_the_rig_and_its_path_is_printed(mine, tmp_path, monkeypatch, capsys):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for told in (
+        f"picture of the driveline: {mine / 'picture.svg'} (written)",
+        f"picture of the driveline: {mine / 'picture.svg'}",
+    ):
+        assert main(["check", str(mine)]) == 0
+        assert capsys.readouterr().out.splitlines()[-1] == told
+    before = (RIGS_DIR / "three_speed" / "picture.svg").stat().st_mtime_ns
+    assert main(["check", "three_speed"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"picture of the driveline: {RIGS_DIR / 'three_speed' / 'picture.svg'}"
+    assert (RIGS_DIR / "three_speed" / "picture.svg").stat().st_mtime_ns == before, "an installed rig is not written to"
+    (tmp_path / "other.yaml").write_text(f"description: another\nbase: {mine}\n")
+    assert main(["check", str(tmp_path / "other.yaml")]) == 0
+    assert (tmp_path / "other.svg").is_file() and not list((tmp_path / "here").iterdir())
+    assert main(["check", str(mine), "--picture", "mine.png"]) == 2
+    assert "--picture mine.png: expected an .svg file" in capsys.readouterr().err
 
 
 def test_a_variant_says_only_what_differs(mine, tmp_path):

@@ -39,7 +39,7 @@ def test_a_member_is_what_simulate_gives(tmp_path):
 def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
     # P2 must come after P1, at 330 ms: the second member's profile is refused
     table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}))
-    assert [(row["member"], row["end"]) for row in table.to_pylist() if row["shift"] in (0, None)] == [
+    assert [(row["member"], row["end"]) for row in table.to_pylist() if row["shift"] in (1, None)] == [
         (0, "ended"),
         (1, "refused"),
         (2, "ended"),
@@ -80,6 +80,8 @@ def test_the_command_goes_on_and_says_so(tmp_path, capsys):
     assert (first["members"], first["finished"], first["finished_before"], first["ends"]) == (2, 2, 0, {"ended": 2})
     assert main(["sweep", folder, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["finished_before"] == 2
+    assert main(["sweep", folder]) == 0
+    assert capsys.readouterr().out.endswith(f"results.parquet; look at it with: ./rig view {folder}\n")
     assert main([*arguments[:3], "rest=30 ms, 70 ms", *arguments[4:]]) == 2
     assert "holds another sweep" in capsys.readouterr().err
     assert main(["sweep", folder, "--seed", "2"]) == 2

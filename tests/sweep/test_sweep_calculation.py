@@ -47,6 +47,7 @@ def test_each_members_table_is_in_the_results_with_and_without_bags(folder, tmp_
     words = ["sweep", "short", "--rig", str(folder), "--vary", "speed=200 rpm, 400 rpm", "--calculate", "ends", "--jobs", "1"]
     assert main([*words, "--out", str(tmp_path / "plain")]) == 0
     said = capsys.readouterr().out
+    assert said.endswith(f"; look at it with: ./rig report {tmp_path / 'plain'}\n")  # the view shows shifts only
     assert "2 of 2 members finished\n" in said and "speed [rpm]" in said and "work [J]" in said
     assert main([*words, "--out", str(tmp_path / "bags"), "--bags"]) == 0
     for name in ("plain", "bags"):
@@ -60,6 +61,8 @@ def test_each_members_table_is_in_the_results_with_and_without_bags(folder, tmp_
     capsys.readouterr()
     assert main(["sweep", str(tmp_path / "plain")]) == 0
     assert "2 of 2 members are finished already" in capsys.readouterr().err
+    assert main(["report", str(tmp_path / "plain")]) == 0
+    assert "speed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

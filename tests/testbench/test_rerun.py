@@ -4,9 +4,13 @@
 """A bag alone is enough to run it again, through its plant, another plant, or a controller."""
 
 import json
+import re
+from copy import deepcopy
 
 import pytest
 
+from rig_nodes.analysis.moved import moved_lines
+from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config.names import installed
@@ -65,8 +69,25 @@ def test_with_another_spring_the_topics_and_metrics_that_moved_are_named(recorde
     arguments = ["rerun", str(recorded), "--through", "plant", "--out", str(tmp_path / "again")]
     assert main([*arguments, "--set", "clutch_s2.spring_rate=150 N/mm"]) == 0
     said = capsys.readouterr().out
-    assert "topics differ" in said and "/clutch_s2/state" in said and "moved: I -> II" in said
+    assert "topics differ" in said and "/clutch_s2/state" in said and "moved: shift 1, I -> II" in said
     assert "/controller/command" not in said  # the commands are the recorded ones
+    assert all(abs(float(times)) > 1.0 for times in re.findall(r"\(([-+0-9.]+) times the largest error\)", said))
+    assert "metrics of shifts differ by less than their largest measuring error" in said
+
+
+def test_metrics_that_moved_by_less_than_their_error_are_only_counted(recorded):
+    report = build_report(Bag(recorded), {})
+    other = deepcopy(report)
+    row, error = other["shifts"][0], other["uncertainty"][0]
+    row["t_c_s"] += 0.4 * error["t_c_s"]
+    row["k"] -= 0.9 * error["k"]
+    assert moved_lines(report, other) == [
+        "2 metrics of shifts differ by less than their largest measuring error, by at most 0.90 of it"
+    ]
+    row["input_torque_max_nm"] += 3.0 * error["input_torque_max_nm"]
+    moved, counted = moved_lines(report, other)
+    assert moved.startswith("moved: shift 1, ") and moved.endswith(" (+3.00 times the largest error)") and counted.startswith("2 ")
+    assert moved_lines(report, report) == ["no metric of a shift moved"]
 
 
 def test_through_a_controller_of_the_same_law_the_answers_are_the_recorded_ones(recorded, tmp_path, capsys):

@@ -77,6 +77,8 @@ def test_a_picture_is_made_of_a_page_by_its_name(tmp_path, read_rrd):
     assert set(shown.views()) == {"Slip [rpm]", "Oil of B1 [MPa]"} < set(whole.views())
     entity = "/" + layout.entity(Pages(load_rig(folder).as_dict()).signal("b1_slip"))
     assert shown.data[entity]["t"] == whole.data[entity]["t"], "with all its curves"
+    (window,) = shown.layout[f"/view/{layout.SHARED_AXIS}/TimeAxis"]["TimeAxis:view_range"]
+    assert window["end"] > 1.1 * max(shown.data[entity]["t"]), "no legend covers a curve"
     with pytest.raises(RigError, match="--tab: there is no tab 'Slips at a glanze'; did you mean 'Slips at a glance'"):
         make_tab_view(view, tmp_path / "run", None, page, "Slips at a glanze")
 

@@ -62,7 +62,7 @@ REFUSED = {
     "shift of a live view": (["--live", "--shift", "1"], "--shift goes with a run only"),
     "theme of a layout": (["--layout", "foxglove", "--theme", "light"], "--theme goes with a run or --live only"),
     "no shift": (["{run}", "--shift", "0"], "0 is no shift; give a number from 1, several as 2,5, or all"),
-    "no such shift": (["{run}", "--shift", "7", "--no-open"], "--shift 7: the run has the shifts 1 to 3"),
+    "no such shift": (["{run}", "--shift", "7", "--no-open"], "--shift 7: the run has the shifts 1 to 2"),
     "no valve response": (
         ["{run}", "--tab", "valve", "--picture", "{run}/x.png"],
         "the run has no tab 'valve'; --tab can be shifts",

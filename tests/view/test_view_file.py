@@ -10,9 +10,11 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
+from rig_nodes.analysis.report import format_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
+from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import BagError, RigError
 from rig_nodes.testbench.configuration import load_rig
@@ -22,7 +24,9 @@ from rig_nodes.transmission import transmission_of
 from rig_nodes.view import convert, layout
 from rig_nodes.view.convert import make_view
 from rig_nodes.view.curves import thinned
+from rig_nodes.view.document import report_document
 from rig_nodes.view.pages import Pages
+from rig_nodes.view.report_page import Facts, report_page
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +72,30 @@ def test_states_change_when_the_bag_says_so(shown, recorded, name):
         label = catalogue().signal(name).states[int(value)]
         if not expected or expected[-1][1] != label:
             expected.append((round(time * 1e9), label))
-    assert list(zip(*shown.rows(path_of(name), "StateChange:state"))) == expected
+    times, states = shown.rows(path_of(name), "StateChange:state")
+    assert [(time, state.removeprefix("short ")) for time, state in zip(times, states)] == expected
+
+
+def test_a_state_in_a_bar_that_is_too_short_for_its_name_has_its_colour_without_it(shown, recorded):
+    first, last = window_of(shown)
+    second, end, short = layout.column_width(2) / (last - first), Bag(recorded).logger().time()[-1], set()
+    for name in ("rig_state", "gear", "s1_mode", "s2_mode"):
+        place = path_of(name)
+        looks = {
+            state: (label, colour)
+            for state, label, colour in zip(
+                *(shown.data[place][f"StateConfiguration:{one}"] for one in ("values", "labels", "colors"))
+            )
+        }
+        times, states = shown.rows(place, "StateChange:state")
+        for begin, until, state in zip(times, [*times[1:], 1e9 * end], states):
+            text, colour = looks[state]
+            if state.startswith("short "):
+                assert (text, colour) == (" ", looks[state.removeprefix("short ")][1])
+                short.add(state)
+            else:
+                assert text == state and 7.0 * len(text) < second * (until - begin) / 1e9, (name, state)
+    assert {"short ready", "short slipping"} <= short
 
 
 def test_events_are_logged_with_their_time(shown, recorded):
@@ -91,7 +118,7 @@ def test_report_is_shown_as_tables(shown, recorded):
     report = json.loads((recorded / "report.json").read_text())
     text = shown.data["/report"]["TextDocument:text"][0]
     assert shown.data["/report"]["TextDocument:media_type"] == ["text/markdown"]
-    assert "| shift | I → II | II → I |" in text
+    assert "| shift | 1: I → II | 2: II → I |" in text
     peaks = [f"{row['input_torque_max_nm']:.1f}" for row in report["shifts"]]
     assert f"| M_wej max Nm | {peaks[0]} | {peaks[1]} |" in text
     assert "End: the sequence ended" in text
@@ -107,7 +134,7 @@ def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
         "Speed [rpm]",
         "Report",
         "Events",
-        *(f"shift {n}: {way} at {t:.3f} s" for n, (way, t) in enumerate(zip(("I → II", "II → I"), orders), 2)),
+        *(f"shift {n}: {way} at {t:.3f} s" for n, (way, t) in enumerate(zip(("I → II", "II → I"), orders), 1)),
     } <= set(views)
     drawn = {entity for contents in views.values() for entity in contents}
     assert {path_of(name) for name in catalogue().signals} <= drawn
@@ -131,7 +158,7 @@ def test_linked_plots_open_with_the_whole_run_and_room_for_their_legends(shown, 
 
 def test_a_shift_is_shown_from_its_order_on_with_its_phases_and_times(shown, recorded, orders):
     row = json.loads((recorded / "report.json").read_text())["shifts"][0]
-    times, values = shown.rows("/shift_2/M_wej", "Scalars:scalars")
+    times, values = shown.rows("/shift_1/M_wej", "Scalars:scalars")
     there, whole = shown.rows(path_of("M_wej"), "Scalars:scalars")
     first = int(np.searchsorted(there, (orders[0] - layout.BEFORE) * 1e9 - 1.0))
     np.testing.assert_array_equal(values, whole[first : first + len(values)])
@@ -140,12 +167,12 @@ def test_a_shift_is_shown_from_its_order_on_with_its_phases_and_times(shown, rec
 
     kiss, locked = row["kiss_s"], row["t_c_s"]
     begins = [0.0, kiss, locked - row["t_p_s"], locked]
-    np.testing.assert_allclose(np.asarray(shown.data["/shift_2/phases"]["t"][:4]) / 1e9, begins, atol=1e-6)
-    labels = {part: shown.data[f"/shift_2/{part}"]["StateConfiguration:labels"] for part in ("phases", "t_c_t_o", "t_d", "t_p")}
+    np.testing.assert_allclose(np.asarray(shown.data["/shift_1/phases"]["t"][:4]) / 1e9, begins, atol=1e-6)
+    labels = {part: shown.data[f"/shift_1/{part}"]["StateConfiguration:labels"] for part in ("phases", "t_c_t_o", "t_d", "t_p")}
     told = " ".join(text for found in labels.values() for text in found)
     for text in ("fill", "torque phase", "inertia phase", *(f"{name} {1e3 * row[key]:.0f} ms" for name, key in TIMES.items())):
         assert text in told
-    marks, _ = shown.rows("/shift_2/orders/speed", "Scalars:scalars")
+    marks, _ = shown.rows("/shift_1/orders/speed", "Scalars:scalars")
     np.testing.assert_allclose(np.unique(np.asarray(marks[1:]) / 1e9), begins, atol=1e-6)
 
 
@@ -193,15 +220,37 @@ def test_the_page_of_the_run_tells_its_steps_energy_and_settings(tmp_path, read_
 
 
 def test_any_shift_can_be_chosen_and_all_overlaid(run, read_rrd):
-    one = read_rrd(make_view(run, wanted=[3]).path)
-    assert [name for name in one.views() if name.startswith("shift")] == ["shift 3: II → I at 8.320 s"]
-    assert not [entity for entity in one.data if entity.startswith("/shift_2/")]
+    one = read_rrd(make_view(run, wanted=[2]).path)
+    assert [name for name in one.views() if name.startswith("shift")] == ["shift 2: II → I at 8.320 s"]
+    assert not [entity for entity in one.data if entity.startswith("/shift_1/")]
     times = np.asarray(one.rows(path_of("M_wej"), "Scalars:scalars")[0]) / 1e9
     assert times[0] > 8.1 and times[-1] < 9.9, "only its part of the bag is read"
     every = layout.columns_of(layout.shifts_of([(0.1, 0, 1), (3.0, 1, 2), (6.0, 2, 1), (9.0, 1, 2)], transmission_of()), "all")
     assert [[shift.number for shift in column] for column in every] == [[2, 4], [3]]
-    with pytest.raises(RigError, match=r"--shift 4: the run has the shifts 1 to 3: shift 1: "):
-        make_view(run, wanted=[4])
+    with pytest.raises(RigError, match=r"--shift 3: the run has the shifts 1 to 2: shift 1: I → II"):
+        make_view(run, wanted=[3])
+
+
+@pytest.mark.parametrize("reported", [True, False])
+def test_a_shift_has_the_same_number_in_view_report_page_and_comparison(run, read_rrd, tmp_path, capsys, reported):
+    """The first order of the demo, gear I at standstill, is no shift, whether or not a report says so."""
+    report = json.loads((run / "report.json").read_text())
+    if not reported:
+        (run / "report.json").unlink()
+    titles = sorted(name for name in read_rrd(make_view(run).path).views() if " → " in name)
+    assert [title.partition(" at ")[0] for title in titles] == ["shift 1: I → II", "shift 2: II → I"]
+    assert "| shift | 1: I → II | 2: II → I |" in report_document(report, [])
+    assert [line.split("  ")[0] for line in format_report(report).splitlines() if " -> " in line[:12]] == [
+        "1: I -> II",
+        "2: II -> I",
+    ]
+    page = report_page(report, Facts(), None)
+    assert "Shift 1, I → II at" in page and "Shift 2, II → I at" in page and "Shift 3" not in page
+    assert main(["compare", str(run), str(run), "--json", str(tmp_path / "told.json")]) == 0
+    capsys.readouterr()
+    rows = {(row["shift"], row["metric"]): row for row in json.loads((tmp_path / "told.json").read_text())["metrics"]}
+    for number, shift in enumerate(report["shifts"], 1):
+        assert rows[number, "t_c_s"]["first"] == shift["t_c_s"]
 
 
 def test_only_the_window_asked_for_is_read_and_linked_plots_open_with_it(run, read_rrd, monkeypatch):
@@ -297,7 +346,7 @@ def test_missing_topics_leave_no_empty_plot(without, read_rrd):
 
 def test_a_tripped_run_shows_the_trip(tripped, read_rrd):
     rrd = read_rrd(make_view(tripped).path)
-    assert rrd.data[path_of("rig_state")]["StateChange:state"][-1] == "tripped"
+    assert rrd.data[path_of("rig_state")]["StateChange:state"][-1].removeprefix("short ") == "tripped"
     texts = dict(zip(rrd.data["/events/rig"]["TextLog:text"], rrd.data["/events/rig"]["TextLog:level"]))
     assert [level for text, level in texts.items() if text.startswith("0.05")] == ["ERROR"]
     assert "no shift: this run changes no gear" in rrd.data["/report"]["TextDocument:text"][0]

@@ -88,7 +88,7 @@ def test_the_viewer_reports_no_fault_and_lists_every_view(tabs, recorded, tab):
         expected.append("States")
     shown = sorted(name for name, _ in tabs[tab].views)
     if tab == "shifts":
-        assert [name for name in shown if " → " in name] == ["shift 2: I → II at 3.845 s", "shift 3: II → I at 8.320 s"]
+        assert [name for name in shown if " → " in name] == ["shift 1: I → II at 3.845 s", "shift 2: II → I at 8.320 s"]
     assert [name for name in shown if " → " not in name] == sorted(expected)
 
 
@@ -160,7 +160,7 @@ def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, recorded):
 def test_phases_and_times_of_a_shift_are_bars_with_their_texts(tabs, recorded):
     rows = json.loads((recorded / "report.json").read_text())["shifts"]
     views = dict(tabs["shifts"].views)
-    for title, row in zip(("shift 2: I → II at 3.845 s", "shift 3: II → I at 8.320 s"), rows):
+    for title, row in zip(("shift 1: I → II at 3.845 s", "shift 2: II → I at 8.320 s"), rows):
         image = views[title]
         second = image.shape[1] / (ENDS[1] - ENDS[0])
         inertia, kiss = row["t_p_s"], row["kiss_s"]

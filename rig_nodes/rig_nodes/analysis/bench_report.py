@@ -120,6 +120,6 @@ def bench_lines(found: dict) -> list[str]:
     k_kor = ", ".join(f"{model} {value:.3f}" for model, value in line["k_kor"].items())
     return [
         *lines,
-        f"M_eks = {line['slope_nm_per_pa'] * 1e6:.2f} Nm/MPa p {line['m_rest_nm']:+.2f} Nm, R2 {line['r_squared']:.4f}",
+        f"M_eks = {line['slope_nm_per_pa'] * 1e6:.2f} Nm/MPa p {line['m_rest_nm']:+z.2f} Nm, R2 {line['r_squared']:.4f}",
         f"k_kor against the models: {k_kor}",
     ]

@@ -72,11 +72,11 @@ def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None], b
 
 
 def _cell(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:.{digits}f}"
+    return "-" if value is None else f"{value * factor:z.{digits}f}"
 
 
 def _difference(plain: float | None, other: float | None, factor: float, digits: int) -> str:
-    return "" if plain is None or other is None else f"{(other - plain) * factor:+.{digits}f}"
+    return "" if plain is None or other is None else f"{(other - plain) * factor:+z.{digits}f}"
 
 
 def _aligned(table: list[list[str]]) -> list[str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from .metrics import KEYS
-from .report import columns_of, shown_transmission
+from .report import columns_of, shift_name, shown_transmission
 
 NOT_MEASURED = ("from_gear", "to_gear", "valid", "t_order_s", "why")
 
@@ -55,17 +55,26 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
 
 
 def moved_lines(first: Mapping, other: Mapping) -> list[str]:
-    """Return a line for each metric that differs between two reports, the largest difference in errors first."""
+    """Return a line for each metric that moved between two reports, the largest difference in errors first.
+
+    A metric that differs by no more than its largest measuring error is only counted, in a line of its own, because a measurement
+    could not tell its two values apart. One without a known error moved when its two values read differently.
+    """
     box = shown_transmission(dict(first))
     names = {key: (heading, factor) for heading, key, factor, _ in columns_of(box)}
     rows = [row for row in differences(first, other) if row["metric"] in names and row["first"] != row["other"]]
     rows.sort(key=lambda row: -abs(row["in_errors"] or 0.0))
-    lines = []
+    lines, within = [], []
     for row in rows:
-        (heading, factor), i = names[row["metric"]], row["shift"] - 1
-        values = ["-" if row[side] is None else f"{row[side] * factor:.4g}" for side in ("first", "other")]
-        times = "" if row["in_errors"] is None else f" ({row['in_errors']:+.2f} times the largest error)"
-        shift = first["shifts"][i]
-        way = box.way(shift["from_gear"], shift["to_gear"])
-        lines.append(f"moved: {way} at {shift['t_order_s']:.2f} s, {heading}: {values[0]} -> {values[1]}{times}")
+        (heading, factor), times = names[row["metric"]], row["in_errors"]
+        values = ["-" if row[side] is None else f"{row[side] * factor:z.4g}" for side in ("first", "other")]
+        if values[0] == values[1] if times is None else abs(times) <= 1.0:
+            within.append(abs(times or 0.0))
+            continue
+        error = "" if times is None else f" ({times:+.2f} times the largest error)"
+        shift = shift_name(row["shift"], first["shifts"][row["shift"] - 1], box)
+        lines.append(f"moved: {shift}, {heading}: {values[0]} -> {values[1]}{error}")
+    if within:
+        more = f", by at most {max(within):.2f} of it" if max(within) else ""
+        lines.append(f"{len(within)} metrics of shifts differ by less than their largest measuring error{more}")
     return lines or ["no metric of a shift moved"]

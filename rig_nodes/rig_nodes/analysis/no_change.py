@@ -89,7 +89,7 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
         )
     for row in found["engagements"]:
         parts = [
-            f"{text} {row[key] * factor:.{digits}f}{_error(row, key, factor, digits)} {unit}"
+            f"{text} {row[key] * factor:z.{digits}f}{_error(row, key, factor, digits)} {unit}"
             for text, key, factor, digits, unit in (
                 ("engaged in", "engagement_s", 1e3, 0, "ms"),
                 (f"peak {box.input.torque}", "engagement_peak_nm", 1.0, 1, "Nm"),
@@ -107,8 +107,8 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
         lines.append(
             f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
             f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
-            f"{box.input.torque} {row['coast_down_torque_nm']:.2f}{_error(row, 'coast_down_torque_nm', 1.0, 2)} Nm before, tangent "
-            f"time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s"
+            f"{box.input.torque} {row['coast_down_torque_nm']:z.2f}{_error(row, 'coast_down_torque_nm', 1.0, 2)} Nm before, "
+            f"tangent time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s"
         )
     return lines
 

@@ -59,7 +59,7 @@ def signal_ranges(bag: Bag) -> list[dict]:
 def range_lines(rows: Iterable[Mapping]) -> list[str]:
     """Return the ranges as a table for the terminal."""
     table = [["signal", "unit", "lowest", "mean", "highest"]]
-    table += [[row["signal"], row["unit"], *(f"{row[key]:.4g}" for key in ("lowest", "mean", "highest"))] for row in rows]
+    table += [[row["signal"], row["unit"], *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest"))] for row in rows]
     if len(table) == 1:
         return []
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]

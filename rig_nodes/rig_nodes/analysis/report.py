@@ -36,6 +36,9 @@ from .ranges import range_lines, signal_ranges
 from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
+WHERE_TOLD = (
+    "what the symbols mean: docs/reference/glossary.md; valid and quality: docs/how_to/report.md, section Quality of a shift"
+)
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
 
 
@@ -399,12 +402,12 @@ def format_report(report: dict) -> str:
     box = shown_transmission(report)
     rows, errors, verdicts = report["shifts"], report.get("uncertainty", []), verdicts_in(report)
     lines = _shift_table(rows, errors, verdicts, box) if rows else [no_shift(report)]
-    for row, verdict in zip(rows, verdicts):
-        shift = f"{_gears(row, box)} at {row['t_order_s']:.2f} s"
-        lines += [f"  {shift} is {said}"] if (said := sentence_of(verdict)) else []
-        lines += [f"  {shift} is not valid: {reason}" for reason in row["why"]]
+    names = [shift_name(number, row, box) for number, row in enumerate(rows, 1)]
+    for name, row, verdict in zip(names, rows, verdicts):
+        lines += [f"  {name}, is {said}"] if (said := sentence_of(verdict)) else []
+        lines += [f"  {name}, is not valid: {reason}" for reason in row["why"]]
+    lines += [WHERE_TOLD] if rows else []
     lines += measured_lines(report["measured"], box) if "measured" in report else []
-    names = [f"{_gears(row, box)} at {row['t_order_s']:.2f} s" for row in rows]
     if "annex_a" in report:
         lines += ["", *annex_lines(columns_of(box), names, rows, report["annex_a"])]
     if "truth" in report:
@@ -445,17 +448,35 @@ def shown_transmission(report: Mapping) -> Transmission:
         return transmission_of()  # the run's record is not a valid record of a rig
 
 
-def _gears(row: dict, box: Transmission) -> str:
-    return box.way(row["from_gear"], row["to_gear"])
+def shift_name(number: int, row: Mapping, box: Transmission, arrow: str = " -> ") -> str:
+    """Return what a shift is called wherever one is named, e.g. ``shift 1, I -> II at 3.85 s``.
+
+    Parameters
+    ----------
+    number : int
+        Its place among the shifts of the run's report, from 1, which is its number in every table and view.
+    row : mapping
+        Its metrics.
+    box : Transmission
+        The transmission.
+    arrow : str
+        What stands between its gears.
+    """
+    return f"shift {number}, {box.way(row['from_gear'], row['to_gear'], arrow)} at {row['t_order_s']:.2f} s"
+
+
+def numbered_way(number: int, row: Mapping, box: Transmission, arrow: str = " -> ") -> str:
+    """Return number and gears of a shift for a table's head or first column, e.g. ``1: I -> II``."""
+    return f"{number}: {box.way(row['from_gear'], row['to_gear'], arrow)}"
 
 
 def _shift_table(rows: list[dict], errors: list[dict], verdicts: list[dict | None], box: Transmission) -> list[str]:
     columns = columns_of(box)
     table = [["shift"] + [heading for heading, *_ in columns] + ["valid", "quality"]]
     for i, (row, verdict) in enumerate(zip(rows, verdicts)):
-        cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}" for _, key, factor, digits in columns]
+        cells = ["-" if row[key] is None else f"{row[key] * factor:z.{digits}f}" for _, key, factor, digits in columns]
         grade = (verdict or {}).get("grade") or "-"
-        table.append([_gears(row, box), *cells, "yes" if row["valid"] else "NO", grade])
+        table.append([numbered_way(i + 1, row, box), *cells, "yes" if row["valid"] else "NO", grade])
         if i < len(errors) and errors[i]:
             table.append(
                 ["  +-"]
@@ -471,16 +492,17 @@ def _shift_table(rows: list[dict], errors: list[dict], verdicts: list[dict | Non
 
 def _energy_lines(report: dict, box: Transmission) -> list[str]:
     lines = []
-    for row, account in zip(report["shifts"], report["energy"]["shifts"]):
+    for number, (row, account) in enumerate(zip(report["shifts"], report["energy"]["shifts"]), 1):
+        name = f"shift {number}, {box.way(row['from_gear'], row['to_gear'])}"
         if account is None:
             if _window(row) is None and report["energy"]["run"] is not None:
-                lines.append(f"energy {_gears(row, box)}: -, as no end of the shift was found")
+                lines.append(f"energy of {name}: -, as no end of the shift was found")
             continue
         heat = clutch_heat(account, box)
         share = account["residual_of_heat"]
-        share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
-        gears = _gears(row, box) + ("" if row["valid"] else " (not valid)")
-        lines.append(f"energy {gears}: clutch heat {heat:.0f} J, unaccounted {account['residual_j']:+.2f} J ({share})")
+        share = "no clutch heat" if share is None else f"{100.0 * share:+z.2f} % of it"
+        name += "" if row["valid"] else " (not valid)"
+        lines.append(f"energy of {name}: clutch heat {heat:z.0f} J, unaccounted {account['residual_j']:+z.2f} J ({share})")
     if lines and _bounded(report["run"]):
         lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not accounted")
     return lines

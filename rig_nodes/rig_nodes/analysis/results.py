@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from ..config.units import UNITS
 from ..transmission import Transmission
 from .bench_report import bench_numbers
-from .report import columns_of, shown_transmission
+from .report import columns_of, shift_name, shown_transmission
 
 TIMES, CURVES = 1e3, 1e-6  # factors to ms and MPa
 ENDS = ("lowest", "highest")  # the kinds of results that are the range of a signal
@@ -123,7 +123,7 @@ def results_of(report: Mapping) -> list[Result]:
 def _of_shifts(report: Mapping, box: Transmission) -> list[Result]:
     found, errors = [], report.get("uncertainty", ())
     for i, row in enumerate(report["shifts"]):
-        place = f"{box.way(row['from_gear'], row['to_gear'])} at {row['t_order_s']:.2f} s"
+        place = shift_name(i + 1, row, box)
         kind = box.way(row["from_gear"], row["to_gear"], "-")
         own = errors[i] if i < len(errors) else {}
         for heading, key, factor, digits in columns_of(box):
@@ -167,7 +167,7 @@ def _times(value: float | None, factor: float) -> float | None:
 
 def number(value: float | None, digits: int) -> str:
     """Return a number as text, without the sign of a zero; empty for None."""
-    return "" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"
+    return "" if value is None else f"{value:z.{digits}f}"
 
 
 def spread(results: Iterable[Iterable[Result]]) -> list[dict]:

@@ -93,7 +93,7 @@ def _print(table: Table) -> None:
 
 
 def _shown(cell: float | str | None) -> str:
-    return "-" if cell is None else cell if isinstance(cell, str) else f"{cell:.5g}"
+    return "-" if cell is None else cell if isinstance(cell, str) else f"{cell:z.5g}"
 
 
 def _lines(rows: list[list[str]]) -> list[str]:

@@ -8,19 +8,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..config.names import RIG_FILE, find_config
+
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
     from ..testbench.configuration import RigConfig
 
+PICTURE = "picture.svg"  # which rig list rigs names, too
 HELP = "check the folder of a rig and draw its driveline"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument("rig", metavar="RIG", help="folder of a rig, its file, or the name of an installed one")
-    parser.add_argument("--picture", metavar="FILE", help="where the picture goes (default: NAME_driveline.svg here)")
+    parser.add_argument(
+        "--picture", metavar="FILE", help="where the picture goes, an .svg file (default: picture.svg in the rig's folder)"
+    )
 
 
 def main(args: argparse.Namespace) -> int:
@@ -41,27 +46,32 @@ def main(args: argparse.Namespace) -> int:
         print(f"sequence {path.stem}: {len(sequence.steps)} steps")
     for line in _held_against(args.rig, config):
         print(line)
-    picture = Path(args.picture or f"{config.name}_driveline.svg")
+    picture, drawn = Path(args.picture) if args.picture else _beside(args.rig), driveline_svg(config).encode()
     if picture.suffix != ".svg":
-        raise RigError(f"--picture {picture}: the picture is an .svg file")
+        raise RigError(f"--picture {picture}: expected an .svg file, which is the only kind that is drawn")
     try:
-        atomic_write(picture, driveline_svg(config).encode())
+        same = picture.is_file() and picture.read_bytes() == drawn
+        if not same:  # an installed rig has its picture, and its folder may belong to another user
+            atomic_write(picture, drawn)
     except OSError as error:
         raise not_written(picture, error) from None
-    print(f"wrote {picture}")
+    print(f"picture of the driveline: {picture}{'' if same else ' (written)'}")
     return 0
+
+
+def _beside(rig: str) -> Path:
+    """Return where the picture of a rig lies: in its folder, by the name of its file where that is not the folder's only one."""
+    path = find_config("rigs", rig)
+    return path.with_name(PICTURE) if path.name == RIG_FILE else path.with_suffix(".svg")
 
 
 def _sequences(rig: str) -> list[Path]:
     """Return the sequences in the rig's own folder."""
-    from ..config.names import find_config
-
     return sorted((find_config("rigs", rig).parent / "sequences").glob("*.yaml"))
 
 
 def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
     """Yield one line for each of the validation rows and the calibration in the rig's own folder."""
-    from ..config.names import find_config
     from ..validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
 
     folder = find_config("rigs", rig).parent

@@ -118,7 +118,7 @@ def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) 
 
     lines = []
     for name, clock in list(zip(found.names, found.clocks))[1:]:
-        lines.append(f"{name}: offset {clock.offset * 1e3:+.2f} ms, drift {clock.drift * 1e6:+.1f} ppm, by {clock.by}")
+        lines.append(f"{name}: offset {clock.offset * 1e3:+z.2f} ms, drift {clock.drift * 1e6:+z.1f} ppm, by {clock.by}")
         if clock.rest > 1e-3:
             lines.append(f"  the times between orders differ by up to {clock.rest * 1e3:.1f} ms, by which later shifts lie apart")
     shown = {key: (heading, factor) for heading, key, factor, _ in columns_of(box)}
@@ -137,4 +137,4 @@ def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) 
 
 
 def _cell(value: float | None, factor: float = 1.0) -> str:
-    return "-" if value is None else f"{value * factor:.4g}"
+    return "-" if value is None else f"{value * factor:z.4g}"

@@ -88,5 +88,5 @@ def new(args: argparse.Namespace) -> int:
     print("next:")
     given = "" if args.rig == DEFAULT_RIG else f" --rig {args.rig}"
     for command in commands:
-        print("    " + re.sub(r"^(\./rig (?:simulate demo|export [\w-]+))", rf"\g<1>{given}", command))
+        print("    " + re.sub(r"^(\./rig (?:controller check|simulate demo|export [\w-]+))", rf"\g<1>{given}", command))
     return 0

@@ -8,6 +8,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from .progress import waiting
+
 if TYPE_CHECKING:
     import argparse
 
@@ -62,7 +64,8 @@ def main(args: argparse.Namespace) -> int:
             run_into = folder / f"{series.label}-{repeat + 1}"
             run_into.mkdir()
             print(f"series {series.label}, run {repeat + 1} of {series.repeats}", flush=True)
-            run = simulate(config, sequence, run_into, series.first_seed + repeat)
+            with waiting("computing the run"):
+                run = simulate(config, sequence, run_into, series.first_seed + repeat)
             report = build_report(Bag(run_into), run)
             write_report(run_into, report)
             print(format_report(report), end="\n\n", flush=True)

@@ -3,7 +3,7 @@
 
 """Progress and remaining time of long work, on stderr, by tqdm: a line that is renewed in a terminal.
 
-Every verb with long work uses it: ``sweep``, ``tune``, ``validate``, ``calibrate``, ``bench``.
+Every verb with long work uses it: ``sweep``, ``tune``, ``validate``, ``calibrate``, ``bench``, and those that compile a rig.
 """
 
 from __future__ import annotations
@@ -11,28 +11,35 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 QUIET = 10.0  # s between two lines when stderr is not a terminal
 KNOWN, UNKNOWN = "{desc}, {elapsed}, about {remaining} left", "{desc}, {elapsed}"  # with tqdm's names
 WIDTH = 79
+PATIENCE = 2.0  # s of silence before a line of work whose length nobody knows
+STARTING = "starting, and the first time compiling the plant"
 
 
 class ProgressLine:
     """A line of progress; ``tell(done, text)`` renews it as work is done.
 
-    ``of`` is the total amount, None when it is unknown; ``begun`` is the amount that was done before.
+    ``of`` is the total amount, None when it is unknown; ``begun`` is the amount that was done before; ``since`` is the time [s] for
+    which the work goes on already.
     """
 
-    def __init__(self, of: float | None = None, begun: float = 0.0) -> None:
+    def __init__(self, of: float | None = None, begun: float = 0.0, since: float = 0.0) -> None:
         from tqdm import tqdm  # imported here, because verbs are loaded without it
 
         tqdm.monitor_interval = 0  # no thread of its own
         tqdm.set_lock(threading.RLock())  # also no semaphore of the system, which would start another process
         self._of, self._begun, self._format = of, begun, tqdm.format_meter
-        self._start = self._told = time.monotonic()
+        self._start = self._told = time.monotonic() - since
         # a fixed size, because tqdm shows no line on a terminal that reports no size
         shape = {"bar_format": "{desc}", "ncols": WIDTH, "nrows": 20}
         self._bar = tqdm(total=of, initial=begun, file=sys.stderr, **shape) if sys.stderr.isatty() else None
+        if self._bar is not None:
+            self._bar.start_t -= since
 
     def show(self, done: float, text: str, part: bool = False) -> None:
         """Renew the line; a file gets at most one line every QUIET seconds, the last line, and one where a part is done."""
@@ -55,3 +62,26 @@ class ProgressLine:
         """Continue below the line, if there is one."""
         if self._bar is not None:
             self._bar.close()
+
+
+@contextmanager
+def waiting(text: str) -> Iterator[None]:
+    """Show a text with the elapsed seconds while the block runs, once it has run for PATIENCE."""
+    over = threading.Event()
+
+    def tell() -> None:
+        if over.wait(PATIENCE):
+            return
+        line = ProgressLine(since=PATIENCE)
+        line.show(0.0, text)
+        while not over.wait(1.0):
+            line.show(0.0, text)
+        line.leave()
+
+    teller = threading.Thread(target=tell, name="waiting", daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        over.set()
+        teller.join()

@@ -9,12 +9,15 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from .progress import waiting
+
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ..bags.reader import Bag
     from ..testbench.configuration import RigConfig
 
+AGAIN = "running the bag again"
 HELP = "run a bag again: its commands through a plant, or its transducers through a controller"
 
 
@@ -85,7 +88,9 @@ def _plant(bag: Bag, config: RigConfig, folder: Path) -> int:
     from ..bags.reader import Bag
     from ..testbench.rerun import different_topics, rerun_plant
 
-    for note in rerun_plant(bag, config, folder):
+    with waiting(AGAIN):
+        notes = rerun_plant(bag, config, folder)
+    for note in notes:
         print(f"rig: warning: {note}", file=sys.stderr)
     new = Bag(folder)
     end = {"state": "ended", "reason": f"the recorded commands of {bag.path.name} ended"}
@@ -112,7 +117,8 @@ def _controller(bag: Bag, config: RigConfig, spec: str, level: str | None, folde
     print(level_line(controller), flush=True)
     controller.say = lambda text: print(f"            {printable(text)}", flush=True)
     controller.wait(60.0)
-    found = rerun_controller(bag, config, controller, spec, folder)
+    with waiting(AGAIN):
+        found = rerun_controller(bag, config, controller, spec, folder)
     print(f"{found.same} of {found.samples} answers are bit for bit as recorded")
     if found.first is not None:
         unit = " A" if controller.level == "current" else ""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import BagError, RigError, ended_by, printable
+from .progress import STARTING, waiting
 from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, exit_code
 
 if TYPE_CHECKING:
@@ -101,8 +102,8 @@ def run(args: argparse.Namespace) -> int:
                 f"--view: the live view shows a rig with gears; look at a run of '{config.name}' afterwards with ./rig view"
             )
     start_server()
-    print("checking and, the first time, compiling the plant", flush=True)
-    Rig(config, args.seed).advance_samples(1)
+    with waiting(STARTING):
+        Rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
         domain.lead()
         for device in config.cut_out:

@@ -10,6 +10,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..errors import printable
+from .progress import STARTING, waiting
 from .run_arguments import add_shared_arguments, exit_code
 
 if TYPE_CHECKING:
@@ -75,12 +76,16 @@ def main(args: argparse.Namespace) -> int:
         print(EMBEDDED, flush=True)
     shown = [""]
 
+    starting = contextlib.ExitStack()
+
     def progress(t: float, text: str) -> None:
+        starting.close()
         if text != shown[0]:
             shown[0] = text
             print(f"{t:8.2f} s  {printable(text)}", flush=True)
 
-    with controller_log(folder), unless_empty(folder):
+    with controller_log(folder), unless_empty(folder), starting:
+        starting.enter_context(waiting(STARTING))
         run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
     report = build_report(Bag(folder), run)
     print(format_report(report))

@@ -281,11 +281,12 @@ def _text(summary: dict) -> str:
         lines.append(f"{way}, valid shifts: lowest, median, highest")
         for key, name, factor, digits in SHOWN:
             if key in of:
-                lines.append(f"  {name:<13}" + "".join(f"{value * factor:>10.{digits}f}" for value in of[key]))
+                lines.append(f"  {name:<13}" + "".join(f"{value * factor:>z10.{digits}f}" for value in of[key]))
     if summary["table"]:
         width = max(map(len, summary["table"]))
         lines.append("all rows of the calculation: lowest, median, highest")
-        lines += [f"  {name:<{width}}" + "".join(f"{value:>12.5g}" for value in x) for name, x in summary["table"].items()]
+        lines += [f"  {name:<{width}}" + "".join(f"{value:>z12.5g}" for value in x) for name, x in summary["table"].items()]
     if summary["results"]:
-        lines.append(f"written to {summary['results']}")
+        look = "view" if summary["shifts"] else "report"  # the view shows metrics of shifts only
+        lines.append(f"written to {summary['results']}; look at it with: ./rig {look} {summary['folder']}")
     return "\n".join(lines)

@@ -45,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shift",
         metavar="N",
         type=_shifts,
-        help="shifts to show close up: a number, several as 2,5, or all, laid over each other at their orders (default: the "
-        "first up and the first down)",
+        help="shifts to show close up: a number of the report's table, several as 2,5, or all, laid over each other at their "
+        "orders (default: the first up and the first down)",
     )
     parser.add_argument(
         "--theme",

@@ -299,7 +299,13 @@ class Plug(ABC):
             self.settings,
         )
         self._ordered = False
-        outputs = self._answer(inputs)
+        try:
+            outputs = self._answer(inputs)
+        except ControllerFailed:
+            raise
+        except Exception as error:  # a fault of the plug itself, or of what it speaks with, that it does not know
+            LOG.error("controller %s, sample %d", self.name, sample, exc_info=True)
+            self._fail(Status.FATAL, sample, f"the plug could not get its answer: {error_text(error)}")
         try:
             status = getattr(outputs, "status", Status.OK)
             if status not in tuple(Status):
@@ -409,8 +415,8 @@ class Plug(ABC):
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         """Return the controller's own answer to a sample, before the checks.
 
-        Where there is none, a plug ends with :meth:`_fail` or :meth:`_overdue`, whose sentence trips the rig; any other exception
-        ends the whole run with a traceback.
+        Where there is none, a plug ends with :meth:`_fail` or :meth:`_overdue`, whose sentence trips the rig. Any other exception
+        trips it, too, with a sentence that can only name the exception.
         """
 
     def _abandon(self) -> None:

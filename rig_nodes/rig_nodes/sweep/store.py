@@ -206,7 +206,7 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
         table = entry.get("table", {"columns": {}, "rows": [[]]})
         return [{**shared, **dict(zip(map(column_of, table["columns"]), row))} for row in table["rows"]]
     out = []
-    for number, metrics in enumerate(entry["shifts"] or [None]):
+    for number, metrics in enumerate(entry["shifts"] or [None], 1):
         row = {**shared, "shift": None if metrics is None else number}
         for key in KEYS:
             value = None if metrics is None else metrics[key]
@@ -234,7 +234,7 @@ def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str]) -> pyarrow.S
         *(column(one.name, _kind(pa, one), one.unit, f"parameter of the {one.of}") for one in plan.varied if one.of != "seed"),
     ]
     if not plan.calculation:
-        columns.append(column("shift", pa.int32(), about="number of the shift in its run; empty where there was none"))
+        columns.append(column("shift", pa.int32(), about="number of the shift in its run, from 1; empty where there was none"))
     for name, unit in table.items():
         columns.append(
             column(column_of(name), pa.float64() if unit else pa.string(), unit, f"of the calculation {plan.calculation}")

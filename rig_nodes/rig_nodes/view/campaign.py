@@ -285,7 +285,7 @@ def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]
     rows = [[*head, *(heading for heading, *_ in columns), "valid"]]
     for n, (name, row) in enumerate(zip(found.names, found.rows)):
         held = [f"{values[n]:g}" for condition, (_, values) in conditions.items() if condition != "row"]
-        cells = ["-" if row.get(key) is None else f"{row[key] * factor:.{digits}f}" for _, key, factor, digits in columns]
+        cells = ["-" if row.get(key) is None else f"{row[key] * factor:z.{digits}f}" for _, key, factor, digits in columns]
         rows.append([name, *held, _way(found, row), *cells, "yes" if row.get("valid") else "**no**"])
     more = len(rows) - 1 - MOST_ROWS
     parts = [f"# {found.title}", f"{len(set(found.names))} runs, {len(found.rows)} shifts", markdown_table(rows[: MOST_ROWS + 1])]

@@ -42,7 +42,7 @@ SIGNALS = ["signal", "mean difference", "rms", "largest", "error", "rms in error
 
 def _clock_rows(found: Comparison) -> list[list[str]]:
     return [
-        [name, f"{clock.offset * 1e3:.2f}", f"{clock.drift * 1e6:.1f}", clock.by if n else "the first clock"]
+        [name, f"{clock.offset * 1e3:z.2f}", f"{clock.drift * 1e6:z.1f}", clock.by if n else "the first clock"]
         for n, (name, clock) in enumerate(zip(found.names, found.clocks))
     ]
 
@@ -68,7 +68,7 @@ def _signal_rows(found: Comparison, signals: Mapping[str, Signal]) -> list[list[
 
 
 def _number(value: float | None, factor: float = 1.0) -> str:
-    return "-" if value is None else f"{value * factor:.4g}"
+    return "-" if value is None else f"{value * factor:z.4g}"
 
 
 def _figure(curve: Curve, names: list[str], signal: Signal) -> str:

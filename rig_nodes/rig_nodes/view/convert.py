@@ -249,7 +249,9 @@ class _Source:
         offset = log_offset(self.small)
         self.ends = (index.first - offset) / 1e9, (index.last - offset) / 1e9
         self.reader = Reader(index, self.pages, self.small, offset)
-        self.shifts = layout.shifts_of(orders, self.pages.box)
+        at_rest = [order[0] for order in orders if self.reader.engages_at_rest(order)]
+        self.orders = layout.shifts_of(orders, self.pages.box, at_rest)
+        self.shifts = [one for one in self.orders if one.number]
         self.close = self._close(orders, wanted)
         self.span = self._span(wanted)
         if self.span is not None or not self._from_the_start():
@@ -274,13 +276,10 @@ class _Source:
 
     def _close(self, orders: list[tuple[float, int, int]], wanted: Sequence[int] | str | None) -> list[MomentCurves]:
         """Return the curves of what is shown close up."""
-        box, shifts, pages = self.pages.box, self.shifts, []
+        box, pages = self.pages.box, []
         if box is not None and wanted is None and not any(box.changes(before, after) for _, before, after in orders):
-            found = self._measured()
-            pages = measured_pages(self.pages, found, self.ends)
-            still = {row["t_order_s"] for row in found.get("valve_responses", [])}
-            shifts = [one for one in shifts if one.order not in still and one.after in box.ratios]
-        columns = layout.columns_of(shifts, wanted)
+            pages = measured_pages(self.pages, self._measured(), self.ends)
+        columns = layout.columns_of(self.shifts, wanted)
         if columns:
             chosen = [shift for column in columns for shift in column]
             ends = {order[0]: end for order, end in with_ends(orders)}
@@ -328,7 +327,9 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         one.send(rr, rec)
     _send_events(rr, rec, source.events)
     start, end = source.span or source.ends
-    curves = Curves(rr, rec, pages, source.names, source.shifts, thin=end - start > LONG)
+    first, last = layout.window_of(pages, source.names, (start, end))
+    second = layout.column_width(2) / (last - first)
+    curves = Curves(rr, rec, pages, source.names, source.orders, end - start > LONG, second)
     notes: list[str] = []
     if source.span is not None:
         for piece in source.reader.pieces(*source.span):
@@ -348,7 +349,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         notes = [recovered(held, last, piece.damage)] if piece.damage else []
         if report is None:
             report = build_report(Bag(source.bag, recover=True) if gathered is None else gathered, source.run)
-    curves.send_marks()
+    curves.finish()
     if not index.counts.get(LOGGER_TOPIC):
         notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
     notes += curves.problems

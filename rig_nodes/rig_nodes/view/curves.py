@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 FAST = 5e-4  # s between rows below which a channel can be thinned out
 BIN = 20  # rows of which a thinned curve keeps two
+LETTER = 7.0  # px of a letter in a bar of a state
+NO_TEXT = " "  # an empty one would be replaced by the state's value
+SHORT = "short "  # before the name of a state in a bar that is too short for it
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
 
@@ -65,11 +68,23 @@ def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal
     rec.log(layout.entity(signal), style(rr, pages, signal), static=True)
 
 
-def log_state_styles(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
-    """Log the labels and colours of the states of a signal."""
-    labels = list(signal.states.values())
-    colours = [pages.state_colour(signal.name, label) for label in labels]
-    rec.log(layout.entity(signal), rr.StateConfiguration(values=labels, colors=colours), static=True)
+def log_state_styles(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal, place: str = "") -> None:
+    """Log the labels and colours of the states of a signal at its place; short bars have the same colours without a label."""
+    known = {state: label for label in signal.states.values() for state in (label, SHORT + label)}
+    labels = [label if state == label else NO_TEXT for state, label in known.items()]
+    colours = [pages.state_colour(signal.name, label) for label in known.values()]
+    rec.log(place or layout.entity(signal), rr.StateConfiguration(values=list(known), labels=labels, colors=colours), static=True)
+
+
+def fits(text: str, width: float) -> bool:
+    """Return True when a text has room in a bar of a width [px]."""
+    return width > LETTER * (len(text) + 1)
+
+
+def state_of(signal: Signal, value: float, width: float) -> str:
+    """Return the name of a state of a signal for a bar of a width [px], see :func:`log_state_styles`."""
+    label = signal.states.get(int(value))
+    return str(int(value)) if label is None else label if fits(label, width) else SHORT + label
 
 
 class Curves:
@@ -89,8 +104,9 @@ class Curves:
         rec: RecordingStream,
         pages: Pages,
         names: Collection[str],
-        shifts: Sequence[layout.Shift],
+        orders: Sequence[layout.Shift],
         thin: bool = False,
+        second: float = 1.0,
     ) -> None:
         """Prepare a recording.
 
@@ -104,21 +120,25 @@ class Curves:
             The pages of the rig.
         names : collection of str
             Signals of the rig to draw.
-        shifts : sequence of Shift
-            Shifts of layout.shifts_of.
+        orders : sequence of Shift
+            Orders of layout.shifts_of.
         thin : bool
             True to draw fast channels with fewer points, by :func:`thinned`.
+        second : float
+            Width of a second in the tab of the run [px].
         """
+        self._second = second
         self._thin = thin
-        self._rr, self._rec, self._pages, self._names, self._shifts = rr, rec, pages, names, shifts
+        self._rr, self._rec, self._pages, self._names, self._orders = rr, rec, pages, names, orders
         self.ends = (np.inf, -np.inf)
         self.problems: list[str] = []
         self._styled: set[str] = set()
         self._states: dict[str, float] = {}  # last value of each state
+        self._open: dict[str, tuple[float, float]] = {}  # time [s] and value of each state whose end has not come
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
         # last time [s] of the piece before, and then the heat [J] of plates and how much warmer than the oil [K] they are
         self._plates: dict[str, tuple[float, float, float]] = {}
-        self._heights = {}  # (plot, index of the shift) -> lowest and highest value during the shift
+        self._heights = {}  # (plot, index of the order) -> lowest and highest value in its window
 
     def add(self, piece: Bag) -> None:
         """Send all signals of the next piece."""
@@ -207,22 +227,33 @@ class Curves:
         self._send(layout.entity(plates.signal), t, plates.oil + np.array(values))
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """Send one row for each change of state."""
+        """Send one row for each state that has ended; the last one is held, because its bar's width is not known."""
         if self._first(signal.name):
             log_state_styles(self._rr, self._rec, self._pages, signal)
         change = np.flatnonzero(np.diff(values, prepend=self._states.get(signal.name, np.nan)) != 0)
         self._states[signal.name] = values[-1]
-        states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
-        if states:
-            self._rec.send_columns(layout.entity(signal), [times(self._rr, t[change])], self._rr.StateChange.columns(state=states))
+        rows = [
+            *([self._open[signal.name]] if signal.name in self._open else []),
+            *zip(t[change].tolist(), values[change].tolist()),
+        ]
+        self._open[signal.name] = rows[-1]
+        self._send_bars(signal, rows[:-1], rows[-1][0])
+
+    def _send_bars(self, signal: Signal, rows: Sequence[tuple[float, float]], end: float) -> None:
+        """Send states with the times [s] at which they begin; the last of them ends at ``end`` [s]."""
+        if rows:
+            begins = [begin for begin, _ in rows]
+            widths = np.diff([*begins, end]) * self._second
+            states = [state_of(signal, value, width) for (_, value), width in zip(rows, widths)]
+            self._rec.send_columns(layout.entity(signal), [times(self._rr, begins)], self._rr.StateChange.columns(state=states))
 
     def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """Measure the height of the plots with vertical lines during each shift."""
+        """Measure the height of the plots with vertical lines around each order."""
         for title, names in self._pages.marked_plots:
             if signal.name not in names:
                 continue
-            for number, shift in enumerate(self._shifts):
-                start, end = shift.window
+            for number, order in enumerate(self._orders):
+                start, end = order.window
                 if t[-1] < start or t[0] > end:
                     continue
                 seen = signal.shown(values[(t >= start) & (t <= end)])
@@ -231,12 +262,18 @@ class Curves:
                     low, high = self._heights.get((title, number), (np.inf, -np.inf))
                     self._heights[title, number] = min(low, seen.min()), max(high, seen.max())
 
-    def send_marks(self) -> None:
-        """Send a vertical line at the order of each shift, as high as the curves of the plot during the shift."""
+    def finish(self) -> None:
+        """Send what is known at the end of the run only: the last state of each signal, and the marks at the orders."""
+        for name, last in self._open.items():
+            self._send_bars(self._pages.known.signal(name), [last], self.ends[1])
+        self._send_marks()
+
+    def _send_marks(self) -> None:
+        """Send a vertical line at each order, as high as the curves of the plot around it."""
         for title, _ in self._pages.marked_plots:
             rows = [
-                (shift.order, value)
-                for number, shift in enumerate(self._shifts)
+                (order.order, value)
+                for number, order in enumerate(self._orders)
                 if (title, number) in self._heights
                 for value in (*self._heights[title, number], np.nan)
             ]

@@ -13,10 +13,11 @@ from ..analysis.energy import clutch_heat
 from ..analysis.no_change import measured_lines
 from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
-from ..analysis.report import columns_of, no_shift, shown_transmission, verdicts_in
+from ..analysis.report import columns_of, no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
 from ..transmission import Transmission
 
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
+ARROW = " → "
 WIDEST = 4  # largest number of shifts side by side; with more, the table is transposed
 
 
@@ -41,9 +42,10 @@ def report_document(report: dict, problems: list[str]) -> str:
     else:
         parts += ["## Shifts", _shift_table(report, box) if report["shifts"] else no_shift(report)]
         parts += measured_lines(report["measured"], box) if "measured" in report else []
-    for row, verdict in zip(report["shifts"], verdicts_in(report)):
-        parts += [f"{_title(row, box)} is {said}"] if (said := sentence_of(verdict)) else []
-    parts += [f"{_title(row, box)} is not valid: {reason}" for row in report["shifts"] for reason in row.get("why", [])]
+    for number, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
+        name = shift_name(number, row, box, ARROW)
+        parts += [f"{name}, is {said}"] if (said := sentence_of(verdict)) else []
+        parts += [f"{name}, is not valid: {reason}" for reason in row.get("why", [])]
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
     parts += ["## Run", f"End: {reason}", markdown_table([["", "value"], *_run_rows(report, box)])]
@@ -53,9 +55,10 @@ def report_document(report: dict, problems: list[str]) -> str:
 def _shift_table(report: dict, box: Transmission) -> str:
     columns, rows = columns_of(box), report["shifts"]
     table = [["shift", *(heading for heading, *_ in columns), "valid", "quality"]]
-    for row, verdict in zip(rows, verdicts_in(report)):
+    for number, (row, verdict) in enumerate(zip(rows, verdicts_in(report)), 1):
         cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in columns]
-        table.append([_title(row, box), *cells, "yes" if row.get("valid") else "**no**", (verdict or {}).get("grade") or "-"])
+        title = numbered_way(number, row, box, ARROW)
+        table.append([title, *cells, "yes" if row.get("valid") else "**no**", (verdict or {}).get("grade") or "-"])
     if len(rows) <= WIDEST:
         table = [list(line) for line in zip(*table)]
     return markdown_table(table)
@@ -70,9 +73,9 @@ def _run_rows(report: dict, box: Transmission) -> list[list[str]]:
     if late:
         rows += [[f"lateness {key} ms", _number(late.get(key), 1.0, 2)] for key in ("p50", "p99", "max")]
         rows.append(["overruns", f"{run.get('overruns')} of {run.get('ticks')} ticks"])
-    for row, account in zip(report["shifts"], report.get("energy", {}).get("shifts", [])):
+    for number, (row, account) in enumerate(zip(report["shifts"], report.get("energy", {}).get("shifts", [])), 1):
         if account:
-            rows.append([f"heat {_title(row, box)} J", _number(clutch_heat(account, box), 1.0, 0)])
+            rows.append([f"heat {numbered_way(number, row, box, ARROW)} J", _number(clutch_heat(account, box), 1.0, 0)])
     rig = (run.get("configuration") or {}).get("name", "unknown")
     rows += [["rig", str(rig)], ["seed", str(run.get("seed"))]]
     rows += [[name, str(version)] for name, version in (run.get("versions") or {}).items()]
@@ -85,12 +88,8 @@ def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
     return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
 
 
-def _title(row: dict, box: Transmission) -> str:
-    return box.way(row["from_gear"], row["to_gear"], " → ")
-
-
 def _number(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:.{digits}f}"
+    return "-" if value is None else f"{value * factor:z.{digits}f}"
 
 
 def markdown_table(rows: list[list[str]]) -> str:

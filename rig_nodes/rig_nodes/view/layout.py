@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 import uuid
 from dataclasses import dataclass
+from itertools import count
 from typing import TYPE_CHECKING
 
+from ..analysis.metrics import with_ends
 from ..catalogue import Signal
 from ..errors import RigError
-from ..transmission import Transmission
-from .pages import Pages
+from ..transmission import NEUTRAL, Transmission
+from .pages import Pages, Plots
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     import rerun as rr
     import rerun.blueprint as rrb
@@ -50,7 +52,7 @@ SHARED_AXIS = uuid.UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
 
 @dataclass(frozen=True)
 class Shift:
-    """A shift of a run.
+    """An order of a run and the time around it; a shift when it has a number.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class Shift:
     box : Transmission
         Its transmission.
     number : int
-        Its number among the orders of the run, from 1.
+        Its number among the shifts of the run, from 1, as in the report; 0 for an order that is no shift.
     """
 
     order: float
@@ -90,8 +92,8 @@ class Shift:
         return f"shift {self.number}: {self.way} at {self.order:.3f} s"
 
 
-def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) -> list[Shift]:
-    """Return the shifts of a run; the window of each ends before the next shift's.
+def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None, at_rest: Collection[float] = ()) -> list[Shift]:
+    """Return the orders of a run, those that are shifts with their numbers of the report; each window ends before the next order's.
 
     Parameters
     ----------
@@ -99,17 +101,21 @@ def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None) ->
         Time [s], gear before and gear after of every order.
     box : Transmission or None
         The transmission; None for a rig without gears.
+    at_rest : collection of float
+        Times of the orders at which the input shaft stood still [s]; a gear engaged from neutral there is no shift.
     """
-    shifts = []
+    found: list[Shift] = []
     if box is None:
-        return shifts
-    for i, (t, before, after) in enumerate(orders):
-        limit = orders[i + 1][0] - BEFORE if i + 1 < len(orders) else float("inf")
-        shifts.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE), box, i + 1))
-    return shifts
+        return found
+    numbers = count(1)
+    for (t, before, after), following in with_ends(orders):
+        limit = float("inf") if following is None else following - BEFORE
+        number = next(numbers) if after in box.ratios and not (before == NEUTRAL and t in at_rest) else 0
+        found.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE), box, number))
+    return found
 
 
-def room_for(labels: Iterable[str], columns: int) -> float:
+def room_for(labels: Iterable[str], columns: int, texts: float = TEXTS) -> float:
     """Return the share of a window that is to be shown after it, so that no legend with these labels covers a curve.
 
     Parameters
@@ -118,9 +124,11 @@ def room_for(labels: Iterable[str], columns: int) -> float:
         Names in the legends.
     columns : int
         Number of columns of plots in a picture.
+    texts : float
+        Share of the picture beside them.
     """
     legend = LETTER * max((len(label) for label in labels), default=0) + BESIDE
-    beside = column_width(columns) - NUMBERS - legend
+    beside = column_width(columns, texts) - NUMBERS - legend
     return min(legend / beside, MOST_ROOM) if beside > 0.0 else MOST_ROOM
 
 
@@ -128,6 +136,17 @@ def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
     """Return the window [s] with which plots open: a window and, after it, the share of it that the legends need."""
     start, end = window
     return start, max(end + room * (end - start), start + SHORTEST)
+
+
+def window_of(pages: Pages, present: Collection[str], span: tuple[float, float], plots: Plots | None = None) -> tuple[float, float]:
+    """Return the window [s] with which two columns of plots open: the span, and room for the legends of the signals present.
+
+    By default the plots are those of the tab of the run, which has texts beside them.
+    """
+    texts = TEXTS if plots is None else 0.0
+    plots = (*pages.run_left, *pages.run_right) if plots is None else plots
+    labels = [pages.label(name) for _, names in plots for name in names if name in present]
+    return with_room(span, room_for(labels, 2, texts))
 
 
 def height(low: float, high: float) -> tuple[float, float]:
@@ -186,9 +205,9 @@ def columns_of(shifts: list[Shift], wanted: Sequence[int] | str | None) -> list[
     return [[shifts[number - 1]] for number in wanted]
 
 
-def column_width(columns: int) -> float:
-    """Return the width of each of some columns of plots in a picture [px]."""
-    return WIDTH * (1.0 - TEXTS) / columns
+def column_width(columns: int, texts: float = TEXTS) -> float:
+    """Return the width of each of some columns of plots in a picture [px], with its share of texts beside them."""
+    return WIDTH * (1.0 - texts) / columns
 
 
 def entity(signal: Signal) -> str:
@@ -246,19 +265,17 @@ def blueprint(
     run, rest = _run_columns(pages, present, axis), _plots(pages, present, pages.other_plots, axis)
     if plates := [name for name, one in pages.plates.items() if one.heat in present]:
         run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
-    shown = rest if only == "other" else [view for column in run for view in column] + rest
+    more = {name: views for name, plots in pages.more_pages.items() if (views := _plots(pages, present, plots, axis))}
+    shown = more[only] if only in more else rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
-        labels = [pages.label(name) for _, names in (*pages.run_left, *pages.run_right) for name in names if name in present]
-        open_with(shown[0], with_room(span, room_for(labels, 2)))
+        open_with(shown[0], window_of(pages, present, span, pages.more_pages[only] if only in more else None))
     tabs = {}
     for one in close:
         axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))
         columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
         tabs[one.page.key] = _tab(one.page.name, columns)
     tabs["run"] = _tab("Run", run, "/run")
-    for name, plots in pages.more_pages.items():
-        if views := _plots(pages, present, plots, axis):
-            tabs[name] = rrb.Grid(*views, name=name)
+    tabs |= {name: rrb.Grid(*views, name=name) for name, views in more.items()}
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
     if own:

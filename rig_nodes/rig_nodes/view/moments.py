@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics
+from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, stands
 from ..analysis.phases import FILL, INERTIA, TORQUE, Part, moments_of, phases_of, times_of
 from ..bags import cdr
 from ..bags.reader import UNREADABLE
 from ..errors import RigError
+from ..transmission import NEUTRAL
 from . import layout
-from .curves import LOGGER_TOPIC, OWN_TOPIC, style, thinned, times
+from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
 from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots
 
 if TYPE_CHECKING:
@@ -40,8 +41,6 @@ FILLING, LOCKED = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0)
 PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INERTIA: ALARM}
 TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
 BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
-NO_TEXT = " "  # an empty one would be replaced by the state's value
-LETTER = 7.0  # px of a letter in a bar
 
 
 @dataclass(frozen=True)
@@ -237,9 +236,11 @@ class Reader:
                 found[name] = piece.series(signal)
         return {name: _between(t, values, start, end) for name, (t, values) in found.items()}
 
-    def recording(self, order: tuple[float, int, int]) -> Recording | None:
-        """Return the logger's rows around an order, for its metrics; None without them."""
-        piece = self._piece([LOGGER_TOPIC], order[0] - 2 * SPARE - layout.BEFORE, order[0] + LONGEST + SPARE)
+    def recording(
+        self, order: tuple[float, int, int], start: float = SPARE + layout.BEFORE, end: float = LONGEST
+    ) -> Recording | None:
+        """Return the logger's rows from ``start`` before an order to ``end`` behind it [s]; None without them."""
+        piece = self._piece([LOGGER_TOPIC], order[0] - start - SPARE, order[0] + end + SPARE)
         if not piece.counts.get(LOGGER_TOPIC):
             return None
         try:
@@ -247,6 +248,11 @@ class Reader:
             return Recording(logger.t0, logger.period, logger.channels, [order], self._pages.box)
         except (*UNREADABLE, RigError):
             return None
+
+    def engages_at_rest(self, order: tuple[float, int, int]) -> bool:
+        """Return True when the input shaft stands still at an order from neutral; False where the bag does not say so."""
+        recording = self.recording(order, 0.0, 0.0) if order[1] == NEUTRAL and self._pages.box is not None else None
+        return recording is not None and stands(recording, order[0])
 
     def pieces(self, start: float, end: float) -> Iterator[Bag]:
         """Yield the bag from ``start`` to ``end`` [s] piece by piece, with all topics."""
@@ -347,15 +353,9 @@ class MomentCurves:
                 if signal.states:
                     change = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
                     since = t[change] - moment.zero
-                    labels = [signal.states.get(int(value), str(int(value))) for value in values[change]]
                     lasts = np.diff(np.append(since, moment.end)) * width
-                    # a bar too short for its text has the same colour without it
-                    states = [one if px > LETTER * (len(one) + 1) else f"short {one}" for one, px in zip(labels, lasts)]
-                    known = {state: label for label in signal.states.values() for state in (label, f"short {label}")}
-                    colours = [self._pages.state_colour(name, label) for label in known.values()]
-                    texts = [NO_TEXT if state != label else label for state, label in known.items()]
-                    look = rr.StateConfiguration(values=list(known), labels=texts, colors=colours)
-                    rec.log(place, look, static=True)
+                    states = [state_of(signal, value, px) for value, px in zip(values[change], lasts)]
+                    log_state_styles(rr, rec, self._pages, signal, place)
                     self._send_states(rr, rec, place, since, states, moment.end)
                 else:
                     rec.log(place, style(rr, self._pages, signal), static=True)
@@ -376,10 +376,10 @@ class MomentCurves:
         looks: dict[str, tuple[str, tuple[int, ...]]] = {}
         at, states, beside = [], [], []
         for n, (part, colour) in enumerate(bars):
-            fits = (part.end - part.start) * width > LETTER * (len(part.name) + 1)
+            inside = fits(part.name, (part.end - part.start) * width)
             state = f"{n + 1}"
-            looks[state] = (part.name if fits else NO_TEXT, (*colour, 255))
-            beside += [] if fits else [part.name]
+            looks[state] = (part.name if inside else NO_TEXT, (*colour, 255))
+            beside += [] if inside else [part.name]
             at.append(part.start)
             states.append(state)
             following = bars[n + 1][0].start if n + 1 < len(bars) else None

@@ -20,7 +20,7 @@ from ..analysis.report import columns_of, shown_transmission, verdicts_in
 from ..analysis.results import ENDS, Result, name_and_unit, number, results_of
 from ..transmission import Transmission
 from .html_page import Cell, page, table
-from .report_plots import MOST_SHIFTS, Plots
+from .report_plots import MOST_SHIFTS, Plots, heading_of
 
 ABREAST = 4  # shifts side by side in a table
 MOST_IN_TABLES = 24  # shifts whose metrics are on the page
@@ -124,10 +124,10 @@ def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[s
     if isinstance(end, Mapping) and end.get("state") not in (None, "ended"):
         said.append(f"The run did not end as planned: {end.get('reason') or 'the reason is unknown'}.")
     said += run.get("problems", [])
-    for row, verdict in zip(report["shifts"], verdicts_in(report)):
-        name = _shift(row, box) if box else ""
-        said += [f"{name} is {sentence_of(verdict)}."] if _bad(verdict) else []
-        said += [f"{name} is not valid: {reason}." for reason in row["why"]]
+    for place, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
+        name = heading_of(place, row, box) if box else ""
+        said += [f"{name}, is {sentence_of(verdict)}."] if _bad(verdict) else []
+        said += [f"{name}, is not valid: {reason}." for reason in row["why"]]
     return _section("Warnings", [_words(dict.fromkeys(said), "warn")])
 
 
@@ -180,10 +180,6 @@ def _limits(verdicts: Sequence[Mapping]) -> list[str]:
 # ---- results
 
 
-def _shift(row: Mapping, box: Transmission) -> str:
-    return f"{box.way(row['from_gear'], row['to_gear'], ' → ')} at {row['t_order_s']:.2f} s"
-
-
 def _shifts(report: Mapping, box: Transmission) -> list[str]:
     rows, verdicts, parts = report["shifts"], verdicts_in(report), []
     by_place = _by_shift(results_of(report), len(rows), len(columns_of(box)))
@@ -199,10 +195,14 @@ def _shifts(report: Mapping, box: Transmission) -> list[str]:
         lines.append(["valid", *(("yes", "") if rows[i]["valid"] else ("no", "failed") for i in part)])
         grades = [(verdicts[i] or {}).get("grade") or "-" for i in part]
         lines.append(["quality", *((grade, grade if grade in GRADES else "") for grade in grades)])
-        parts.append(table(["metric", *(_shift(rows[i], box) for i in part)], lines))
+        parts.append(table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], lines))
     if len(rows) > MOST_IN_TABLES:
         parts.append(_words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note"))
-    told = [f"{_shift(row, box)} is {said}." for row, one in zip(rows, verdicts) if not _bad(one) and (said := sentence_of(one))]
+    told = [
+        f"{heading_of(place, row, box)}, is {said}."
+        for place, (row, one) in enumerate(zip(rows, verdicts), 1)
+        if not _bad(one) and (said := sentence_of(one))
+    ]
     if rows:
         told.append("Beside each value: its largest measuring error, where it is known, and the verdict on a limit.")
     return _section("Shifts", [*parts, _words(told, "note")])
@@ -222,14 +222,10 @@ def _cell(result: Result, judged: Mapping[tuple[str, str], str]) -> Cell:
 def _measured(report: Mapping, box: Transmission) -> list[str]:
     if "measured" not in report:
         return []
-    results = [one for one in results_of(report) if not any(one.place == _plain_shift(row, box) for row in report["shifts"])]
+    results = results_of(report)[len(report["shifts"]) * len(columns_of(box)) :]
     rows = [[f"{one.name}\n{one.place}", one.text, "" if one.unit == "-" else one.unit] for one in results if one.value is not None]
     lines = measured_lines(report["measured"], box)
     return _section("What was measured", [table(["result", "value", "unit"], rows) if rows else "", _words(lines, "note")])
-
-
-def _plain_shift(row: Mapping, box: Transmission) -> str:
-    return f"{box.way(row['from_gear'], row['to_gear'])} at {row['t_order_s']:.2f} s"
 
 
 def _bench(report: Mapping) -> list[str]:
@@ -241,7 +237,7 @@ def _bench(report: Mapping) -> list[str]:
     tests = report["bench"].get("slip_tests")
     parts = [table(["result", "value", "unit"], rows) if rows else "", _lines(bench_lines(report["bench"])) if tests else ""]
     numbers = [
-        [row["signal"], *(f"{row[key]:.4g}" for key in ("lowest", "mean", "highest")), row["unit"]]
+        [row["signal"], *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest")), row["unit"]]
         for row in report.get("signals", [])
     ]
     ranges = table(["signal", "lowest", "mean", "highest", "unit"], numbers) if numbers else ""
@@ -266,21 +262,22 @@ def _plots(plots: Plots) -> list[str]:
 def _energy(report: Mapping, box: Transmission | None) -> list[str]:
     if box is None:
         rows = [
-            [row["signal"], f"{row['last']:.6g}", row["unit"]] for row in report.get("signals", []) if row["quantity"] == "energy"
+            [row["signal"], f"{row['last']:z.6g}", row["unit"]] for row in report.get("signals", []) if row["quantity"] == "energy"
         ]
         return _section("Energy", [table(["at the end of the run", "value", "unit"], rows) if rows else ""])
     accounts = [("run", report["energy"]["run"])]
-    accounts += [(_shift(row, box), account) for row, account in zip(report["shifts"][:MOST_IN_TABLES], report["energy"]["shifts"])]
+    shifts = zip(report["shifts"][:MOST_IN_TABLES], report["energy"]["shifts"])
+    accounts += [(heading_of(place, row, box), account) for place, (row, account) in enumerate(shifts, 1)]
     accounts = [(name, account) for name, account in accounts if account]
     parts = []
     for first in range(0, len(accounts), ABREAST):
         part = accounts[first : first + ABREAST]
         rows = [
-            [f"{text} [J]", *("-" if one[f"{name}_j"] is None else f"{one[f'{name}_j']:.0f}" for _, one in part)]
+            [f"{text} [J]", *("-" if one[f"{name}_j"] is None else f"{one[f'{name}_j']:z.0f}" for _, one in part)]
             for name, text in energy_names(box).items()
             if any(one.get(f"{name}_j") is not None for _, one in part)
         ]
-        rows.append(["unaccounted [J]", *(f"{one['residual_j']:.2f}" for _, one in part)])
+        rows.append(["unaccounted [J]", *(f"{one['residual_j']:z.2f}" for _, one in part)])
         parts.append(table(["energy", *(name for name, _ in part)], rows))
     return _section("Energy", parts)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..analysis.phases import FILL, INERTIA, TORQUE, moments_of, phases_of, times_of
 from ..analysis.ranges import LOGGER
+from ..analysis.report import shift_name
 from ..bags.reader import Bag
 from ..errors import RigError
 from .html_page import COLOURS, Axis, Curve, Envelope, Stretch, captioned, legend, on_white
@@ -23,6 +24,7 @@ from .pages import OTHER, PALE, Pages
 
 if TYPE_CHECKING:
     from ..catalogue import Signal
+    from ..transmission import Transmission
 
 MOST_SHIFTS = 12  # whose plots are on a page
 BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order and after the settled torque; after the order without an end
@@ -113,7 +115,7 @@ class Plots:
         bars += [Stretch(one.name, one.start, one.end, TIME, f"{one.name} {1e3 * one.length:.0f} ms") for one in times_of(row)]
         plots = self._plots(axis, self._pages.shift_plots, number, every=len(self._pages.shift_plots))
         box = self._pages.box
-        title = f"{box.way(row['from_gear'], row['to_gear'], ' → ')} at {row['t_order_s']:.2f} s" if box else ""
+        title = heading_of(number + 1, row, box) if box else ""
         return f"<figure><h3>{escape(title)}</h3>{axis.bars(bars) if bars else ''}{plots}</figure>" if plots else ""
 
     def run_figure(self) -> str:
@@ -145,6 +147,12 @@ class Plots:
             used.add((colour, dashed))
             curves.append(Curve(name, colour, self._envelopes[number, name], dashed))
         return sorted(curves, key=lambda one: not one.dashed)
+
+
+def heading_of(number: int, row: Mapping, box: Transmission) -> str:
+    """Return the name of a shift as a heading, e.g. ``Shift 1, I → II at 3.85 s``."""
+    name = shift_name(number, row, box, " → ")
+    return name[0].upper() + name[1:]
 
 
 def _window(row: Mapping, whole: tuple[float, float], next_order: float) -> tuple[float, float]:

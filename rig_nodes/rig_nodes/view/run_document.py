@@ -85,4 +85,4 @@ def _energy(report: Mapping) -> list[list[str]]:
     account = (report.get("energy") or {}).get("run") or {}
     names = energy_names(shown_transmission(report)) | {"residual": "unaccounted"}
     found = [(text, account.get(f"{name}_j")) for name, text in names.items()]
-    return [[text, f"{1e-3 * value:.3f}"] for text, value in found if value is not None]
+    return [[text, f"{1e-3 * value:z.3f}"] for text, value in found if value is not None]

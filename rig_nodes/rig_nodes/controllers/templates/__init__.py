@@ -21,7 +21,7 @@ INCLUDE, EXAMPLES = HERE.parent / "include", HERE.parent / "examples"
 
 
 class Kind(NamedTuple):
-    """files: from elsewhere, by the name that they get; commands: what to do next, with {dir} for the folder.
+    """files: from elsewhere, by the name that they get; commands: what to do next, in order, with {dir} for the folder.
 
     record: with rig_record.h of the rig.
     """
@@ -32,17 +32,22 @@ class Kind(NamedTuple):
     record: bool = False
 
 
+def tries(controller: str) -> tuple[str, str]:
+    """Return the commands with which a controller is checked and then run."""
+    return f"./rig controller check {controller}", f"./rig simulate demo --controller {controller}"
+
+
 END = "kill %%  # ends the program in the background, which goes on from run to run"
 LAW = {"my_law.py": HERE / "law_python" / "my_law.py"}
 HEADER = {"rig_controller.h": INCLUDE / "rig_controller.h"}
 KINDS = {
-    "python": Kind("python", {}, ("./rig simulate demo --controller python:{dir}/my_controller.py:MyController",)),
-    "c": Kind("c", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.c",), record=True),
-    "cpp": Kind("cpp", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.cpp",), record=True),
+    "python": Kind("python", {}, tries("python:{dir}/my_controller.py:MyController")),
+    "c": Kind("c", HEADER, tries("c:{dir}/my_controller.c"), record=True),
+    "cpp": Kind("cpp", HEADER, tries("c:{dir}/my_controller.cpp"), record=True),
     "simulink": Kind(
         "simulink",
         HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h", "rtwtypes.h": EXAMPLES / "simulink" / "rtwtypes.h"},
-        ("./rig simulate demo --controller simulink:{dir}",),
+        tries("simulink:{dir}"),
         record=True,
     ),
     "udp-c": Kind(
@@ -51,7 +56,7 @@ KINDS = {
         (
             "cc -std=gnu99 -O2 -ffp-contract=off -o {dir}/my_controller {dir}/main.c {dir}/my_controller.c -lm",
             "{dir}/my_controller &",
-            "./rig simulate demo --controller udp:9002 --level current",
+            *tries("udp:9002 --level current"),
             END,
         ),
         record=True,
@@ -59,15 +64,12 @@ KINDS = {
     "udp-python": Kind(
         "udp_python",
         LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"},
-        ("python3 {dir}/my_controller.py &", "./rig simulate demo --controller udp:9002 --level current", END),
+        ("python3 {dir}/my_controller.py &", *tries("udp:9002 --level current"), END),
     ),
     "fmu": Kind(
         "c",
         HEADER,
-        (
-            "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
-            "./rig simulate demo --controller fmu:{dir}/my_controller.fmu",
-        ),
+        ("./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu", *tries("fmu:{dir}/my_controller.fmu")),
         record=True,
     ),
     "can": Kind(
@@ -76,15 +78,15 @@ KINDS = {
         (
             "./rig export dbc -o {dir}/rig.dbc",
             ".venv/bin/python {dir}/my_tcu.py &",
-            "./rig simulate demo --controller 'can:239.74.163.2?interface=udp_multicast'",
+            *tries("'can:239.74.163.2?interface=udp_multicast'"),
             END,
         ),
     ),
-    "modbus": Kind("modbus", {}, (".venv/bin/python {dir}/my_plc.py &", "./rig simulate demo --controller modbus:5020", END)),
+    "modbus": Kind("modbus", {}, (".venv/bin/python {dir}/my_plc.py &", *tries("modbus:5020"), END)),
     "ros-python": Kind(
         "ros_python",
         LAW | {"rig_ros.py": HERE.parent / "ros_node.py"},
-        (".venv/bin/python {dir}/my_controller.py &", "./rig simulate demo --controller ros: --level current", END),
+        (".venv/bin/python {dir}/my_controller.py &", *tries("ros: --level current"), END),
     ),
     "ros-cpp": Kind(
         "ros_cpp",
@@ -92,10 +94,10 @@ KINDS = {
         | {name: INCLUDE / name for name in ("rig_ros.hpp", "rig_ros_box.hpp")}
         | {"my_controller.cpp": HERE / "cpp" / "my_controller.cpp"},
         (
-            "./rig simulate demo --controller c:{dir}/my_controller.cpp",
+            *tries("c:{dir}/my_controller.cpp"),
             "colcon build --base-paths msgs {dir} && . install/setup.sh",
             "ros2 run my_controller my_controller &",
-            "./rig simulate demo --controller ros: --level current",
+            *tries("ros: --level current"),
             END,
         ),
         record=True,

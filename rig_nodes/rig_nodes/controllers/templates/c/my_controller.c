@@ -13,7 +13,7 @@
 #include "rig_record.h"
 
 static const double FILL = 0.30, PLATEAU = 0.22, SLOPE = 1.2, HELD = 0.74; /* s, A, A/s, A */
-static const double OVERLAP = 0.25, RELEASE = 0.13; /* s during which both clutches are on; A of the old one after that */
+static const double OVERLAP = 0.35, RELEASE = 0.13; /* s during which both clutches are on; A of the old one after that */
 
 static uint32_t gear, old;
 static double since;

@@ -17,7 +17,7 @@ import cantools
 from rig_nodes.controllers.can_loopback import LoopbackBus
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
-OVERLAP, RELEASE = 0.25, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
+OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
 
 DBC = Path(__file__).with_name("rig.dbc")
 if not DBC.is_file():

@@ -34,7 +34,7 @@ class MyController {
 
  private:
   static constexpr double kFill = 0.30, kPlateau = 0.22, kSlope = 1.2;  // s, A, A/s
-  static constexpr double kOverlap = 0.25, kRelease = 0.13;             // s during which both are on; A of the old one after that
+  static constexpr double kOverlap = 0.35, kRelease = 0.13;             // s during which both are on; A of the old one after that
   double held_;                                                         // A
   uint32_t gear_ = 0, old_ = 0;
   double since_ = -10.0;  // no shift is running

@@ -9,7 +9,7 @@ The old clutch is held until the new one is filled, then let go; the new one get
 from types import SimpleNamespace
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 0.22, 1.2, 0.74  # s, A, A/s, A
-OVERLAP, RELEASE = 0.25, 0.13  # s in which both clutches are on; A of the old one while the new one takes over
+OVERLAP, RELEASE = 0.35, 0.13  # s in which both clutches are on; A of the old one while the new one takes over
 
 
 class MyController:

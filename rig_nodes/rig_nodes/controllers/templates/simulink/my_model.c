@@ -32,8 +32,8 @@ void my_model_step(void) {
     since = rtU.time;
   }
   elapsed = rtU.time - since;
-  if (old > 0U && elapsed < 0.45) {
-    wanted[old - 1] = elapsed < 0.25 ? 0.74 : 0.13;
+  if (old > 0U && elapsed < 0.55) {
+    wanted[old - 1] = elapsed < 0.35 ? 0.74 : 0.13;
   }
   if (rtY.gear > 0U) {
     wanted[rtY.gear - 1] = elapsed < 0.3 ? 0.22 : 0.22 + 1.2 * (elapsed - 0.3);
