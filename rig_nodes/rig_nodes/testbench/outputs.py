@@ -11,7 +11,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from itertools import repeat
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from ..bags.cdr import encoder
 from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
@@ -21,9 +23,6 @@ from ..description.signals import CONTROLLER_COMMAND
 from .cuts import topic_of
 from .rig import Rig
 from .topics import SCALAR_SAMPLES, Heard, States
-
-if TYPE_CHECKING:
-    import numpy as np
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 ROWS_PER_TICK = 50
@@ -118,7 +117,7 @@ class Outputs:
             yield from self._measured(now, row)
             for topic, mirror, values in self._mirrors:
                 self.counts[topic] = self.counts.get(topic, 0) + 1
-                numbers = values(row[None], self.states.angles[None], rig.gauges.effective)[0]
+                numbers = values(row[None], np.array([self.states.angles]), rig.gauges.effective)[0]
                 yield topic, now, mirror.encode(now, *numbers.tolist())
 
     def _once(self) -> Iterator[tuple[str, int, bytes]]:

@@ -165,7 +165,8 @@ class ShownState(ABC):
 
     def oil_drawn(self, name: str) -> Any:
         """Return the flow that the valves now take from an oil supply [m3/s]."""
-        return np.maximum(_sum([self.device(valve)["flow"] for valve in self.facts.drawing[name]]), 0.0) + 0.0  # and never -0.0
+        flow = _sum([self.device(valve)["flow"] for valve in self.facts.drawing[name]])
+        return 0.5 * (flow + abs(flow))  # 0 where it flows back
 
     def locked_gear(self) -> Any:
         """Return the number of the gear whose clutches are locked.

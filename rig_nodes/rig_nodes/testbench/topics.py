@@ -140,7 +140,8 @@ class States:
         self.measured = measured_columns(rig)
         self._columns = {name: column for column, name in enumerate(rig.channels)}
         self._ends = _ends(rig)
-        self.angles = np.zeros(len(self._ends))  # of input and output since time 0 [rad]
+        self._speeds = [self._columns[end.speed] for end in self._ends]
+        self.angles = [0.0] * len(self._ends)  # of input and output since time 0 [rad]
         self.topics = state_fields(rig, lambda: self.overruns)
         self._torques = None
         if TORQUES in rig.config.structure.signals:
@@ -172,10 +173,11 @@ class States:
         (ticks, shafts) array of float
             The angles after each tick [rad].
         """
-        gained = ROW * rows[:, :, [self._columns[end.speed] for end in self._ends]].cumsum(axis=1)[:, -1]
-        turned = np.vstack([self.angles, gained]).cumsum(axis=0)[1:]
-        self.angles = turned[-1]
-        return turned
+        turned = []
+        for gained in (ROW * rows[:, :, self._speeds].cumsum(axis=1)[:, -1]).tolist():
+            self.angles = [angle + gain for angle, gain in zip(self.angles, gained)]
+            turned.append(self.angles)
+        return np.array(turned)
 
     def each_sample(self) -> list[tuple]:
         """Return each topic that is sent with every sample, with its fields: what a controller measures, if the rig has one."""
@@ -210,7 +212,9 @@ class States:
             )
 
             def values(rows: Floats, _angles: Floats, noise: Callable[[str], float]) -> Floats:
-                return np.column_stack([rows[:, column] + ATMOSPHERE, np.full(len(rows), noise(name) ** 2)])
+                out = np.empty((len(rows), 2))
+                out[:, 0], out[:, 1] = rows[:, column] + ATMOSPHERE, noise(name) ** 2
+                return out
 
             return form, values
 
@@ -228,7 +232,7 @@ class States:
         )
         columns = [self._columns[name] for name in (*(end.speed for end in self._ends), *(end.torque for end in self._ends))]
         return [
-            ("/instruments/joint_states", joints, lambda rows, angles, _noise: np.column_stack([angles, rows[:, columns]])),
+            ("/instruments/joint_states", joints, lambda rows, angles, _noise: np.concatenate([angles, rows[:, columns]], axis=1)),
             *((f"/instruments/{one.name}_absolute", *absolute(one.at, one.name)) for one in absolute_pressures(structure)),
         ]
 
