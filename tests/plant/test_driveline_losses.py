@@ -9,7 +9,7 @@ from numba import njit
 
 from rig_nodes.engine.world import Sizes, driveline_dtype
 from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, OPEN, VISC
+from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, LOCKED_HIGH, N_CAPPED, OPEN, VISC
 from rig_nodes.plant.driveline_calls import ARGUMENTS
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_losses import BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width
@@ -151,3 +151,33 @@ def test_the_short_way_of_a_quiet_step_is_the_whole_one():
     for name in ("v", "twist", "el", "shaft", "e_in"):
         assert one[0][name] == pytest.approx(other[0][name], rel=1e-10, abs=1e-10), name
     assert np.array_equal(one[0]["mode"], other[0]["mode"])
+
+
+def test_the_short_way_holds_a_shaft_whose_brakes_share_a_load_above_the_limit_of_one():
+    """Two brakes on a shaft and one behind a gear of 2, limits 4, 30 and 5 Nm, under a load that swings: both ways alike."""
+    d = Driveline()
+    d.inertia("shaft", 0.4)
+    d.inertia("wheel", 0.3)
+    d.gear("shaft", "wheel", 2.0)
+    for name, body in (("weak", "shaft"), ("strong", "shaft"), ("geared", "wheel")):
+        d.brake(name, body)
+    system = d.build()
+    one, other = record_of(system), record_of(system)
+    shared = 0
+    for lines in (one, other):
+        for f, limit in enumerate((4.0, 30.0, 5.0)):
+            close(lines[0], f, limit)
+    for i in range(400):
+        for lines in (one, other):
+            lines[0]["q"][:] = 20.0 * np.outer(np.sin(0.02 * np.array([i, i + 1])), system.bodies_from_speeds[0])
+        if _quiet(STEP_S, one):
+            shared += bool((abs(one[0]["mode"]) == LOCKED_HIGH).any())
+        else:
+            step(one, i * STEP_S)
+        step(other, i * STEP_S)
+        assert np.array_equal(one[0]["mode"], other[0]["mode"])
+        assert one[0]["el"] == pytest.approx(other[0]["el"], rel=1e-12, abs=1e-12)
+        weak, strong, geared = one[0]["el"][LAM]
+        assert weak + strong + 0.5 * geared == pytest.approx(20.0 * np.sin(0.02 * (i + 1)), abs=1e-12)
+        assert abs(weak) < 4.0 + 1e-12 and (abs(strong) == pytest.approx(abs(weak)) or abs(weak) > 3.9)
+    assert shared > 250 and not one[0]["v"].any()

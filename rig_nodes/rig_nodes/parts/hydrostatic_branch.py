@@ -98,7 +98,9 @@ def line_pressures(
     across, out = 1.0 / branch.leak_across, 1.0 / branch.leak_out
     relief, check, flush = 1.0 / branch.relief_droop, 1.0 / branch.boost_resistance, 1.0 / branch.flushing_resistance
     a, b = high, low
-    feed_a = feed_b = over = 0
+    # check and relief valves are likely to stay as they are
+    feed_a, feed_b = int(a < boost), int(b < boost)
+    over = 1 if a - b > branch.relief_pressure else -1 if b - a > branch.relief_pressure else 0
     flushed = 0
     for _ in range(ROUNDS):
         # rows of the equations of both lines: (aa, ab | ra), (ab, bb | rb)
@@ -158,9 +160,10 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     mean_high, mean_low = 0.5 * (high + me.high), 0.5 * (low + me.low)
     between = mean_high - mean_low
     steady = abs(between) * my.friction_share
-    rubs_pump = (my.friction + steady * abs(volume_pump)) * tanh(pump / TURNS) + my.friction_speed * pump
+    pump_turns = tanh(pump / TURNS)
+    rubs_pump = (my.friction + steady * abs(volume_pump)) * pump_turns + my.friction_speed * pump
     rubs_motor = (my.friction + steady * abs(volume_motor)) * tanh(motor / TURNS) + my.friction_speed * motor
-    boosts = my.boost_displacement * boost * tanh(pump / TURNS)
+    boosts = my.boost_displacement * boost * pump_turns
     me.torque_pump = volume_pump * between + rubs_pump + boosts
     me.torque_motor = volume_motor * between - rubs_motor
     line.push[0, my.driving] -= me.torque_pump

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numba.core.typing import BaseContext as TypingContext
     from numba.core.typing import Signature
 
-    from rig_nodes.arrays import Floats
+    from rig_nodes.arrays import Floats, Ints
 
 # Modes of a friction element. LOCKED_* carry their stick limit while other locked elements hold them
 # (statically indeterminate share); they stand still like STUCK. abs(mode) >= 2 means no slip.
@@ -41,6 +41,7 @@ N_EVENTS, N_CAPPED = 0, 1
 
 RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
 UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
+CLEAR = 1e-9  # share of a torque by which an element at its limit must be overloaded for its mode to be certain
 HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
 WEAK = 1e10 * HELD  # below this an element has no free speed that it could hold
 REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
@@ -184,6 +185,30 @@ def has_capacity(cap: Floats, f: int) -> bool:
     return (
         cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0 or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0
     )
+
+
+@njit(**INLINED)
+def if_stuck(f: int, state: Ints | Floats, first: int, torque: Floats, begin: int, w: Floats, orr: int, work: Floats) -> float:
+    """Return the torque [Nm] that a locked element f, which bears its limit, would bear if it stuck like those that hold it.
+
+    Stuck elements share a torque by least norm, as R has it. The modes stand in ``state`` from ``first`` on, the torques of the
+    stuck elements in ``torque`` from ``begin`` on, and R in the work buffer at ``orr``.
+    """
+    m, n = w.shape
+    total = 0.0
+    for other in range(m):
+        if state[first + other] == STUCK:
+            along = 0.0
+            for j in range(n):
+                along += work[orr + other * n + j] * w[f, j]
+            total += along * torque[begin + other]
+    return total
+
+
+@njit(**INLINED)
+def beyond(limit: float, mode: float, torque: float) -> float:
+    """Return how far a torque is beyond the limit that a locked element of this mode bears, less what makes it certain [Nm]."""
+    return (torque - limit if mode == LOCKED_HIGH else limit - torque) - CLEAR * (1.0 + abs(torque))
 
 
 @njit(**INNER)

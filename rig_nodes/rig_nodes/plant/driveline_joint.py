@@ -32,7 +32,9 @@ from rig_nodes.plant.driveline_algebra import (
     RANK,
     STUCK,
     VISC,
+    beyond,
     high,
+    if_stuck,
     lin,
     low,
     noinline,
@@ -95,6 +97,18 @@ def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
 
 
 @njit(**INNER)
+def hold(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
+    """Call `project` for the set of stuck elements at ost, unless P and R are those of this set already."""
+    pattern, bit = 1.0, 1.0
+    for f in range(w.shape[0]):
+        if work[ost + f] == STUCK:
+            pattern += bit
+        bit *= 2.0
+    if work[0] != pattern:
+        project(minv, w, ost, work)
+
+
+@njit(**INNER)
 def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None:
     """Count as heat the energy that is lost where stuck elements remove more slip than rounding, after a capped step.
 
@@ -142,6 +156,9 @@ def resolve(
     a box-constrained convex problem). After 3 m pivots the lowest index goes first (Murty's rule, which cannot cycle); after 12 m
     the last set is kept and the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
     slipping. Losses that grow with a torque are solved again for every set that is tried.
+
+    Where nothing has happened but that an element bears its limit, the present modes are tried before all others: they stay when
+    all that stick are within their limits and that element would be beyond its own if it stuck.
     """
     noinline()
     n = minv.shape[0]
@@ -149,7 +166,7 @@ def resolve(
     s = sh.shape[0]
     losses = loss.shape[0]
     at = places(n, m, s, losses)
-    op, orr, of, oa, ost, ocand, oforce, oonce, oslip, oy, os, orow = (
+    op, orr, of, oa, ost, ocand, oforce, oonce, oslip, ol0, oy, os, orow = (
         at.p,
         at.r,
         at.force,
@@ -159,16 +176,21 @@ def resolve(
         at.side,
         at.once,
         at.slip,
+        at.torque0,
         at.given,
         at.fall,
         at.row,
     )
+    kept = True  # whether the present modes are tried first
+    for f in range(m):
+        if work[ocand + f] != 0.0 and (abs(mode[f]) < 2 or work[oforce + f] != 0.0):
+            kept = False
     for f in range(m):
         work[oonce + f] = 0.0
-        work[ost + f] = STUCK if work[ocand + f] != 0.0 else mode[f]
+        work[ost + f] = STUCK if work[ocand + f] != 0.0 and not kept else mode[f]
     done = False
     for it in range(12 * m + 4):
-        project(minv, w, ost, work)
+        hold(minv, w, ost, work)
         changed = False
         for f in range(m):
             # a held element whose holders have released it slips in the direction in which it was loaded
@@ -257,6 +279,7 @@ def resolve(
                 total = 0.0
                 for j in range(n):
                     total += work[orr + f * n + j] * work[of + j]
+                work[ol0 + f] = total
                 hi = high(cap, f, x)
                 lo = low(cap, f, x)
                 if work[oonce + f] != 0.0:
@@ -294,6 +317,19 @@ def resolve(
                 if against > 1e-11 * (1.0 + size) and (back < 0 or (not least and against > back_by)):
                     back = f
                     back_by = against
+        if kept:
+            kept = False
+            certain = worst < 0 and not changed
+            for f in range(m):
+                state = work[ost + f]
+                if work[ocand + f] != 0.0 and abs(state) == 3.0:
+                    limit = high(cap, f, x) if state > 0.0 else low(cap, f, x)
+                    certain &= beyond(limit, state, if_stuck(f, work, ost, work, ol0, w, orr, work)) > 0.0
+            if not certain:
+                for f in range(m):
+                    if work[ocand + f] != 0.0:
+                        work[ost + f] = STUCK
+                continue
         if least and worst >= 0 and back >= 0:
             if back < worst:
                 worst = -1
@@ -302,7 +338,7 @@ def resolve(
         if worst >= 0:
             work[ost + worst] = worst_dir
             work[oonce + worst] = 1.0
-            project(minv, w, ost, work)
+            hold(minv, w, ost, work)
             if dependent(worst, w, minv, work, op):
                 work[ost + worst] = 3.0 * worst_dir
         elif back >= 0:
@@ -311,7 +347,7 @@ def resolve(
             done = True
             break
     if not done:
-        project(minv, w, ost, work)
+        hold(minv, w, ost, work)
         for f in range(m):
             if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
                 work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from numba import njit
 
+from rig_nodes.compiled import INLINED
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD,
     E_FRIC,
@@ -26,11 +27,15 @@ from rig_nodes.plant.driveline_algebra import (
     LAM,
     LO0,
     LO1,
+    LOCKED_HIGH,
+    LOCKED_LOW,
     OPEN,
     STUCK,
     TAU,
     VISC,
+    beyond,
     has_capacity,
+    if_stuck,
     implicit,
     places,
     stale,
@@ -39,7 +44,34 @@ from rig_nodes.plant.driveline_losses import BEFORE, FORETOLD, LAST, NEXT, WAY, 
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
 
 if TYPE_CHECKING:
-    from rig_nodes.arrays import Record
+    from rig_nodes.arrays import Floats, Ints, Record
+
+NEAR = 1e-9  # Nm, as FORETOLD, where stuck elements share a torque: how they do depends on the loss itself
+
+
+@njit(**INLINED)
+def borne(cap: Floats, f: int, mode: int, end: int) -> float:
+    """Return the torque of an element at one end (0 or 1) of a step, by its limits; 0 where it is open or sticks."""
+    if mode == FORWARD or mode == BACKWARD:
+        return mode * cap[KIN0 + end, f]
+    if mode == LOCKED_HIGH:
+        return max(cap[HI0 + end, f], cap[KIN0 + end, f])
+    if mode == LOCKED_LOW:
+        return min(cap[LO0 + end, f], -cap[KIN0 + end, f])
+    return 0.0
+
+
+@njit(**INLINED)
+def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int, v: Floats) -> tuple[float, ...]:
+    """Return the speeds without the slip that rounding leaves to stuck elements, which would creep over millions of steps.
+
+    R, the torques of the stuck elements by the forces, stands at orr of the work buffer; v tells the number of speeds.
+    """
+    kept = speed
+    for f in range(mode.shape[0]):
+        if mode[f] == STUCK:
+            kept = add(kept, -dot(vector(w, f * v.shape[0], v), speed), vector(work, orr + f * v.shape[0], v))
+    return kept
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -48,7 +80,8 @@ def quiet_step(h: float, line: Record) -> bool:
 
     Returns True when the step is done. Returns False when something may happen: a change of mode, a root, a limit, another set of
     stuck elements than in the last step, or a loss by torque that does not continue its course. Then nothing has changed, and
-    `driveline_step` has to be called; it solves the losses that are predicted here.
+    `driveline_step` has to be called; it solves the losses that are predicted here. Where stuck elements share a torque with one
+    that bears its limit, as brakes of a shaft at rest do, this one keeps its mode if it would be beyond its limit by sticking too.
 
     The compiler knows the sizes of the driveline from the type of the record, and which elements the losses own.
     """
@@ -61,7 +94,6 @@ def quiet_step(h: float, line: Record) -> bool:
     slip0, slip1, torque0, torque1, rate = room(mode), room(mode), room(mode), room(mode), room(twist)
     speed = vector(v, 0, v)
     force = vector(q, 0, v)
-    change = add(vector(q, n, v), -1.0, force)
     foretell_losses(loss)
     for k in range(loss.shape[0]):
         put_foretold(loss, cap, own[k], k)
@@ -75,6 +107,7 @@ def quiet_step(h: float, line: Record) -> bool:
         force = add(force, -(kc[0, a] * twist[a] + kc[1, a] * rate[a]), along)
     pattern = 1.0
     bit = 1.0
+    shared = False  # whether stuck elements hold one that bears its limit
     for f in range(m):
         mo = mode[f]
         along = vector(w, f * n, v)
@@ -82,12 +115,14 @@ def quiet_step(h: float, line: Record) -> bool:
         if has_capacity(cap, f):
             if mo == STUCK:
                 pattern += bit
+            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
+                shared = True
             elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
                 return False
         elif mo != OPEN:
             return False
         bit *= 2.0
-        torque = mo * cap[KIN0, f] if mo == FORWARD or mo == BACKWARD else 0.0
+        torque = borne(cap, f, mo, 0)
         slip0[f] = slip
         torque0[f] = torque
         force = add(force, -(torque + cap[VISC, f] * slip), along)
@@ -98,13 +133,20 @@ def quiet_step(h: float, line: Record) -> bool:
     # acceleration at the start, without what is implicit
     accel = product(work, op, force)
     for f in range(m):
-        mo = mode[f]
-        if mo == STUCK:
+        if mode[f] == STUCK:
             torque0[f] = dot(vector(work, orr + f * n, v), force)
-        else:
-            torque = mo * cap[KIN1, f] if mo != OPEN else 0.0
-            torque1[f] = torque
-            change = add(change, torque0[f] - torque, vector(w, f * n, v))
+    if shared:
+        for f in range(m):
+            if mode[f] == LOCKED_HIGH or mode[f] == LOCKED_LOW:
+                over = beyond(torque0[f], mode[f], if_stuck(f, mode, int(0), torque0, int(0), w, orr, work))
+                if not over > 0.0:
+                    return False
+        speed = held(speed, mode, w, work, orr, v)  # as where such modes are decided
+    change = add(vector(q, n, v), -1.0, vector(q, 0, v))
+    for f in range(m):
+        if mode[f] != STUCK:
+            torque1[f] = borne(cap, f, mode[f], 1)
+            change = add(change, torque0[f] - torque1[f], vector(w, f * n, v))
     for a in range(s):
         change = add(change, -kc[0, a] * h * rate[a], vector(sh, a * n, v))
     dv = scaled(h, product(work, oh, add(force, 0.5, change)))
@@ -127,12 +169,13 @@ def quiet_step(h: float, line: Record) -> bool:
                 return False
             if l1 - min(cap[LO1, f], -cap[KIN1, f]) < -lim or l0 - min(cap[LO0, f], -cap[KIN0, f]) < -4.0 * lim:
                 return False
-        elif mo != OPEN:
+        elif mo == FORWARD or mo == BACKWARD:
             y0 = mo * slip0[f]
             speeding = mo * dot(vector(w, f * n, v), accel)
             if not (y0 > tol and mo * slip1[f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
                 return False
     if loss.shape[0] > 0:
+        near = NEAR if shared else FORETOLD
         # accelerations at the end, by the trapezoidal rule
         gained = add(scaled(2.0 / h, dv), -1.0, accel)
         for k in range(loss.shape[0]):
@@ -140,7 +183,7 @@ def quiet_step(h: float, line: Record) -> bool:
             for f in range(m):
                 torque += loss[k, WEIGHTS + f] * torque1[f]
             asked = loss_at(loss, k, torque, v[int(loss[k, WAY])])
-            if not abs(asked - loss[k, NEXT]) <= FORETOLD:
+            if not abs(asked - loss[k, NEXT]) <= near:
                 return False
             loss[k, NEXT] = asked
         for k in range(loss.shape[0]):
@@ -168,10 +211,5 @@ def quiet_step(h: float, line: Record) -> bool:
         shaft[E_SHAFT, a] += h * kc[1, a] * mean * mean
         shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate[a] + gain)
     speed = add(speed, 1.0, dv)
-    held = speed
-    if stuck:
-        for f in range(m):
-            if mode[f] == STUCK:
-                held = add(held, -dot(vector(w, f * n, v), speed), vector(work, orr + f * n, v))
-    put(v, 0, held)
+    put(v, 0, held(speed, mode, w, work, orr, v) if stuck else speed)
     return True

@@ -165,7 +165,7 @@ class BagOutputs(Outputs):
             out.append(self._column(CONTROLLER, rank, boundaries, *self._seen(boundaries)))
         ticks = boundaries[boundaries % TICK_SAMPLES == 0]
         self._moments.show(ticks)
-        angles = np.array([self.states.angles] * len(ticks)).reshape(len(ticks), -1)
+        angles = np.tile(np.array(self.states.angles), (len(ticks), 1))
         if len(ticks):
             out += self._of_states(rank, ticks)
             rank += len(self.states.topics) + 1

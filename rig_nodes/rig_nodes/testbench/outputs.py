@@ -96,12 +96,15 @@ class Outputs:
             The encoded message.
         """
         rig, now, sample = self.rig, self.rig.time_ns, self.rig.sample
-        yield from self._once()
+        if not self._started:
+            yield from self._once()
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
             yield self._message(CONTROLLER_COMMAND, answered * SAMPLE_NS, *self.states.command())
-        yield from self._unforeseen()
+        self._watch_status()
+        if self._queued or rig.cuts.devices:
+            yield from self._unforeseen()
         for topic, fields in self.states.each_sample():
             yield self._message(topic, now, *fields)
         if sample % TICK_SAMPLES == 0:
@@ -122,8 +125,6 @@ class Outputs:
 
     def _once(self) -> Iterator[tuple[str, int, bytes]]:
         """What is sent when time begins: the record of the run, and what the numbers of other messages mean."""
-        if self._started:
-            return
         self._started = True
         rig, now = self.rig, self.rig.time_ns
         yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
@@ -140,7 +141,6 @@ class Outputs:
         """What has no fixed rate: the ends of cuts, and the events and setpoints that were queued."""
         if self.rig.cuts.devices:
             yield from self._cuts(self.rig.time_ns)
-        self._watch_status()
         for topic, stamp, *values in self._queued:
             yield self._message(topic, stamp, *values)
         self._queued.clear()

@@ -28,7 +28,7 @@ from .simulate import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Heard, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
-FIRST_ROWS = 200_000  # for which there is room at first: 20 s at 10 kHz
+FIRST_ROWS = 300_000  # for which there is room at first: 30 s at 10 kHz; memory that is not written costs nothing
 KEPT_MEMORY = 1 << 28  # bytes that are freed and yet kept for the next run
 
 
@@ -218,6 +218,11 @@ class Rows:
             column[first:last] = rows[:, number]
         self._taken = last
 
+    def keep_up(self, sample: int) -> None:
+        """Take the rows before that of a sample where CHUNK samples are waiting: every copy costs as much as some 500 numbers."""
+        if sample * self.per_sample - self._taken >= CHUNK * self.per_sample:
+            self.take(sample)
+
     def channels(self) -> dict[str, np.ndarray]:
         """Return the values (rows,) of each channel [SI]."""
         return {name: column[: self._taken] for name, column in zip(self.rig.channels, self._columns)}
@@ -297,7 +302,7 @@ def _record(
         while rig.status != RigStatus.TRIPPED and not runner.poll(rig.time):
             upto = next_poll(runner, rig, listener.period, listener.controller)
             while rig.sample < upto and rig.status != RigStatus.TRIPPED:
-                rows.take(rig.sample)
+                rows.keep_up(rig.sample)
                 listener.advance(min(upto - rig.sample, CHUNK))
         if rig.status == RigStatus.TRIPPED:
             end = {"state": "tripped", "reason": rig.reason}
