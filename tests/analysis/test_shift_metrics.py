@@ -39,7 +39,8 @@ def test_known_times_and_values(case, seed):
     assert row["t_c_s"] == pytest.approx(case.end, abs=within)
     assert row["t_dt_s"] == pytest.approx(case.end - case.fall, abs=within)
     assert row["t_p_s"] == pytest.approx(case.end - case.depart, abs=within)
-    assert row["overlap_s"] == pytest.approx(case.release - case.engage, abs=2e-3 if clean else 6e-3)
+    # S1's kiss pressure of 0.1 MPa is passed slowly, so that noise moves its time by more than that of the others
+    assert row["overlap_s"] == pytest.approx(case.release - case.engage, abs=2e-3 if clean else 10e-3)
     assert row["input_torque_max_nm"] == pytest.approx(case.peak, abs=0.1 if clean else 1.0)
     # M_wej falls linearly to 88 Nm: it is settled when it is 5 % above that
     settled = case.settle - (case.settle - case.end) * 0.05 * 88.0 / (150.0 - 88.0)

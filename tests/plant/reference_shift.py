@@ -12,6 +12,7 @@ What is not smooth is treated as follows:
   exponential, and the magnet's hysteresis (a play operator) has its exact value, as the current does not turn round.
 * clutches that slip, stick, break away: events; the speeds are projected on the locked state, torques jump there.
 * memory of splines and contact (play operators on clamp force and piston): pulled into their band within PULL.
+* empty part of a line: it takes all of the valve's flow until FILLED is left.
 * friction of spool and seals, stops, limits: continuous with corners, left to the tolerance control.
 """
 
@@ -28,15 +29,16 @@ from rig_nodes.plant.friction import closed, drag
 SAMPLE = 1e-3  # s between two duties
 ROW = 1e-4  # s between two logger rows
 PULL = 1e-6  # s
+FILLED = 1e-10  # m3: below it the empty part of a line takes less and less
 LAMINAR = 2e3  # Pa, below which the valve's orifice is linear in any case (docstring of its flow)
 RPM = pi / 30.0
 # slips from the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
 SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
 STUCK = 0
 W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
-SPOOL, LINE, CHAMBER, PISTON, HELD, REST, BOUNDARY, HEAT, WEAR, PER_CLUTCH = range(10)
-# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, Pa, N, shares, K, m
-PER_PACK = (1e-13, 1e-2, 1e-2, 1e-13, 1e-6, 1e-9, 1e-9, 1e-9, 1e-20)
+SPOOL, LINE, CHAMBER, PISTON, EMPTY, HELD, REST, BOUNDARY, HEAT, WEAR, PER_CLUTCH = range(11)
+# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, Pa, m3, N, shares, K, m
+PER_PACK = (1e-13, 1e-2, 1e-2, 1e-13, 1e-13, 1e-6, 1e-9, 1e-9, 1e-9, 1e-20)
 ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * PER_PACK)
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
@@ -128,6 +130,8 @@ class Equations:
         v = self.valves[k]
         if spool > 0.0:
             area, full, drop, sign = spool / v.spool_stroke * v.orifice_area, v.orifice_area, max(0.0, supply - port), 1.0
+            if v.supply_bore_area > 0.0:
+                area = 1.0 / sqrt(1.0 / area**2 + 1.0 / v.supply_bore_area**2)
         elif spool < -v.spool_dead_band:
             area, full, drop, sign = -(spool + v.spool_dead_band) / v.spool_stroke * v.drain_area, v.drain_area, port, -1.0
         else:
@@ -152,6 +156,11 @@ class Equations:
         target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
         target = clamp(target, -v.spool_dead_band - v.spool_stroke, v.spool_stroke)
 
+        lost, emptying = 0.0, 0.0
+        if spool > 0.0:
+            lost = self.valve_flow(k, spool, 0.0, supply) * clamp(z[EMPTY] / FILLED, 0.0, 1.0)
+        elif chamber <= 10e3:
+            emptying = (x.drained_volume - z[EMPTY]) / x.drain_time
         turbulent = oil.density / (2.0 * x.feed_area**2)
         laminar = sqrt(0.5 * oil.density * self.laminar_drop(x.feed_area)) / x.feed_area
         drop = line - chamber
@@ -165,7 +174,8 @@ class Equations:
         if piston <= 0.0:
             moves = max(0.0, moves)
         held = self.between(z[BOUNDARY], [a / b for b, a in (self.slow, self.fast)])
-        apart = max(0.0, x.clearance + z[WEAR] - piston) / (self.pack.surfaces * self.pack.film_gap)
+        open_gap = x.clearance + z[WEAR]
+        apart = max(0.0, open_gap - piston) / min(self.pack.surfaces * self.pack.film_gap, open_gap)
         pulled = [
             (clamp(z[kind], low, high) - z[kind]) / PULL
             for kind, low, high in (
@@ -176,9 +186,10 @@ class Equations:
         return (
             [
                 (target - spool) / (v.spool_time * self.thick / oil.viscosity),
-                (flow - feed) * oil.bulk_modulus / x.line_volume,
+                (flow - lost - feed) * oil.bulk_modulus / x.line_volume,
                 (feed - x.piston_area * moves) * oil.bulk_modulus / x.chamber_volume,
                 moves,
+                emptying - lost,
                 *pulled,
             ],
             flow,

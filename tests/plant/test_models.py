@@ -205,13 +205,21 @@ def test_plates_heat_cool_and_wear(config):
 
 
 def test_orifice_limits_the_filling_flow(config):
-    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.9e-6, drain_area=0.5e-6))
+    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.9e-6, drain_area=0.5e-6, supply_bore_area=0.0))
     oil = valve.orifice_speed(870.0), valve.laminar_force(0.08, 870.0)
     flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, *oil, v)
     assert flow == pytest.approx(0.9e-6 * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
     assert slope < 0.0
     assert valve.port_flow(1.0, 5e6, 4e6, *oil, v)[0] == 0.0, "no flow back into the supply"
     assert valve.port_flow(-1.0, 1e6, 4e6, *oil, v)[0] == pytest.approx(-0.5e-6 * math.sqrt(2e6 / 870), rel=1e-4)
+
+
+def test_a_bore_before_the_spool_limits_the_flow_of_a_wide_edge(config):
+    """Edge and bore of 0.8 mm2 each, one after the other, are as 0.8 mm2 / sqrt(2)."""
+    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.8e-6, supply_bore_area=0.8e-6))
+    assert valve.edge_area(1.0, v) == pytest.approx(0.8e-6 / math.sqrt(2.0))
+    wide = record(dataclasses.replace(config.valve_zr_p1, orifice_area=80e-6, supply_bore_area=0.8e-6))
+    assert valve.edge_area(1.0, wide) == pytest.approx(0.8e-6, rel=1e-4)
 
 
 def test_flow_of_cold_oil_is_laminar(config):

@@ -57,7 +57,7 @@ def state_of(rig):
         y += [
             valve["spool"],
             rig.fed_pressure(rig.config.structure.valves[k].name),
-            *(clutch[name] for name in ("chamber", "piston")),
+            *(clutch[name] for name in ("chamber", "piston", "empty")),
             *(clutch[name] for name in ("held", "rest", "boundary", "temperature", "wear")),
         ]
     modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k))) for k, stuck in enumerate(locked(rig))]
@@ -152,9 +152,10 @@ def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
 
 @pytest.mark.campaign
 def test_the_reference_is_converged(shift, reference, monkeypatch):
-    """A tenth of the tolerance, of the pull into the splines' band, and another method."""
+    """A tenth of the tolerance, of the pull into the splines' band and of the last of a line's filling, and another method."""
     first = shift.metrics(reference[0])
     monkeypatch.setattr(reference_shift, "PULL", 1e-7)
+    monkeypatch.setattr(reference_shift, "FILLED", 1e-11)
     for method, rtol in (("Radau", 1e-9), ("BDF", 1e-8)):
         rows, _ = reference_shift.solve(shift.config, shift.start, shift.duty, rtol, method)
         assert not far_apart(shift.metrics(rows), first, 5e-4)

@@ -95,7 +95,7 @@ def test_energy_closes_and_the_vehicle_knows_where_its_work_went(config):
 
 
 # plates of 0.12 without M_rest carry less than the engine gives; those of the rig hold it at rest
-WEAK = {"plate_pack.friction_static": "0.12 -", "plate_pack.rest_torque": "0 Nm"}
+WEAK = {"plate_pack.friction_static": "0.12 -", "plate_pack.friction_kinetic": "0.12 -", "plate_pack.rest_torque": "0 Nm"}
 
 
 @pytest.mark.parametrize("plates, stalls", [(WEAK, False), ({}, True)], ids=["weak plates", "the rig's"])

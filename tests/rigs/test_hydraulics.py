@@ -1,10 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Valves, cylinders and oil of the rig hydmag: cold oil, and oil that warms."""
+"""Valves, cylinders and oil of the rig hydmag: filling, ramps of the pressures, cold oil, and oil that warms."""
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
@@ -13,8 +14,14 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from rig_nodes.validation.calibration_rows import CURVES, FIRST_RISE, distances, first_true, pressures
+from rig_nodes.validation.targets import load_targets
 
 COLD, USUAL = "-10 degC", "40 degC"
+# clutch -> times after the first rise between which the current ramps and Annex D has a straight line [s]: S1 fills, then follows
+# its valve; S2 fills. S1's piston is at the plates 13 ms before the end of Annex D's first line
+RAMPS = {"S1": ((0.03, 0.068), (0.1786, 0.4)), "S2": ((0.03, 0.2285),)}
+WINDOW = 20  # samples over which a slope is taken
 
 
 def oil_at(temperature: str) -> Rig:
@@ -24,6 +31,30 @@ def oil_at(temperature: str) -> Rig:
     rig.set("oil", 4e6, True)
     rig.advance_samples(300)
     return rig
+
+
+@pytest.fixture(scope="module")
+def rises():
+    """Pressure of each clutch at each millisecond after it is ordered."""
+    return {name: pressures(load_rig(), name)[0] for name in CURVES}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_pressures_follow_annex_d_along_its_ramps(rises, name):
+    rise, target = rises[name], next(row for row in load_targets() if row.id == CURVES[name][0])
+    apart = np.abs(distances(target, rise, first_true(rise > rise[0] + FIRST_RISE, 9.0)))
+    for begins, ends in RAMPS[name]:
+        assert apart[round(1e3 * begins) : round(1e3 * ends)].max() < 0.1e6
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_no_pressure_rests_while_the_current_ramps(rises, name):
+    """Annex D has 1.3 to 1.6 MPa/s while a cylinder fills and 5.9 MPa/s after that: half of it is no rest."""
+    rise, least = rises[name], iter((0.65e6, 2.9e6))
+    first = round(1e3 * first_true(rise > rise[0] + FIRST_RISE, 9.0))
+    for begins, ends in RAMPS[name]:
+        part = rise[first + round(1e3 * begins) : first + round(1e3 * ends)]
+        assert (part[WINDOW:] - part[:-WINDOW]).min() > next(least) * WINDOW * 1e-3
 
 
 def test_cold_oil_fills_slowly():

@@ -17,13 +17,16 @@ RELIEF = 5e6
 
 
 def open_drag(config, gear: int, n_wej: float, n_wyj: float) -> tuple[float, float]:
-    """Returns (torque on w0, torque on wk) of the open clutch by (6.4), with the piston released and speeds in rad/s."""
+    """Returns (torque on w0, torque on wk) of the open clutch by (6.4), with the piston released and speeds in rad/s.
+
+    A film is at least 0.1 mm high (fig. 6.5).
+    """
     mean_radius = 2 / 3 * (0.038**3 - 0.025**3) / (0.038**2 - 0.025**2)
     per_gap = 12 * math.pi * mean_radius**2 * (0.038**2 - 0.025**2) * 0.08
     if gear == 1:  # S2 is open, its clearance over 12 gaps
-        torque = per_gap / (config.clutch_s2.clearance / 12) * (n_wej - 41 / 40 * n_wyj)
+        torque = per_gap / max(config.clutch_s2.clearance / 12, 1e-4) * (n_wej - 41 / 40 * n_wyj)
         return torque, 41 / 40 * torque
-    torque = per_gap / (config.clutch_s1.clearance / 12) * (34 / 47 * n_wej - n_wyj)
+    torque = per_gap / max(config.clutch_s1.clearance / 12, 1e-4) * (34 / 47 * n_wej - n_wyj)
     return 34 / 47 * torque, torque
 
 

@@ -87,8 +87,8 @@ def test_the_kiss_pressure_is_that_of_the_cylinder(config):
     lost = (config.clutch_s1.spring_preload - 100.0) / (1.0 - config.clutch_s1.seal_friction_share)
     assert one[0].kiss_pressure - other[0].kiss_pressure == pytest.approx(lost / config.clutch_s1.piston_area, rel=0.03)
     assert one[1].kiss_pressure == other[1].kiss_pressure
-    # the thesis prints 0.17 and 0.36 MPa, where the torque clearly rises
-    assert [clutch.kiss_pressure for clutch in one] == [pytest.approx(0.17e6, abs=25e3), pytest.approx(0.36e6, abs=25e3)]
+    # the thesis prints 0.17 and 0.36 MPa, where the torque clearly rises; the transducers' largest errors are 0.1 and 0.0625 MPa
+    assert [clutch.kiss_pressure for clutch in one] == [pytest.approx(0.17e6, abs=0.1e6), pytest.approx(0.36e6, abs=62.5e3)]
 
 
 def test_the_phases_of_a_shift_are_told_by_the_clutch_that_it_engages(config):

@@ -69,8 +69,9 @@ def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
     run = record(config, load_sequence("grid_point", {"speed": "1500 rpm", "load_up": "80 Nm", "load_down": "80 Nm"}))
     for way, row in zip(WAYS, shifts(run.recording)[-2:]):
         assert quick[way].valid
-        assert quick[way].time == pytest.approx(row["t_c_s"], abs=0.006)
-        assert quick[way].t_dt == pytest.approx(row["t_dt_s"], abs=0.008)
+        # the tuner waits for less long before the shift, so that S2's line has run empty a little less: 0.5 cm3 are 6 ms
+        assert quick[way].time == pytest.approx(row["t_c_s"], abs=0.012)
+        assert quick[way].t_dt == pytest.approx(row["t_dt_s"], abs=0.014)
         assert quick[way].peak == pytest.approx(row["input_torque_max_nm"], abs=3.0)
 
 
@@ -245,22 +246,22 @@ def test_bounds_count(config):
 
 
 def test_sampled_rigs_keep_to_spreads_and_bounds(config):
-    spreads = {"clutch_s2.orifice": 3e-8, "clutch_s1.clearance": 1.0}
+    spreads = {"hydraulics.bore": 3e-8, "hydraulics.clearance_s1": 1.0}
     rigs = uncertainty.sampled_rigs(config, spreads, (20.0, 60.0), 2, 5)
-    orifices = [rig.valve_zr_p2.orifice_area for rig in rigs]
-    away = [abs(area - config.valve_zr_p2.orifice_area) for area in orifices]
+    orifices = [rig.valve_zr_p2.supply_bore_area for rig in rigs]
+    away = [abs(area - config.valve_zr_p2.supply_bore_area) for area in orifices]
     assert len(set(orifices)) == 2 and max(away) <= 3e-8 * 1.000001
-    bounds = uncertainty.parameters(config)["clutch_s1.clearance"]
+    bounds = uncertainty.parameters(config)["hydraulics.clearance_s1"]
     assert all(bounds.low <= rig.clutch_s1.clearance <= bounds.high for rig in rigs)
     temperatures = sorted(rig.oil_supply.temperature for rig in rigs)
     assert [int((t - 20.0) / 20.0) for t in temperatures] == [0, 1]
     again = uncertainty.sampled_rigs(config, spreads, (20.0, 60.0), 2, 5)
-    assert [rig.valve_zr_p2.orifice_area for rig in again] == orifices
+    assert [rig.valve_zr_p2.supply_bore_area for rig in again] == orifices
 
 
 def test_spreads_from_a_file(tmp_path, config):
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 1e-8}, "values": {}}))
-    assert uncertainty.read_spreads(tmp_path / "s.json", config) == {"clutch_s2.orifice": 1e-8}
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 1e-8}, "values": {}}))
+    assert uncertainty.read_spreads(tmp_path / "s.json", config) == {"hydraulics.bore": 1e-8}
     (tmp_path / "t.json").write_text(json.dumps({"spread": {"clutch_s2.nothing": 1e-8}}))
     with pytest.raises(RigError, match="has no parameter 'clutch_s2.nothing'"):
         uncertainty.read_spreads(tmp_path / "t.json", config)
@@ -350,7 +351,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     pytest.importorskip("optuna")
     monkeypatch.setattr(search, "POPULATION", 6)
     pq = pytest.importorskip("pyarrow.parquet")
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 2e-8}}))
     out = tmp_path / "tune"
     arguments = [
         "tune",
@@ -464,7 +465,7 @@ def test_refused(arguments, sentence, capsys, tmp_path):
 def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsys):
     pytest.importorskip("optuna")
     pytest.importorskip("pyarrow")
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 2e-8}}))
     assert (
         main(
             [

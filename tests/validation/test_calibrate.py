@@ -97,7 +97,9 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
     shutil.copytree(CONFIG_DIR / "controllers", tmp_path / "controllers")
     rig, controller = tmp_path / "hydmag" / "rig.yaml", tmp_path / "controllers" / "alfa46.yaml"
     lines = len(rig.read_text().splitlines())
-    c.write_values({"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "clutch_s2.clearance": 5.25e-3}, rig, controller)
+    c.write_values(
+        {"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "hydraulics.clearance_s2": 5.25e-3}, rig, controller
+    )
     read = load_rig(rig, {})
     assert read.loss_in.at_470 == 6.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
     assert read.loss_out.drag == 2.5 and read.loss_out.at_470 == read.loss_in.drag == 0.0, "those of the other loss stay"

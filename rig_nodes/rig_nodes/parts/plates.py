@@ -272,10 +272,11 @@ def rest_share(before: float, piston: float, clamp: float, clutch: Record) -> fl
     """Return the share of M_rest of (6.56), which an unclamped pack still holds, with the memory of the contact.
 
     It is present as soon as the asperities carry, and lasts longer than the clamp force: plates that stick, and waves that press
-    them (8.3.5 names both), release as the piston gives way to a film of full height between all plates.
+    them (8.3.5 names both), release as the piston gives way to a film of full height between all plates, or as far as it can.
     """
     carried = max(before, min(1.0, clamp / clutch.film_force))
-    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / (clutch.surfaces * clutch.film_gap)))
+    gap = clutch.clearance - piston
+    return carried if gap <= 0.0 else min(carried, max(0.0, 1.0 - gap / min(clutch.surfaces * clutch.film_gap, clutch.clearance)))
 
 
 # states of a pack from step to step, and values derived from its configuration; clearance is new_clearance plus wear

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Proportional pressure-reducing valve: coil, spool with friction and overlap and its edges.
+"""Proportional pressure-reducing valve: coil, spool with friction and overlap, its edges, and the bore before them.
 
 It is a part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); no pressure is prescribed here.
 """
@@ -55,6 +55,9 @@ class ValveConfig:
     )
     orifice_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from supply to port")
     drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")
+    supply_bore_area: float = param(
+        "area", 0.0, 1e-3, "Area of the bore between supply and spool, which limits the flow of an open edge; 0 for a wide one", 0.0
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -291,6 +294,16 @@ def laminar_force(viscosity: float, density: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def edge_area(share: float, valve: Record) -> float:
+    """Return the area of an opening of the spool, and for the supply's edge that of edge and bore one after the other [m2]."""
+    if share < 0.0:
+        return -share * valve.drain_area
+    area = share * valve.orifice_area
+    bore = valve.supply_bore_area
+    return area * bore / sqrt(area * area + bore * bore) if bore > 0.0 else area
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def port_flow(
     share: float, port_pressure: float, supply_pressure: float, speed: float, laminar: float, valve: Record
 ) -> tuple[float, float]:
@@ -319,13 +332,14 @@ def port_flow(
     """
     if share == 0.0:
         return 0.0, 0.0
+    area = edge_area(share, valve)
     if share > 0.0:
         drop, sign, full = supply_pressure - port_pressure, 1.0, valve.orifice_area
         if drop <= 0.0:
             return 0.0, 0.0
     else:
         drop, sign, full = port_pressure, -1.0, valve.drain_area
-    area, below = abs(share) * full, max(STEEPEST, laminar / full)
+    below = max(STEEPEST, laminar / full)
     if drop == 0.0:  # an empty line, as most lines are at most times; this saves the roots below, which take long
         return 0.0, -area * (speed / sqrt(below))
     square = drop * drop + below * below

@@ -9,7 +9,7 @@ It is a part of the engine, fed by a parts.proportional_valve. The plates themse
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import exp, inf, sqrt
 from typing import TYPE_CHECKING
 
 from numba import njit
@@ -30,6 +30,7 @@ NEAR = 200.0  # Pa: a change up to which the balance is a straight line, so that
 CLOSE = 1e-3  # Pa: a change of the chamber's pressure below which nothing moves
 LEVEL = 1.0  # Pa: a rise in a step below which the next is not expected to go on
 LOWEST = -1e4  # Pa: how far the integration may go below the tank's pressure
+NO_PRESSURE = 10e3  # Pa: below it the line runs empty
 NOTHING = 0.1  # Pa: pressure that a drained line has no longer; it would need minutes to lose it to the last bit
 STIFF = 9.0  # how often a pack holds up to what damps the piston in half a step; a swing then loses a fifth in each
 
@@ -64,6 +65,14 @@ class Cylinder(PackFriction):
         "Root of the mean square radius of the chamber's oil on the piston; 0 leaves out what turning does to it",
         0.0,
     )
+    drained_volume: float = param(
+        "volume",
+        0.0,
+        1e-2,
+        "Volume of the line that runs empty while nothing presses the oil, and is filled first; 0 for none",
+        0.0,
+    )
+    drain_time: float = param("time", 1e-3, 1e4, "Time constant with which the line runs empty", 1.0)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -232,6 +241,7 @@ def balance(
     chamber_before: float,
     stiff_chamber: float,
     laminar_drop: float,
+    lost: float,
     spin: float,
     damping: float,
     laminar: float,
@@ -255,7 +265,7 @@ def balance(
         Laminar resistance of the feed [Pa s/m3].
     laminar : float
         Pressure drop times area below which the valve's flow is laminar [N].
-    spin, damping, state, supply, valve, clutch
+    lost, spin, damping, state, supply, valve, clutch
         As of :func:`cylinder_step`.
 
     Returns
@@ -272,7 +282,7 @@ def balance(
     dline = 1.0 + (laminar_drop + 2.0 * turbulent) * dfeed
     flow, dflow = line_flow(state, line, supply, clutch.orifice_speed, laminar, clutch.full_line, valve)
     dflow *= dline
-    miss = stiff_line * (line - line_before) + feed - flow
+    miss = stiff_line * (line - line_before) + feed + lost - flow
     return line, x, flow, dline, dx, dflow, miss, p - miss / (stiff_line * dline + dfeed - dflow)
 
 
@@ -286,6 +296,7 @@ def cylinder_step(
     viscosity: float,
     damping: float,
     spin: float,
+    lost: float,
     valve: Record,
     clutch: Record,
 ) -> float:
@@ -315,6 +326,8 @@ def cylinder_step(
         Damping of the piston [N s/m].
     spin : float
         Force of the turning oil on the piston [N].
+    lost : float
+        Flow that the empty part of the line takes [m3/s].
     valve, clutch : Record
         Values of the valve and of the clutch, with those that its stage ``fill`` has computed.
 
@@ -354,6 +367,7 @@ def cylinder_step(
         chamber_before,
         stiff_chamber,
         laminar_drop,
+        lost,
         spin,
         damping,
         laminar,
@@ -380,6 +394,7 @@ def cylinder_step(
             chamber_before,
             stiff_chamber,
             laminar_drop,
+            lost,
             spin,
             damping,
             laminar,
@@ -417,6 +432,17 @@ def at_rest(cylinder: Record, port: Record, state: Record, h: float, damping: fl
     return piston_step(cylinder.piston, cylinder.chamber, spin, h, damping, clutch)[0] == cylinder.piston
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def emptied(empty: float, pressure: float, fills: bool, clutch: Record) -> float:
+    """Return the empty part of the line [m3] after a step, in which the valve fills it or does not.
+
+    A line whose oil nothing presses runs empty through the drained valve and the gaps of the rotary feed.
+    """
+    if fills or pressure > NO_PRESSURE:
+        return empty
+    return clutch.drained_volume + (empty - clutch.drained_volume) * clutch.drain_left
+
+
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
     """Compute the values of oil, line and plates' cooling that depend on the step's length or on the oil."""
@@ -426,6 +452,7 @@ def fill(world: Record, k: int, h: float) -> None:
     my.feed_resistance = feed_resistance(oil, my)
     my.orifice_speed, my.laminar = orifice_speed(oil.density), laminar_force(1.0, oil.density)
     my.damping_by_viscosity = my.piston_damping / oil.viscosity
+    my.drain_left = exp(-h / my.drain_time)
     plates.fill_plates(my, h)
 
 
@@ -438,12 +465,28 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     my.clearance = my.new_clearance + me.wear
     supply = world.oil[world.values.proportional_valve[my.valve].supply].pressure
     viscosity = world.parts.oil_supply[my.oil].viscosity
+    lost = 0.0
+    if my.drained_volume > 0.0:
+        fills = valve.cut_flow > 0.0 if valve.cut > 0.0 else valve.share > 0.0
+        if fills and me.empty > 0.0:
+            flow = line_flow(
+                valve,
+                0.0,
+                supply,
+                my.orifice_speed,
+                my.laminar * viscosity * viscosity,
+                my.full_line,
+                world.values.proportional_valve[my.valve],
+            )[0]
+            lost = min(max(0.0, flow), me.empty / h)
+            me.empty -= lost * h
+        me.empty = emptied(me.empty, port.pressure, fills, my)
     spin = 0.0
     if my.turns_with != NOWHERE:
         spin = turning_force(world.driveline.middle[my.turns_with], world.values.oil_supply[my.oil].density, my)
     damping, values, flow = my.damping_by_viscosity * viscosity, world.values.proportional_valve[my.valve], 0.0
     if not at_rest(me, port, valve, h, damping, spin, my):
-        flow = cylinder_step(me, port, valve, supply, h, viscosity, damping, spin, values, my)
+        flow = cylinder_step(me, port, valve, supply, h, viscosity, damping, spin, lost, values, my)
     fed(world, my.valve, port.port, flow, h)
     port.pressure = me.chamber
     me.clamp = pack_force(me.piston, my)[0]
@@ -456,7 +499,7 @@ def after(world: Record, k: int, h: float) -> None:
     plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)
 
 
-# chamber_rise: rise of the chamber's pressure in the last step; speed: speed of the piston. The
+# chamber_rise: rise of the chamber's pressure in the last step; speed: speed of the piston; empty: empty part of the line [m3]. The
 # pressure that is measured is the chamber's, where the oil enters (tab. 7.1)
 SHOWS = (
     Shown(
@@ -504,7 +547,7 @@ PART = Part(
     "wet_clutch",
     20,
     (Cylinder, PlatePack),
-    state=("chamber", "chamber_rise", "piston", "speed", *plates.STATE),
+    state=("chamber", "chamber_rise", "piston", "speed", "empty", *plates.STATE),
     derived=(
         *plates.DERIVED,
         "full_line",
@@ -514,6 +557,7 @@ PART = Part(
         "orifice_speed",
         "laminar",
         "damping_by_viscosity",
+        "drain_left",
     ),
     wires=(*plates.WIRES, "line", "valve", "turns_with"),
     stages={"fill": fill, "before": before, "after": after},

@@ -260,6 +260,8 @@ class _Planner:
             if part == "pressed_clutch":
                 derived["clearance"] = clearance
             start, configs = {"temperature": temperature}, (values, pack)
+            if part == "wet_clutch":
+                start["empty"] = values.drained_volume
             if part == "curve_clutch":
                 k = self.structure.clutches.index(device)
                 configs, tables = (*configs, self.config.prescribed.forces[k]), {"pieces": self.config.prescribed.pieces[k]}

@@ -3,7 +3,7 @@
 
 """The search for the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
 
-Used by `rig calibrate`, in this order: losses, valve and cylinder of each clutch, then what holds a released clutch.
+Used by `rig calibrate`, in this order: losses, valves and cylinders, then what holds a released clutch.
 Friction stays as printed. calibration.yaml lists what may change and how far; calibration_rows.py computes the rows' values
 for a rig.
 """
