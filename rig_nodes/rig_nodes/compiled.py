@@ -128,7 +128,9 @@ def _spec_of_cache(path: Sequence[str] | None) -> ModuleSpec | None:
 
     def loaded(module: ModuleType) -> None:
         load(module)
-        module.Cache.load_overload = _read_only
+        cache = getattr(module, "Cache", None)  # a numba that has it otherwise goes its own way
+        if all(hasattr(cache, name) for name in ("load_overload", "_load_overload", "_guard_against_spurious_io_errors")):
+            cache.load_overload = _read_only
 
     spec.loader.exec_module = loaded  # type: ignore[method-assign]
     return spec

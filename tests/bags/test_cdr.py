@@ -105,6 +105,13 @@ def test_a_block_holds_the_bytes_of_its_messages(ros_type):
         assert [row.tobytes() for row in encoder(ros_type).encode_block(stamps, seqs, *values)] == each
 
 
+def test_blocks_with_texts_of_as_many_letters_and_other_bytes():
+    name, stamps = "rig_msgs/msg/RigState", np.arange(3)
+    for text in ("dddddd", "ddddd°"):
+        block = encoder(name).encode_block(stamps, stamps, 1, text, False, stamps, 0, 0.5)
+        assert [decode(name, row.tobytes()).reason for row in block] == [text] * 3
+
+
 @pytest.mark.parametrize("lists", [([], [], []), ([1.0], [], [2.0, 3.0]), ([1.0, 2.0], [3.0], [])])
 @pytest.mark.parametrize("frame", ["", "rig", "output"])
 def test_standard_messages_equal_rosbags_and_rclpy_reads_them(lists, frame, reference):

@@ -199,7 +199,7 @@ def test_a_run_without_messages_is_a_bag(tmp_path):
 KILLED = """
 import sys
 from rig_nodes.bags.cdr import encoder
-from rig_nodes.bags.writer import BagWriter, Column, Layout
+from rig_nodes.bags.writer import BagWriter
 encode = encoder("rig_msgs/msg/Measurement").encode
 writer = BagWriter(sys.argv[1], "run")
 for ms in range(60_000):
@@ -230,7 +230,7 @@ import resource, sys
 TOPIC, TYPE = "/motor/n_wej", "rig_msgs/msg/Measurement"
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.writer import BagWriter, Column, Layout
+from rig_nodes.bags.writer import BagWriter
 from rig_nodes.errors import RigError
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 encode = encoder("rig_msgs/msg/Measurement").encode

@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
+from rig_nodes.controllers.load import load_controller
+from rig_nodes.errors import DiskFull
 from rig_nodes.testbench.bag_outputs import BagOutputs
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.outputs import Outputs
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
 
 READ = ("n_wej", "p1", "gear_ordered", "s1_torque", "motor_work", "energy_residual")
 
@@ -110,3 +115,93 @@ def test_a_block_ends_within_a_second(config, tmp_path):
             rig.advance_samples(outputs.room)
             assert outputs.room >= 1 and rig.sample - bag.counts.get("/instruments/controller", 0) <= 1005
         outputs.flush()
+
+
+def sequence_of(tmp_path, steps):
+    """Returns a sequence with steps of YAML."""
+    path = tmp_path / "own.yaml"
+    path.write_text("description: own\nready: {timeout: 20 s}\nsteps:\n" + "".join(f"  - {step}\n" for step in steps))
+    return load_sequence(path)
+
+
+def answered(folder):
+    """Returns the samples that a bag says a controller was shown."""
+    return [message.sample for _, message in Bag(folder).messages("/instruments/controller")]
+
+
+def test_a_sequence_that_fails_behind_a_long_wait_keeps_all_of_it(config, tmp_path):
+    steps = ["wait: {for: 950 ms}", "wait: {until: {signal: n_wej, above: 100 rpm}, timeout: 1 s}"]
+    run = simulate(config, sequence_of(tmp_path, steps), tmp_path / "run")
+    assert run["end"]["state"] == "failed"
+    assert answered(tmp_path / "run") == list(range(round(run["duration_s"] * 1000))), "every sample before the failure"
+
+
+def test_a_run_that_is_interrupted_keeps_all_of_it(config, tmp_path, monkeypatch):
+    advance = Rig.advance_samples
+
+    def interrupted(rig, samples=1):
+        if rig.sample + samples > 1990:
+            advance(rig, 1990 - rig.sample)
+            raise KeyboardInterrupt
+        advance(rig, samples)
+
+    monkeypatch.setattr(Rig, "advance_samples", interrupted)
+    run = simulate(config, sequence_of(tmp_path, ["wait: {for: 5 s}"]), tmp_path / "run")
+    assert run["end"]["state"] == "interrupted" and answered(tmp_path / "run") == list(range(1990))
+
+
+def test_a_run_ends_with_its_sequence(config, tmp_path):
+    run = simulate(config, sequence_of(tmp_path, ["wait: {for: 2 s}"]), tmp_path / "run")
+    times = [time for time, _, name, *_ in Bag(tmp_path / "run").events() if name == "sequence_done"]
+    assert run["duration_s"] == pytest.approx(times[0] + 1e-3)
+
+
+def test_a_disk_that_is_full_is_named_though_the_end_is_tried_again(config, tmp_path, monkeypatch):
+    class Full(DiskFull):
+        pass
+
+    def write_columns(bag, columns):
+        raise Full("the disk is full")
+
+    monkeypatch.setattr(BagWriter, "write_columns", write_columns)
+    with pytest.raises(Full):
+        simulate(config, sequence_of(tmp_path, ["wait: {for: 3 s}"]), tmp_path / "run")
+
+
+def test_a_sequence_can_wait_for_what_a_valve_says_under_a_plugged_controller(config, tmp_path):
+    plug = load_controller("python:rig_nodes.controllers.examples.alfa46:Alfa46", config)
+    steps = ["oil: {pressure: 4 MPa}", "shift: {to: I, timeout: 5 s}", "wait: {until: {signal: zr_p1_duty, above: 0.5}, timeout: 2 s}"]
+    run = simulate(config, sequence_of(tmp_path, steps), tmp_path / "run", controller=plug)
+    assert run["end"]["state"] == "ended", run["end"]
+
+
+def test_the_order_of_messages_holds_after_days(config, tmp_path, monkeypatch):
+    start = 86_000_001  # samples, nearly a day; one behind a tick
+    built = Rig.__init__
+
+    def late(rig, *args, **named):
+        built(rig, *args, **named)
+        rig.sample, rig._drained = start, 10 * (start - 1)
+
+    monkeypatch.setattr(Rig, "__init__", late)
+    rig = Rig(config, 3)
+    outputs = Outputs(rig, {"seed": 3}, commands=True)
+    messages = []
+    for sample in range(1500):
+        if sample == 699:
+            outputs.event("/rig/events", "changed", "a text", 1.0)
+        messages += [(topic, stamp) for topic, stamp, _ in outputs.due()]
+        rig.advance_samples(1)
+    rig = Rig(config, 3)
+    with BagWriter(tmp_path, "run") as bag:
+        outputs = BagOutputs(bag, rig, {"seed": 3}, commands=True)
+        outputs._begin(start - 1)
+        while rig.sample < start + 1500:
+            if rig.sample == start + 699:
+                outputs.event("/rig/events", "changed", "a text", 1.0)
+            outputs.boundary()
+            rig.advance_samples(5 if rig.sample % 5 == 0 else 1)
+        outputs.flush()
+    with open(tmp_path / "run_0.mcap", "rb") as file:
+        found = [(channel.topic, message.log_time) for _, channel, message in make_reader(file).iter_messages(log_time_order=False)]
+    assert found == messages

@@ -166,7 +166,13 @@ class Encoder:
         """
         values_of_first = [value[0] if isinstance(value, np.ndarray) else value for value in values]
         first = self.encode(int(stamps[0]), int(seqs[0]), *values_of_first)
-        lengths = tuple([len(value) for value in values_of_first if isinstance(value, (str, list, tuple, np.ndarray))])
+        lengths = tuple(
+            [
+                len(value.encode() if isinstance(value, str) else value)
+                for value in values_of_first
+                if isinstance(value, (str, list, tuple, np.ndarray))
+            ]
+        )
         if lengths not in self._records:
             self._records[lengths] = self._definition.numbers_in(first)
         out = _repeated(first, len(stamps))

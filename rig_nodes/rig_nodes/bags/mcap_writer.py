@@ -4,8 +4,9 @@
 """Writer of the MCAP container: the same bytes as mcap.writer with chunks, zstd and all CRCs, in a third of its time.
 
 The bag writer uses it. Most of a run's messages are some hundred bytes long; for those, the library's writing record by
-record and field by field costs more than the rest of recording. Here the messages of a chunk are put together when it is
-closed, all heads and all index entries at once. The library's record classes write everything except messages.
+record and field by field costs more than the rest of recording. Here single messages of a chunk are put together when it is
+closed, all heads and all index entries at once; many messages of a channel come as an array and are laid into place at
+once. The library's record classes write everything except messages.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ class BagWriter:
     ``ros2 bag reindex`` accepts only such files as pieces of a bag.
 
     A chunk is closed and handed to the operating system when the simulated time of the messages passes a
-    multiple of 100 ms, so that a killed process loses at most that much. A chunk above 4 MiB is closed earlier.
+    multiple of 100 ms, so that a killed process loses at most that much of what it gave. A chunk above 4 MiB is closed earlier.
     A recorder that runs slower than real time additionally calls :meth:`flush`. The class is not thread-safe.
     """
 

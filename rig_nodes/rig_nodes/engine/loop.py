@@ -288,8 +288,6 @@ def advance(
                 counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]
             put_row(log, newest, shown)
         reached = s + 1
-        if reached % TICK_SAMPLES == 0:
-            put_moment(moments, capacities, (reached // TICK_SAMPLES) % moments.shape[0], moved, world)
         if how == WHOLE:
             wrong = 0
             for i in range(finite):
@@ -299,6 +297,8 @@ def advance(
                 put_back(world, moved, kept)
             elif world.driveline.count[N_CAPPED] != capped:
                 how = NOT_SETTLED
+        if reached % TICK_SAMPLES == 0:
+            put_moment(moments, capacities, (reached // TICK_SAMPLES) % moments.shape[0], moved, world)
         if how != WHOLE:
             break
     transducers.give(shown, gauge_state)

@@ -83,7 +83,7 @@ class Recording:
         from ..clocks import TICK_SAMPLES
         from ..testbench.rig_base import RigStatus
 
-        self.outputs.flush()
+        self.outputs.finish()
         self._bag.__exit__(None, None, None)
         tripped = self.rig.status == RigStatus.TRIPPED
         end = (

@@ -922,7 +922,7 @@ class Driveline:
                 factors[name] = 1.0 if kind == TORQUE else float(on @ v_start)
             laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
         held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
-        if np.linalg.matrix_rank(held) < len(held):
+        if len(held) and np.linalg.matrix_rank(held) < len(held):  # numpy 1 has no rank of an empty matrix
             raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
         if len(held):
             self._left_free(held.any(axis=0), w)

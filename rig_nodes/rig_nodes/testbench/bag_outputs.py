@@ -57,13 +57,13 @@ class BagOutputs(Outputs):
     ) -> None:
         """Prepare the first block; the class describes the parameters."""
         super().__init__(rig, run_info, commands, controller)
-        self._bag, self._moments, self._newest = bag, Moments(rig), Moments(rig)
-        fields, newest = state_fields(self._moments), state_fields(self._newest)
-        self._in_blocks = {topic: (fields[topic], newest[topic]) for topic in self.states.topics if topic in fields}
+        self._bag, self._moments = bag, Moments(rig)
+        fields = state_fields(self._moments)
+        self._in_blocks = {topic: fields[topic] for topic in self.states.topics if topic in fields}
         # the rig does not keep what these are made of
         self._at_ticks: dict[str, list[tuple]] = {topic: [] for topic in self.states.topics if topic not in fields}
         # nobody acts inside a tick where the controller runs in the plant's own loop and no device is cut out
-        self.by_samples = controller is not None or bool(rig.config.cut_out)
+        self.by_samples = (rig.shifts and not rig.embedded) or bool(rig.config.cut_out)
         self._changes = rig.gauges.changes
         self._mirrored = [one.name for one in absolute_pressures(rig.config.structure)] if rig.shifts else []
         self._begin(-1)
@@ -118,7 +118,8 @@ class BagOutputs(Outputs):
             self.flush()  # the topics of all rates are known to the bag now
 
     def _put(self, rank: int, messages: Iterable[tuple[str, int, bytes]]) -> None:
-        self._single += [(self._now * RANKS + rank + k, *message) for k, message in enumerate(messages)]
+        first = (self._now - self._before) * RANKS + rank
+        self._single += [(first + k, *message) for k, message in enumerate(messages)]
 
     def reading(self, name: str) -> float:
         """Return the newest value of a signal that was sent [SI], as a listener has it; NaN before the first."""
@@ -128,18 +129,19 @@ class BagOutputs(Outputs):
         if now >= 0 and topic in self.states.measured:
             row = self.rig.row_of(now - now % SCALAR_SAMPLES)
             fields[topic] = (row[self.states.measured[topic]],)
-        elif now >= 0 and topic in self._in_blocks:
-            self._newest.begin()
-            self._newest.show(np.array([now - now % TICK_SAMPLES]))
-            fields[topic] = _first(self._in_blocks[topic][1]())
+        elif topic in self._in_blocks:
+            tick = now - now % TICK_SAMPLES
+            if tick > self._before:  # otherwise the fields are those of the last block's end
+                self._moments.show(np.array([tick]))
+                fields[topic] = _at(0, self._in_blocks[topic]())
         elif self._at_ticks.get(topic):
             fields[topic] = self._at_ticks[topic][-1]
         elif topic == CONTROLLER_COMMAND and self._commands:
             fields[topic] = self._commands[-1][2]
         elif topic == CONTROLLER_COMMAND and self.commands and self.rig.embedded and now > 0:
-            fields[topic] = _first(self._law(now - 1, 1))
+            fields[topic] = _at(0, self._law(now - 1, 1))
         elif topic == CONTROLLER and now >= 0:
-            fields[topic] = _first(self._seen(np.array([now])))
+            fields[topic] = _at(0, self._seen(np.array([now])))
         return self._heard.reading(name)
 
     def flush(self) -> None:
@@ -150,9 +152,22 @@ class BagOutputs(Outputs):
         RigError
             When the bag cannot be written.
         """
-        if self._now > self._before or self._single:
-            self._bag.write_columns(self._columns_due())
-        self._begin(self._now)
+        try:
+            if self._now > self._before or self._single:
+                self._bag.write_columns(self._columns_due())
+        finally:  # what could not be written is given up
+            self._begin(self._now)
+
+    def finish(self) -> None:
+        """Write all that was due until now, the boundary of the present sample only if it was taken; the run ends here.
+
+        Raises
+        ------
+        RigError
+            When the bag cannot be written.
+        """
+        self._now = max(self._now, self.rig.sample - 1)
+        self.flush()
 
     # ---- the columns of a block
 
@@ -191,7 +206,7 @@ class BagOutputs(Outputs):
             fields = self._law(int(answered[0]), len(answered))
             return [self._column(CONTROLLER_COMMAND, COMMAND, answered + 1, *fields, stamps=answered * SAMPLE_NS)]
         return [
-            _one(at * RANKS + COMMAND, *self._message(CONTROLLER_COMMAND, answered * SAMPLE_NS, *fields))
+            _one((at - self._before) * RANKS + COMMAND, *self._message(CONTROLLER_COMMAND, answered * SAMPLE_NS, *fields))
             for at, answered, fields in self._commands
         ]
 
@@ -218,10 +233,15 @@ class BagOutputs(Outputs):
         out = []
         for k, topic in enumerate(self.states.topics):
             if topic in self._in_blocks:
-                out.append(self._column(topic, rank + 1 + k, ticks, *self._in_blocks[topic][0]()))
+                fields = self._in_blocks[topic]()
+                out.append(self._column(topic, rank + 1 + k, ticks, *fields))
+                self._heard.fields[topic] = _at(-1, fields)
             else:
                 rows = zip(ticks.tolist(), self._at_ticks[topic])
-                out += [_one(at * RANKS + rank + 1 + k, *self._message(topic, at * SAMPLE_NS, *fields)) for at, fields in rows]
+                out += [
+                    _one((at - self._before) * RANKS + rank + 1 + k, *self._message(topic, at * SAMPLE_NS, *fields))
+                    for at, fields in rows
+                ]
         return out
 
     def _of_transducers(self, rank: int, samples: Ints, angles: np.ndarray) -> list[Column]:
@@ -229,7 +249,7 @@ class BagOutputs(Outputs):
         if not len(samples):
             return []
         rows, encode = self._rows(samples), encoder(MEASUREMENT).encode_block
-        places, stamps = samples * RANKS + rank, samples * SAMPLE_NS
+        places, stamps = (samples - self._before) * RANKS + rank, samples * SAMPLE_NS
         seqs = self._rounds + np.arange(len(samples))
         self._rounds += len(samples)
         out = []
@@ -248,12 +268,12 @@ class BagOutputs(Outputs):
         self.counts[topic] = first + len(samples)
         stamps = samples * SAMPLE_NS if stamps is None else stamps
         data = encoder(self._types[topic]).encode_block(stamps, first + np.arange(len(samples)), *fields)
-        return Column(topic, samples * RANKS + rank, stamps, data)
+        return Column(topic, (samples - self._before) * RANKS + rank, stamps, data)
 
 
-def _first(fields: Iterable[Any]) -> tuple:
-    """The fields of the first of several messages."""
-    return tuple(value[0] if isinstance(value, np.ndarray) else value for value in fields)
+def _at(place: int, fields: Iterable[Any]) -> tuple:
+    """The fields of one of several messages."""
+    return tuple(value[place] if isinstance(value, np.ndarray) else value for value in fields)
 
 
 def _one(place: int, topic: str, stamp: int, data: bytes) -> Column:

@@ -3,7 +3,7 @@
 
 """What the rig publishes and when: from the rig's state to encoded messages, without ROS.
 
-``simulate`` writes the messages and the nodes of the rig container publish them: the bytes are the same.
+The nodes of the rig container publish the messages, and testbench.bag_outputs writes the same bytes for runs without listeners.
 """
 
 from __future__ import annotations

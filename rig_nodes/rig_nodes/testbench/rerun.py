@@ -195,7 +195,7 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
                     _command(rig, found, sample)
         finally:
             stops.held = True  # the bag is finished now
-            outputs.flush()
+            outputs.finish()
     return notes
 
 

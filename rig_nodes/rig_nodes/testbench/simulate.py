@@ -399,7 +399,7 @@ def simulate(
             while not done and not rig.safe:
                 if rig.sample >= upto:
                     done = runner.poll(rig.time) or rig.time > LONGEST_RUN
-                    upto = next_poll(runner, rig, outputs.period, controller)
+                    upto = rig.sample + 1 if done else next_poll(runner, rig, outputs.period, controller)
                     if progress:
                         progress(rig.time, runner.text)
                 uninterrupted(outputs.boundary)
@@ -422,7 +422,7 @@ def simulate(
             if controller is not None:
                 controller.close()
             stops.held = True  # the bag is finished now
-            outputs.flush()
+            outputs.finish()
     plugged = {}
     if config.structure.shifts:
         told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}
