@@ -170,7 +170,11 @@ def test_a_disk_that_is_full_is_named_though_the_end_is_tried_again(config, tmp_
 
 def test_a_sequence_can_wait_for_what_a_valve_says_under_a_plugged_controller(config, tmp_path):
     plug = load_controller("python:rig_nodes.controllers.examples.alfa46:Alfa46", config)
-    steps = ["oil: {pressure: 4 MPa}", "shift: {to: I, timeout: 5 s}", "wait: {until: {signal: zr_p1_duty, above: 0.5}, timeout: 2 s}"]
+    steps = [
+        "oil: {pressure: 4 MPa}",
+        "shift: {to: I, timeout: 5 s}",
+        "wait: {until: {signal: zr_p1_duty, above: 0.5}, timeout: 2 s}",
+    ]
     run = simulate(config, sequence_of(tmp_path, steps), tmp_path / "run", controller=plug)
     assert run["end"]["state"] == "ended", run["end"]
 
