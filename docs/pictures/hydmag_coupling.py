@@ -71,8 +71,8 @@ def sweep(folder: Path) -> Figure:
     rows = pq.read_table(folder / "results.parquet").to_pylist()
     series = []
     for play in sorted({row["coupling.play"] for row in rows}):
-        for way, what in (("I-II", "highest"), ("II-I", "lowest")):
-            own = [row for row in rows if row["coupling.play"] == play and row["table.shift"] == way]
+        for way, gears, what in (("I-II", "1-2", "highest"), ("II-I", "2-1", "lowest")):
+            own = [row for row in rows if row["coupling.play"] == play and row["table.shift"] == gears]
             series.append(
                 Series(
                     f"{what} {way}, {play:g} deg",
