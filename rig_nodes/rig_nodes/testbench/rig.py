@@ -26,7 +26,6 @@ from ..config.schema import SWITCH
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..description.commands import Setpoint
-from ..description.driveline import owns_shaft, shaft_of
 from ..description.settings import CONTROLLER, Setting
 from ..errors import RigError
 from ..parts import part as parts
@@ -36,13 +35,10 @@ from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
 from .rig_base import RigBase, RigStatus
-from .shown_state import Facts, ShownState
+from .shown_state import ShownState, facts_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
-
-    from ..engine.plan import World
-    from ..plant.driveline import System
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
@@ -141,7 +137,7 @@ class Rig(RigBase, ShownState):
         self.drive = structure.of_role(parts.SOURCE)[0].name
         planned = plan_of(config)
         self.build(planned.plan, Gauges(config, self.seed, tuple(planned.plan.channels)))
-        self.facts = _facts(config, self.world, planned.true)
+        self.facts = facts_of(config, self.world, planned.true)
         self.clutch_names = self.facts.clutches
         self.valve_names = tuple(one.name for one in structure.valves)
         self.motor = self.device(self.drive)
@@ -684,45 +680,3 @@ class Rig(RigBase, ShownState):
             digest.update(np.ascontiguousarray(part).tobytes())
         digest.update(str(self.sample).encode())
         return digest.hexdigest()
-
-
-def _facts(config: RigConfig, world: World, true: System) -> Facts:
-    """Return what does not change of a rig with a configuration and its true driveline."""
-    structure, plan = config.structure, world.plan
-    place = {name: f for f, name in enumerate(plan.system.elements)}
-    added = plan.system.mass - true.mass
-    heavy = int(np.abs(added).diagonal().argmax())
-    devices, clutches = {one.name for one in structure.devices}, tuple(one.name for one in structure.clutches)
-    roles = (parts.LOAD, parts.SOURCE, parts.COUPLING, parts.LOSS)
-    names = {role: tuple(one.name for one in structure.of_role(role)) for role in roles}
-    return Facts(
-        world,
-        true,
-        place,
-        [[(k, float(weight)) for k, weight in enumerate(row) if weight] for row in world.line["w"]],
-        [
-            (i, k, float(true.mass[i, k]) * (0.5 if i == k else 1.0))
-            for i in range(len(true.mass))
-            for k in range(i, len(true.mass))
-            if true.mass[i, k]
-        ],
-        heavy,
-        float(added[heavy, heavy]),
-        names[parts.LOAD],
-        names[parts.SOURCE],
-        names[parts.LOSS],
-        tuple(name for name in (*names[parts.SOURCE], *names[parts.COUPLING]) if name in place),
-        clutches,
-        {name: f"heat_{structure.device(name).key}" for name in clutches},
-        tuple(name for name in plan.system.elements if name not in devices),
-        [(one.name, *stores) for one in structure.devices if (stores := parts.part(one.part).stores)],
-        {one.name: account for one in structure.devices if (account := parts.part(one.part).account)},
-        [(plan.system.shafts.index(shaft_of(one)), one.name) for one in structure.devices if owns_shaft(one)],
-        {sum(1 << clutches.index(name) for name in gear.clutches): k for k, gear in enumerate(structure.gears, 1)} | {0: 0},
-        len(structure.gears) + 1,
-        {valve.name: world.number(f"{valve.wires['feeds']}.port") for valve in structure.valves},
-        {
-            one.name: tuple(valve.name for valve in structure.valves if structure.oil_of(valve, "supply") == one.name)
-            for one in structure.of_role(parts.OIL)
-        },
-    )

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..description.driveline import owns_shaft, shaft_of
+from ..parts import part as parts
 from ..plant import driveline_algebra
 from ..plant.driveline_laws import stored_energy
 
@@ -43,8 +45,8 @@ class Facts:
         Pairs of the driveline's speeds, with the weight of their product in the energy of motion [kg m2].
     heavy, put_on : int, float
         Speed to whose inertia a constant input speed adds, and how much that is [kg m2].
-    loads, sources, losses, rubbing : tuple of str
-        Names of the loads, of the drives, of the losses, and of drives and couplings with friction of their own.
+    loads, losses, rubbing : tuple of str
+        Names of the loads, of the losses, and of drives and couplings with friction of their own.
     clutches : tuple of str
         Names of the clutches.
     heats : mapping of str to str
@@ -75,7 +77,6 @@ class Facts:
     heavy: int
     put_on: float
     loads: tuple[str, ...]
-    sources: tuple[str, ...]
     losses: tuple[str, ...]
     rubbing: tuple[str, ...]
     clutches: tuple[str, ...]
@@ -88,6 +89,44 @@ class Facts:
     other: int
     fed: Mapping[str, int]
     drawing: Mapping[str, tuple[str, ...]]
+
+
+def facts_of(config: RigConfig, world: World, true: System) -> Facts:
+    """Return what does not change of a rig with a configuration and its true driveline."""
+    structure, system = config.structure, world.plan.system
+    place = {name: f for f, name in enumerate(system.elements)}
+    added = system.mass - true.mass
+    heavy = int(np.abs(added).diagonal().argmax())
+    clutches = tuple(one.name for one in structure.clutches)
+    roles = (parts.LOAD, parts.SOURCE, parts.COUPLING, parts.LOSS)
+    names = {role: tuple(one.name for one in structure.of_role(role)) for role in roles}
+    own = {one.name: parts.part(one.part) for one in structure.devices}
+    speeds = range(len(true.mass))
+    return Facts(
+        world=world,
+        system=true,
+        place=place,
+        slip=[[(k, float(weight)) for k, weight in enumerate(row) if weight] for row in world.line["w"]],
+        kinetic=[(i, k, float(true.mass[i, k]) * (0.5 if i == k else 1.0)) for i in speeds for k in speeds[i:] if true.mass[i, k]],
+        heavy=heavy,
+        put_on=float(added[heavy, heavy]),
+        loads=names[parts.LOAD],
+        losses=names[parts.LOSS],
+        rubbing=tuple(name for name in (*names[parts.SOURCE], *names[parts.COUPLING]) if name in place),
+        clutches=clutches,
+        heats={name: f"heat_{structure.device(name).key}" for name in clutches},
+        elements=tuple(name for name in system.elements if name not in own),
+        stores=[(name, *part.stores) for name, part in own.items() if part.stores],
+        accounts={name: part.account for name, part in own.items() if part.account},
+        owned=[(system.shafts.index(shaft_of(one)), one.name) for one in structure.devices if owns_shaft(one)],
+        held_by={sum(1 << clutches.index(name) for name in gear.clutches): k for k, gear in enumerate(structure.gears, 1)} | {0: 0},
+        other=len(structure.gears) + 1,
+        fed={valve.name: world.number(f"{valve.wires['feeds']}.port") for valve in structure.valves},
+        drawing={
+            one.name: tuple(valve.name for valve in structure.valves if structure.oil_of(valve, "supply") == one.name)
+            for one in structure.of_role(parts.OIL)
+        },
+    )
 
 
 class ShownState(ABC):
