@@ -229,6 +229,16 @@ class World:
         """Return the configuration, derived numbers and wires of an instance, which may be read and written."""
         return self._of("values", name)
 
+    def states_at(self, name: str) -> dict[str, int]:
+        """Return the place of each state of an instance among the numbers."""
+        kind, k = self._where(name)
+        return {state: self._places[f"parts.{kind}[{k}].{state}"] for state in self.record.dtype["parts"][kind].base.names or ()}
+
+    def entries_at(self, array: str, row: int | None = None) -> slice | None:
+        """Return the places of an array of the driveline's record, or of one of its rows, among the numbers; None if elsewhere."""
+        first = self._places.get(f"driveline.{array}[0]" if row is None else f"driveline.{array}[{row}, 0]")
+        return None if first is None else slice(first, first + self.line[array].shape[-1])
+
     def states_in(self, records: np.ndarray, name: str) -> np.ndarray:
         """Return the states of an instance in other records (n,) that begin as the world's does."""
         kind, k = self._where(name)

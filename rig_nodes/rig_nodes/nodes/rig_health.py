@@ -15,6 +15,7 @@ from ..bags.definitions import installed
 from ..clocks import COMMAND_TIMEOUT
 from ..description.structure import Device
 from ..parts import part as parts
+from ..testbench.moments import Present
 from ..testbench.rig import Rig
 from ..testbench.rig_base import RigStatus
 from .device import device_names
@@ -38,7 +39,7 @@ class RigHealth:
     def __init__(self, rig: Rig, clock: RealTime | Lockstep, commands: Commands) -> None:
         """Choose the devices; ``clock`` is the RealTime or Lockstep of the run, and ``commands`` the rig's queue."""
         self.rig, self.clock, self.commands = rig, clock, commands
-        self._overruns = Growing()
+        self._present, self._overruns = Present(rig), Growing()
         structure, of_role = (
             rig.config.structure,
             {
@@ -62,13 +63,14 @@ class RigHealth:
 
     def __call__(self) -> list[Health]:
         """Return the present health of all of them."""
+        self._present.read()
         return [self.whole(), *(health() for health in self._each), self.instruments()]
 
     def state(self, device: Device) -> dict:
-        """Return the fields of the device's state message [SI]; nothing before the first message."""
-        if device.name not in self._fields or not self.rig.energies:
+        """Return the fields of the device's state message [SI]; nothing where it has none."""
+        if device.name not in self._fields:
             return {}
-        return dict(zip(self._fields[device.name], parts.part(device.part).shown_values(self.rig, device.name), strict=True))
+        return dict(zip(self._fields[device.name], parts.part(device.part).shown_values(self._present, device.name), strict=True))
 
     def whole(self) -> Health:
         """Return the health of the rig: its state with the reason, and whether it keeps time."""

@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The state of a rig at several ticks of the graph, from which state messages are made in blocks.
+"""The state of a rig from which state messages are made: at the present tick of the graph, or at several for a block of messages.
 
-testbench.bag_outputs uses it. The engine keeps what a step leaves to the next one at each tick, some kilobytes.
+testbench.topics uses the former, testbench.bag_outputs the latter. The engine keeps what a step leaves to the next one at each
+tick, some kilobytes.
 """
 
 from __future__ import annotations
@@ -18,6 +19,73 @@ from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..engine.world import beginning
 from .rig import Rig
 from .shown_state import ShownState
+
+
+class _States:
+    """The states of a device, read by their names."""
+
+    __slots__ = ("_numbers", "_places")
+
+    def __init__(self, numbers: list[float], places: dict[str, int]) -> None:
+        """Keep the list of all numbers of the rig, whose content changes, and the place of each state in it."""
+        self._numbers, self._places = numbers, places
+
+    def __getitem__(self, name: str) -> float:
+        return self._numbers[self._places[name]]
+
+
+class Present(ShownState):
+    """The state of a rig when it was last read.
+
+    All numbers are read at once and are Python's, because reading and calculating with single numbers of numpy takes some five
+    times as long.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig, self.facts, self.stored_first = rig, rig.facts, rig.stored_first
+        self._numbers: list[float] = []
+        self._devices: dict[str, _States] = {}
+        self._entries_at: dict[tuple[str, int | None], slice | None] = {}
+        self.read()
+
+    def read(self) -> None:
+        """Read the rig as it is now."""
+        rig = self._rig
+        self.config, self.status, self.reason, self.stopped_by_person = rig.config, rig.status, rig.reason, rig.stopped_by_person
+        self.sample, self.command_age, self.safe = rig.sample, rig.command_age, rig.safe
+        self._numbers[:] = self.facts.world.numbers.tolist()
+        self._others: dict[tuple[str, int | None], list] = {}  # arrays that are not among the numbers
+        self.energies = self.energy()
+
+    def device(self, name: str) -> _States:
+        """Return the states of a device by its name [SI]."""
+        if name not in self._devices:
+            self._devices[name] = _States(self._numbers, self.facts.world.states_at(name))
+        return self._devices[name]
+
+    def number(self, place: int) -> float:
+        """Return a number of the plant by its place in the world."""
+        return self._numbers[place]
+
+    def entries(self, array: str, row: int | None = None) -> list:
+        """Return the numbers of an array of the driveline's record, or of one of its rows."""
+        which = array, row
+        if which not in self._entries_at:
+            self._entries_at[which] = self.facts.world.entries_at(array, row)
+        if (places := self._entries_at[which]) is not None:
+            return self._numbers[places]
+        if which not in self._others:
+            self._others[which] = self._rig.entries(array, row)
+        return self._others[which]
+
+    def each(self, function: Callable[[np.void], float]) -> float:
+        """Return the value that a function takes of the driveline's record."""
+        return self._rig.each(function)
 
 
 class Moments(ShownState):

@@ -154,7 +154,6 @@ class Rig(RigBase, ShownState):
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
         self.stored_first = self.stored()
-        self.energies: dict[str, float] = {}  # of the last tick; States.refresh writes them
         if self.shifts:
             self._law_config = config.alfa46.law_config(config.transmission)
             self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it

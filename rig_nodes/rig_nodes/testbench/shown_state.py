@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is read of a rig's state: at the present moment (testbench.rig.Rig), or at several at once (testbench.moments.Moments).
+"""What is read of a rig's state: now (testbench.rig.Rig), at a tick (testbench.moments.Present), or at several (Moments).
 
 Both compute it here, so that a value is the same, bit for bit, whether it is sent at once or written later.
 """
@@ -140,14 +140,11 @@ class ShownState(ABC):
         What does not change.
     stored_first : float
         Energy that was stored at time 0 [J].
-    energies : dict of str to float
-        Energies of the last tick [J].
     """
 
     config: RigConfig
     facts: Facts
     stored_first = 0.0
-    energies: dict[str, Any]
 
     @abstractmethod
     def device(self, name: str) -> Any:

@@ -20,8 +20,8 @@ from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..description.signals import CONTROLLER_COMMAND, TORQUES, absolute_pressures
 from ..parts import part as parts
+from .moments import Moments, Present
 from .rig import Rig
-from .shown_state import ShownState
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,13 +67,13 @@ def measured_columns(rig: Rig) -> dict[str, int]:
     return {topic: rig.channels.index(name) for topic, name in rig.config.catalogue.measured().items()}
 
 
-def state_fields(rig: ShownState, overruns: Callable[[], int] = lambda: 0) -> dict[str, Callable[[], tuple]]:
+def state_fields(rig: Present | Moments, overruns: Callable[[], int] = lambda: 0) -> dict[str, Callable[[], tuple]]:
     """Return for each state topic the function that makes its fields, of the present moment or of several.
 
     Parameters
     ----------
-    rig : ShownState
-        The rig, or several moments of it.
+    rig : Present or Moments
+        The rig's state, or its states at several ticks.
     overruns : callable, optional
         Returns how many ticks were late.
 
@@ -105,7 +105,7 @@ def state_fields(rig: ShownState, overruns: Callable[[], int] = lambda: 0) -> di
     return {topic.name: of(topic.node) for topic in topics if topic.name == f"/{topic.node}/state"} | {"/rig/state": whole}
 
 
-def _gearbox(rig: ShownState) -> Callable[[], tuple]:
+def _gearbox(rig: Present | Moments) -> Callable[[], tuple]:
     """The function that returns the fields of the gearbox's state."""
     structure, facts = rig.config.structure, rig.facts
     into, out = _ends(rig)
@@ -127,22 +127,23 @@ def _gearbox(rig: ShownState) -> Callable[[], tuple]:
     return fields
 
 
-def _ends(rig: ShownState) -> list:
+def _ends(rig: Rig | Present | Moments) -> list:
     """The input and the output of the rig's driveline, as far as it has them."""
     return [end for end in (rig.config.structure.input, rig.config.structure.output) if end]
 
 
 class States:
-    """The fields of the state topics, from the rig's present state; :meth:`refresh` is called before those of each tick."""
+    """The fields of the state topics, from the rig's state at the last :meth:`refresh`, which is called at each tick."""
 
     def __init__(self, rig: Rig) -> None:
         self.rig, self.overruns = rig, 0  # overruns: the caller that keeps real time sets it
         self.measured = measured_columns(rig)
         self._columns = {name: column for column, name in enumerate(rig.channels)}
         self._ends = _ends(rig)
-        self._speeds = [self._columns[end.speed] for end in self._ends]
+        self._speeds = np.array([self._columns[end.speed] for end in self._ends], int)
         self.angles = [0.0] * len(self._ends)  # of input and output since time 0 [rad]
-        self.topics = state_fields(rig, lambda: self.overruns)
+        self._present = Present(rig)
+        self.topics = state_fields(self._present, lambda: self.overruns)
         self._torques = None
         if TORQUES in rig.config.structure.signals:
             from .joint_torques import JointTorques  # here: it imports what runs drivelines in Python, which few rigs need
@@ -155,10 +156,10 @@ class States:
         return SCALAR_SAMPLES if topic in self.measured else 1 if topic == CONTROLLER_COMMAND else TICK_SAMPLES
 
     def refresh(self) -> None:
-        """Compute the energies of this tick."""
-        self.rig.energies = self.rig.energy()
+        """Read the rig as it is now."""
+        self._present.read()
 
-    def turn(self, rows: Floats) -> Floats:
+    def turn(self, rows: Floats) -> list[list[float]]:
         """Add ticks to the angles of the shafts, as a counter of the encoders would without wrapping.
 
         The rows are added one after the other, so that the sum is the same on every machine.
@@ -170,14 +171,14 @@ class States:
 
         Returns
         -------
-        (ticks, shafts) array of float
+        (ticks, shafts) list of list of float
             The angles after each tick [rad].
         """
         turned = []
         for gained in (ROW * rows[:, :, self._speeds].cumsum(axis=1)[:, -1]).tolist():
             self.angles = [angle + gain for angle, gain in zip(self.angles, gained)]
             turned.append(self.angles)
-        return np.array(turned)
+        return turned
 
     def each_sample(self) -> list[tuple]:
         """Return each topic that is sent with every sample, with its fields: what a controller measures, if the rig has one."""
