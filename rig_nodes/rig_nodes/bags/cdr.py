@@ -303,12 +303,12 @@ class Form:
             pack_into(self._bytes, place, value)
         return bytes(self._bytes)
 
-    def encode_block(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return messages (n, size) as :meth:`encode` makes them, for stamps (n,) [ns] and rows of values (n, values)."""
+    def encode_block(self, stamps: np.ndarray, *values: np.ndarray | float) -> np.ndarray:
+        """Return messages (n, size) as :meth:`encode` makes them, for stamps (n,) [ns] and values (n,), or one for all of them."""
         out = _repeated(bytes(self._bytes), len(stamps))
         record = out.view(self._record)[:, 0]
         record["sec"], record["nanosec"] = stamps // _SECOND, stamps % _SECOND
-        for k, column in enumerate(values.T):
+        for k, column in enumerate(values):
             record[f"{k}"] = column
         return out
 

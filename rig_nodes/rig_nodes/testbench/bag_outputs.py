@@ -220,8 +220,12 @@ class BagOutputs(Outputs):
 
     def _seen(self, samples: Ints) -> tuple[Any, ...]:
         """The fields of what the controller measures at samples."""
-        currents, measured = self.rig.seen_in(self._rows(samples))
-        return samples, currents, measured
+        fields = []
+        for values in self.rig.seen(self._rows(samples).T):
+            fields.append(np.empty((len(samples), len(values))))
+            for k, value in enumerate(values):
+                fields[-1][:, k] = value
+        return samples, *fields
 
     def _rows(self, samples: Ints) -> np.ndarray:
         """The rows (n, channels) of samples that follow each other at the same distance."""
@@ -259,7 +263,8 @@ class BagOutputs(Outputs):
         places = places + len(out)
         for k, (topic, form, values) in enumerate(self._mirrors):
             self.counts[topic] = self.counts.get(topic, 0) + len(samples)
-            out.append(Column(topic, places + k, stamps, form.encode_block(stamps, values(rows, angles, self._noise.__getitem__))))
+            data = form.encode_block(stamps, *values(rows.T, angles.T, self._noise.__getitem__))
+            out.append(Column(topic, places + k, stamps, data))
         return out
 
     def _column(self, topic: str, rank: int, samples: Ints, *fields: Any, stamps: Ints | None = None) -> Column:

@@ -118,10 +118,10 @@ class Outputs:
         if sample % SCALAR_SAMPLES == 0:
             row = rig.row()
             yield from self._measured(now, row)
+            shown = row.tolist()
             for topic, mirror, values in self._mirrors:
                 self.counts[topic] = self.counts.get(topic, 0) + 1
-                numbers = values(row[None], np.array([self.states.angles]), rig.gauges.effective)[0]
-                yield topic, now, mirror.encode(now, *numbers.tolist())
+                yield topic, now, mirror.encode(now, *values(shown, self.states.angles, rig.gauges.effective))
 
     def _once(self) -> Iterator[tuple[str, int, bytes]]:
         """What is sent when time begins: the record of the run, and what the numbers of other messages mean."""

@@ -13,7 +13,7 @@ import hashlib
 import math
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -548,8 +548,14 @@ class Rig(RigBase, ShownState):
         self._act_due()
         return float(self.valves[k]["pending"])
 
-    def seen(self) -> tuple[list[float], list[float]]:
+    def seen(self, row: Sequence[Any] | None = None) -> tuple[list[Any], list[Any]]:
         """Return what the controller's newest sample carries.
+
+        Parameters
+        ----------
+        row : (channels,) sequence, optional
+            Logger row of another sample [SI]; with an array (n,) for each channel the result is that of n samples, but stays 0 for
+            outputs without a valve.
 
         Returns
         -------
@@ -558,17 +564,10 @@ class Rig(RigBase, ShownState):
         measured : (transducers,) list of float
             Values of the controller's transducers in the order of its record [SI].
         """
-        row, currents = self.row().tolist(), [0.0] * law.OUTPUTS
+        row, currents = self.row().tolist() if row is None else row, [0.0] * law.OUTPUTS
         for column, output in self._currents:
             currents[output] = row[column]
         return currents, [row[column] for column in self._wired]
-
-    def seen_in(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the controller's samples carry, as :meth:`seen`, from rows (n, channels): (n, 3) and (n, transducers)."""
-        currents = np.zeros((len(rows), law.OUTPUTS))
-        for column, output in self._currents:
-            currents[:, output] = rows[:, column]
-        return currents, rows[:, self._wired]
 
     def coil_currents(self) -> np.ndarray:
         """Return the measured currents at the controller's outputs (3,) [A]."""

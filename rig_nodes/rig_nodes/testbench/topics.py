@@ -196,9 +196,9 @@ class States:
         Returns
         -------
         list of (str, Form, callable)
-            Topic, form of the message, and the function that makes the values of n messages (n, values) from n logger rows
-            (n, channels), the angles at these (n, shafts) [rad], and the function that returns a transducer's noise, as
-            Gauges.effective does.
+            Topic, form of the message, and the function that makes its values from a logger row (channels,), the angles at it
+            (shafts,) [rad], and the function that returns a transducer's noise, as Gauges.effective does. For n messages the
+            row, the angles and the values are arrays (n,).
         """
         structure = self.rig.config.structure
         if not self.rig.shifts:
@@ -211,13 +211,7 @@ class States:
                 lambda value, variance: {"header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance},
                 2,
             )
-
-            def values(rows: Floats, _angles: Floats, noise: Callable[[str], float]) -> Floats:
-                out = np.empty((len(rows), 2))
-                out[:, 0], out[:, 1] = rows[:, column] + ATMOSPHERE, noise(name) ** 2
-                return out
-
-            return form, values
+            return form, lambda row, _angles, noise: (row[column] + ATMOSPHERE, noise(name) ** 2)
 
         names, count = [end.body for end in self._ends], len(self._ends)
         joints = Form(
@@ -233,7 +227,7 @@ class States:
         )
         columns = [self._columns[name] for name in (*(end.speed for end in self._ends), *(end.torque for end in self._ends))]
         return [
-            ("/instruments/joint_states", joints, lambda rows, angles, _noise: np.concatenate([angles, rows[:, columns]], axis=1)),
+            ("/instruments/joint_states", joints, lambda row, angles, _noise: (*angles, *[row[column] for column in columns])),
             *((f"/instruments/{one.name}_absolute", *absolute(one.at, one.name)) for one in absolute_pressures(structure)),
         ]
 
