@@ -33,7 +33,7 @@ from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Lin
 from ..testbench.rig_base import RigStatus
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
-from .device import publishers_of
+from .device import publishers_of, sender
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
 from .matching import silent
 from .process import RIG_OPTIONS, Process, gearbox_rig_config, run
@@ -88,6 +88,7 @@ class Alfa46Node(Node):
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
         own = config.catalogue.controller_topics.values() if self.box.signals or self.box.named_later else ()
         self.outputs = publishers_of(self, config.catalogue, in_lockstep=bool(process.descriptors()), more=own)
+        self._send = {topic: sender(publisher) for topic, publisher in self.outputs.items()}
         self._blocks = None  # of the controller's own signals, from the first message on
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
@@ -487,7 +488,7 @@ class Alfa46Node(Node):
     def publish(self, topic: str, data: bytes) -> None:
         """Send the next message of a topic, in lockstep also to the recorder's tap."""
         self.counts[topic] += 1
-        self.outputs[topic].publish(data)
+        self._send[topic](data)
         if self.tap is not None:
             self.tap.put(topic, data)
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     import numpy as np
+    from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
     from rclpy.subscription import Subscription
 
@@ -59,6 +60,11 @@ def publishers_of(node: Node, known: Catalogue, in_lockstep: bool = False, more:
         topic.name: node.create_publisher(message_class(topic.ros_type), topic.name, publisher_profile(topic.qos, in_lockstep))
         for topic in (*own, *more)
     }
+
+
+def sender(publisher: Publisher) -> Callable[[bytes], None]:
+    """Return the function that sends an encoded message; ``Publisher.publish`` calls it too, and takes twice as long."""
+    return publisher.handle.publish_raw
 
 
 def receive(

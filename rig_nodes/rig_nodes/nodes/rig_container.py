@@ -29,7 +29,7 @@ from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
-from .device import DeviceNode, device_names, pace_of
+from .device import DeviceNode, device_names, pace_of, sender
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import silent
@@ -89,7 +89,7 @@ class Container:
         self.nodes = self._nodes()
         self.cuts = CutEnds(self.rig, self.commands, self.nodes, process, arguments.step_timeout)
         self.publishers = {topic: publisher for node in self.nodes for topic, publisher in node.outputs.items()}
-        self._send = {topic: publisher.publish for topic, publisher in self.publishers.items()}
+        self._send = {topic: sender(publisher) for topic, publisher in self.publishers.items()}
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded, because the replay of a bag publishes its own clock
         self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
