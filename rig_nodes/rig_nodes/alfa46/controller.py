@@ -70,6 +70,9 @@ class Alfa46:
         self._profiles = np.ascontiguousarray(config.profiles)
         self._outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
         self._state = np.zeros(1, law.LAW_STATE)
+        # single numbers of them, which are read in a third of the time that the records take
+        self._gear, self._shift_end, self._sample = (memoryview(self._state[name]) for name in ("gear", "shift_end", "sample"))
+        self._phases = memoryview(self._outputs["phase"])
         self._currents = np.zeros(law.OUTPUTS)
         self._ordered: int | None = None
 
@@ -169,14 +172,14 @@ class Alfa46:
     @property
     def gear(self) -> int:
         """Number of the gear that was ordered last."""
-        return int(self._state["gear"][0])
+        return int(self._gear[0])
 
     @property
     def shifting(self) -> bool:
         """True until every running profile has passed its last point."""
-        return bool(self._state["sample"][0] < self._state["shift_end"][0])
+        return self._sample[0] < self._shift_end[0]
 
     @property
-    def active(self) -> np.ndarray:
+    def active(self) -> list[bool]:
         """Which outputs (3,) are on: from switch-on to the end of the falling half of the profile."""
-        return self._outputs["phase"] != law.OFF
+        return [phase != law.OFF for phase in self._phases.tolist()]

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
 LOG = logging.getLogger("rig_nodes.controllers")
+STATUSES = tuple(Status)
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
 SETTLE = 1.0  # s of wall clock in which the right controller may still come after one that cannot be used
 
@@ -308,7 +309,7 @@ class Plug(ABC):
             self._fail(Status.FATAL, sample, f"the plug could not get its answer: {error_text(error)}")
         try:
             status = getattr(outputs, "status", Status.OK)
-            if status not in tuple(Status):
+            if status not in STATUSES:
                 raise RigError(f"status is {status!r}, expected 0 (ok), 1 (discard), 2 (error) or 3 (fatal)")
             status = Status(status)
             if status == Status.OK:
@@ -466,6 +467,6 @@ class BuiltIn(Plug):
         if inputs.gear_request != box.gear:
             box.order(inputs.gear_request)
         duty, setpoint = box.step(inputs.sample, inputs.current)
-        flags = sum(1 << k for k, active in enumerate(box.active.tolist()) if active)
+        flags = sum(1 << k for k, active in enumerate(box.active) if active)
         command = duty if self.level == "duty" else setpoint
         return ControllerOutputs(command.tolist(), setpoint.tolist(), box.gear, box.shifting, flags)

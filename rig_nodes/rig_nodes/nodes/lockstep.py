@@ -148,9 +148,9 @@ class Lockstep:
                 self._pace(began)
                 if rig.sample > 0 and not self._done and self._sequencer_due():
                     self._ask_sequencer()
-                if rig.status == RigStatus.TRIPPED:
+                if rig.safe:
                     time.sleep(TICK_SAMPLES * SAMPLE_NS * 1e-9)  # nothing to hurry for
-            if self._done and rig.status != RigStatus.TRIPPED:
+            if self._done and not rig.safe:
                 # `simulate` ends here too; the supervisor ends the process
                 publish()
                 while not stop():
@@ -158,7 +158,7 @@ class Lockstep:
                 break
             self.commands.apply()
             self._tell_controller()
-            if self.controller is None or rig.status == RigStatus.TRIPPED:
+            if self.controller is None or rig.safe:
                 publish()
                 rig.advance_samples(1)
             else:

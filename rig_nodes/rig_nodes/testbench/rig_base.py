@@ -112,7 +112,7 @@ class RigBase(ABC):
         self.world, self.gauges, self.channels = World(plan), gauges, tuple(plan.channels)
         if self.logger_names != list(self.channels[: len(self.logger_names)]):
             raise RigError(f"the logger's columns {self.logger_names} are not those of the rig, {self.channels}")
-        self._safe = self.world.record["safe"]
+        self._safe = memoryview(self.world.record["safe"])
         self._enabled = self.device(self.drive)
         self.v, self.mode = self.world.line["v"], self.world.line["mode"]
         self._by = BY_DUTY
@@ -182,7 +182,7 @@ class RigBase(ABC):
     @property
     def safe(self) -> bool:
         """True in the safe state."""
-        return bool(self._safe[0] > 0.0)
+        return self._safe[0] > 0.0
 
     @property
     @abstractmethod
