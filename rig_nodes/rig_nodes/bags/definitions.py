@@ -136,31 +136,12 @@ class Definition:
         return _counted(self.tree)
 
     def sized(self, data: bytes) -> np.dtype | None:
-        """Return :meth:`dtype` extended by the tail, with its lists as long as in the given message.
+        """Return :meth:`numbers_in` of a message without the bytes that may follow its lists.
 
-        A list's length is in the record as ``name#``. The result is None when the tail holds anything but lists of numbers or the
-        message is too short.
+        The result is None when the tail holds anything but lists of numbers or the message is too short.
         """
-        if (end := self.end_of(data)) is None:
-            return None
-        own, places = self.dtype(), self._places(data)
-        names = [part for (name, _), _ in zip(self.tail, places) for part in (f"{name}#", name)]
-        formats = [
-            part
-            for (name, node), (_, _, count) in zip(self.tail, places)
-            for part in ("<u4", (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)))
-        ]
-        offsets = [part for at, first, _ in places for part in (at, first)]
-        own_names: tuple[str, ...] = own.names or ()
-        places_of_own: dict[str, int] = {name: entry[1] for name, entry in (own.fields or {}).items()}
-        return np.dtype(
-            {
-                "names": [*own_names, *names],
-                "formats": [own[name] for name in own_names] + formats,
-                "offsets": [places_of_own[name] for name in own_names] + offsets,
-                "itemsize": end,
-            }
-        )
+        end = self.end_of(data)
+        return None if end is None else self.numbers_in(data[:end])
 
     @cached_property
     def lists(self) -> bool:
@@ -184,8 +165,8 @@ class Definition:
     def numbers_in(self, data: bytes) -> np.dtype:
         """Return the numpy record of all numbers of a message of this type, as long as the message.
 
-        Its fields are the leaves, and those of the tail up to the first one that is no text, number or list of numbers. Messages
-        with texts and lists of the same lengths have the same record.
+        Its fields are the leaves, and those of the tail up to the first one that is no text, number or list of numbers; the length
+        of a list is there as ``name#``. Messages with texts and lists of the same lengths have the same record.
         """
         found = [(leaf.path, _numpy_format(leaf), 4 + leaf.offset) for leaf in self.leaves]
         at = self.size
@@ -196,12 +177,13 @@ class Definition:
                 at += node.size
                 continue
             at += -(at - 4) % 4
-            count = int.from_bytes(data[at : at + 4], "little")
+            count, length_at = int.from_bytes(data[at : at + 4], "little"), at
             at += 4
             if node.kind == "string":
                 at += count
             elif node.kind == "sequence" and node.item.kind == "number":
                 at += -(at - 4) % node.item.size if count else 0
+                found.append((f"{name}#", "<u4", length_at))
                 found.append((name, (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)), at))
                 at += count * node.item.size
             else:
