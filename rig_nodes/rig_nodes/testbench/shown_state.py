@@ -3,7 +3,7 @@
 
 """What is read of a rig's state: now (testbench.rig.Rig), at a tick (testbench.moments.Present), or at several (Moments).
 
-Both compute it here, so that a value is the same, bit for bit, whether it is sent at once or written later.
+All of them compute it here, so that a value is the same, bit for bit, whether it is sent at once or written later.
 """
 
 from __future__ import annotations
