@@ -223,8 +223,8 @@ def spool_after(
     """Return :func:`spool_position` after a time whose ``decay`` is known, with the ``gain`` of :func:`spool_gain`."""
     lowest, highest = held_pressures(magnet, friction, valve)
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
-    target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
-    return target + (spool - target) * decay
+    # the stops limit the way and not the speed, which grows with the force that is left
+    return min(max(target + (spool - target) * decay, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -258,8 +258,6 @@ def closing_pressure(
     decay = spool_decay(h, thickness, valve)
     edge = 0.0 if reducing else -valve.spool_dead_band
     target = (edge - spool * decay) / (1.0 - decay)
-    if not -valve.spool_dead_band - valve.spool_stroke <= target <= valve.spool_stroke:
-        return inf
     lowest, highest = held_pressures(magnet, friction, valve)
     # the highest pressure closes the supply, the lowest one closes the drain
     held = highest if target < spool else lowest

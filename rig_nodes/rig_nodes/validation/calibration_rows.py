@@ -31,7 +31,7 @@ SETTLE = 300  # samples in which the supply comes up
 PAUSE = 8000  # samples between two engagements, as in the sequences of chapter 7, until the line of S2 has run empty again
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a constant current
 FIRST_RISE = 10e3  # Pa: about the smallest first rise that the laboratory could see
-NO_LEVEL = 50e3  # Pa: what a pressure that was fitted by 0 may be; its transducer's zero is seen before and after
+NO_LEVEL = 100e3  # Pa: what a pressure that was fitted by 0 may be, the largest error of its transducer
 RELEASED = 200  # samples after the end of a fall to zero, in which the current stays: the pressure that is left is averaged
 FALLEN = 2.2e6  # Pa: the fall has begun when the pressure passes it (22 bar, Annex A)
 CURVES = {  # clutch -> rows of its rising and of its falling pressure in chapter 9
@@ -141,6 +141,26 @@ def distances(target: Target, p: np.ndarray, start: float) -> np.ndarray:
     return np.interp(start + t, SAMPLE * np.arange(len(p)), p) - on_curve(target, t)
 
 
+def piece_shares(target: Target, length: int) -> np.ndarray:
+    """Return the share of each millisecond of a curve in its miss: all printed pieces count alike, however long they last.
+
+    Parameters
+    ----------
+    target : Target
+        The row with the curve.
+    length : int
+        Number of milliseconds.
+
+    Returns
+    -------
+    (length,) array of float
+        Shares; their sum is 1.
+    """
+    t = SAMPLE * np.arange(length)
+    piece = np.array([np.searchsorted([high for _, high, _ in target.pieces], at) for at in t])
+    return 1.0 / (np.bincount(piece)[piece] * len(np.unique(piece)))
+
+
 def fall_begins(target: Target, p: np.ndarray) -> float:
     """Return the start [s] of a fall.
 
@@ -222,8 +242,9 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
         out.append(Miss(f"{falling.id}: end", level, level / NO_LEVEL, tuple(left / NO_LEVEL / np.sqrt(len(left)))))
     for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
         apart = distances(row, p, start)
-        miss = float(np.sqrt(np.mean(apart**2)))
-        out.append(Miss(row.id, miss, miss / row.tolerance, tuple(apart / row.tolerance / np.sqrt(len(apart)))))
+        parts = apart * np.sqrt(piece_shares(row, len(apart)))
+        miss = float(np.sqrt(np.sum(parts**2)))
+        out.append(Miss(row.id, miss, miss / row.tolerance, tuple(parts / row.tolerance)))
     return out
 
 
