@@ -38,6 +38,7 @@ from rig_nodes.plant.driveline_algebra import (
 )
 from rig_nodes.plant.driveline_bends import bend_inside, longest_part
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
+from rig_nodes.plant.driveline_joint import JAMMED
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product, work_of
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
@@ -206,6 +207,28 @@ def in_contact(gap: float, x: float, dx: float) -> float:
     if low == high:
         return 1.0 if x >= gap or x <= -gap else 0.0
     return 1.0 - max(0.0, min(high, gap) - max(low, -gap)) / (high - low)
+
+
+@njit(**INNER)
+def least_capacity(tables: Tables, k: int) -> float:
+    """Return the least value of the table of a capacity that counts: what is below it is as large as the rounding of the others."""
+    noinline()
+    most = 0.0
+    for i in range(tables.first[k], tables.first[k + 1]):
+        most = max(most, abs(tables.y[i]))
+    return CLOSE * most
+
+
+@njit(**INNER)
+def capacity_at(tables: Tables, k: int, x: float) -> float:
+    """Return the factor on a capacity at x.
+
+    The slip of a locked clutch, and the angle of a body that it holds, are numbers of rounding size and of either sign. Where the
+    table goes through 0 there, they must not open and close a clutch in turn.
+    """
+    noinline()
+    factor = value(tables, k, x)
+    return factor if factor > least_capacity(tables, k) else 0.0
 
 
 @njit(**INNER)
@@ -450,8 +473,8 @@ def try_step(
             if laws.factor[k] >= 0:
                 g0, g1 = share_of(given[0, laws.factor[k]], given[1, laws.factor[k]], begin, end)
             if kind == CAPACITY:
-                other[k] = max(0.0, value(laws.tables, k, x + dx))
-                c0 = max(0.0, value(laws.tables, k, x))
+                other[k] = capacity_at(laws.tables, k, x + dx)
+                c0 = capacity_at(laws.tables, k, x)
                 for row in (KIN0, LO0, HI0):
                     cc[row, f] *= c0
                     cc[row + 1, f] *= other[k]
@@ -540,8 +563,11 @@ def try_step(
                 dx = product(laws.of[k], v) - x
             error, scale = 0.0, 1.0
             if kind == CAPACITY:
-                asked = max(0.0, value(laws.tables, k, x + dx))
-                error, scale = abs(asked - other[k]), abs(asked)
+                asked = capacity_at(laws.tables, k, x + dx)
+                error, scale = abs(asked - other[k]), asked
+                # none is as good as the least that counts, which only rounding separates
+                if min(asked, other[k]) == 0.0 and error <= 2.0 * least_capacity(laws.tables, k):
+                    error = 0.0
             elif kind == FRICTION:
                 a0, a1 = abs(x), abs(x + dx)
                 if abs(a1 - a0) > 1e-9 * (1.0 + a0):
@@ -571,7 +597,9 @@ def try_step(
         if met or (attempt >= 3 and count[N_CAPPED] > count0[N_CAPPED]):
             break
     since = work[FIRST]
+    # where an impulse has acted the work of a motion is known from the balance of energy only, however short the step
     inside = 1e-9 * d < since < d * (1.0 - 1e-9)
+    struck = since == JAMMED
     bends = False
     if cut and met:
         for k in range(rows):
@@ -601,9 +629,9 @@ def try_step(
                 j = moved_by(laws.on[k])
                 impulse = impulse_of(j, d, inert, w, sh, kk, pushes, cc, gained, turned, el[IMPULSE] - el0[IMPULSE], before, twist)
                 own.torque[k] = impulse / d / laws.on[k, j]
-                if not inside:
+                if not (inside or struck):
                     own.work[0] += impulse / d * turned[j]
-        if inside:
+        if inside or struck:
             own.work[0] += work_of(inert, kk, v0, v, before, twist, el0, el, shaft0, shaft, others)
     for k in range(rows):
         kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]
