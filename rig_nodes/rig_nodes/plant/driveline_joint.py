@@ -20,7 +20,6 @@ from rig_nodes.plant.driveline_algebra import (
     CLOSE,
     CROSS,
     E_FRIC,
-    FIRST,
     FORWARD,
     HELD,
     HI0,
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
 
 MOST_SETS = 3**6  # tried one by one where the pivots do not end: six elements that stick or slip either way
 SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
-JAMMED = -1.0  # mark of an element that sticks beyond its limit, and at work[FIRST] of a step in which an impulse has acted
+JAMMED = -1.0  # mark of an element that sticks beyond its limit
 
 
 # int() around a constant argument or start value: a literal would make numba compile the callee once more
@@ -145,16 +144,20 @@ def limited(f: int, cap: Floats, ocand: int, work: Floats) -> bool:
 
 
 @njit(**INNER)
-def jammed(loss: Floats, mode: Ints | Floats, first: int, fall: int, work: Floats) -> int:
+def jammed(minv: Floats, loss: Floats, mode: Ints | Floats, first: int, fall: int, work: Floats) -> int:
     """Return the element that jams where the losses have no solution, or -1 where no loss is steep enough for that.
 
     A loss that grows by at least as much as it takes from the torque on which it depends leaves no torque at which its mesh can go
-    on. The modes stand in ``mode`` from ``first`` on, the decrease of each torque by each loss in the work buffer at ``fall``.
+    on. Beside prescribed speeds nothing jams, because these go on whatever the torque. The modes stand in ``mode`` from ``first``
+    on, the decrease of each torque by each loss in the work buffer at ``fall``.
     """
     noinline()
     count = loss.shape[0]
     found = int(-1)
     most = 1.0
+    for j in range(minv.shape[0]):
+        if minv[j, j] == HELD:
+            return found
     for k in range(count):
         on = int(loss[k, ON])
         if brakes(loss[k, FACTOR], mode[first + on]) != 0.0:
@@ -218,7 +221,6 @@ def stop(
         if work[at.state + f] == STUCK:
             for j in range(n):
                 v[j] -= work[at.r + f * n + j] * work[at.slip + f]
-    work[FIRST] = JAMMED
     note(t, on, int(LOCK), v, twist, events, count)
     made = 1
     mode[on] = STUCK
@@ -382,10 +384,10 @@ def resolve(
                         fall += work[orow + j] * w[on, j] * by
                     work[os + k * losses + other] = fall
             if not solve_losses(loss, v, work, oy, os, at.newton):
-                jams = jammed(loss, work, ost, os, work)
+                if trying:
+                    continue
+                jams = jammed(minv, loss, work, ost, os, work)
                 if jams >= 0:
-                    if trying:
-                        continue
                     if kept:
                         kept = False
                         for f in range(m):
