@@ -40,7 +40,7 @@ from rig_nodes.plant.driveline_bends import bend_inside, longest_part
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product, work_of
-from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
+from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, stored_in, tables_of, value, value_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -209,12 +209,16 @@ def in_contact(gap: float, x: float, dx: float) -> float:
 
 
 @njit(**INNER)
-def least_capacity(tables: Tables, k: int) -> float:
-    """Return the least value of the table of a capacity that counts: what is below it is as large as the rounding of the others."""
+def least_capacity(tables: Tables, k: int, x: float) -> float:
+    """Return the least value near x of the table of a capacity that counts: what the rounding of x makes of its pieces is less."""
     noinline()
     most = 0.0
-    for i in range(tables.first[k], tables.first[k + 1]):
-        most = max(most, abs(tables.y[i]))
+    middle = piece(tables, k, x)
+    for number in range(middle - 1, middle + 2):
+        begin, end, height, point, rise = line(tables, k, number)
+        most = max(most, abs(height))
+        if end - begin < np.inf:
+            most = max(most, abs(height + rise * (end - point)))
     return CLOSE * most
 
 
@@ -227,7 +231,7 @@ def capacity_at(tables: Tables, k: int, x: float) -> float:
     """
     noinline()
     factor = value(tables, k, x)
-    return factor if factor > least_capacity(tables, k) else 0.0
+    return factor if factor > least_capacity(tables, k, x) else 0.0
 
 
 @njit(**INNER)
@@ -565,7 +569,7 @@ def try_step(
                 asked = capacity_at(laws.tables, k, x + dx)
                 error, scale = abs(asked - other[k]), asked
                 # none is as good as the least that counts, which only rounding separates
-                if min(asked, other[k]) == 0.0 and error <= 2.0 * least_capacity(laws.tables, k):
+                if min(asked, other[k]) == 0.0 and error <= 2.0 * least_capacity(laws.tables, k, x + dx):
                     error = 0.0
             elif kind == FRICTION:
                 a0, a1 = abs(x), abs(x + dx)
