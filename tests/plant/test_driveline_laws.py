@@ -211,6 +211,19 @@ def test_a_capacity_over_an_angle_and_one_over_the_slip_of_another_element():
     assert r.angle("b")[-1] == pytest.approx(5.0 - 0.25 * (10.0 / w**2) * 2.0 * (1.0 - math.cos(w)), abs=1e-4) and closes(r)
 
 
+def test_a_capacity_that_is_0_at_the_slip_of_a_locked_clutch_stays_0():
+    """That slip is a number of rounding size: a capacity from it must neither open and close nor end a step undecided."""
+    d = Driveline()
+    for name, j in (("a", 0.7), ("b", 0.3), ("c", 1.0)):
+        d.inertia(name, j)
+    d.clutch("locked", "a", "b")
+    d.clutch("follows", "a", "c")
+    d.capacity("follows", "locked", table=([-5.0, 0.0, 5.0], [3.0, 0.0, 6.0]))
+    r = run(d.build(), 2.0, 2e-3, {"locked": 50.0, "a": lambda t: 7.0 * math.sin(9.0 * t), "c": 1.0})
+    assert [(e.element, e.kind) for e in r.events] == [("locked", "lock")] and closes(r)
+    assert np.abs(r.torque("follows")).max() == 0.0 and r.speed("c")[-1] == pytest.approx(2.0)
+
+
 def test_a_prescribed_motion_finds_its_torque():
     """A body that is turned to and fro drives an oscillator; its torque is the closed form of the forced vibration."""
     d = Driveline()

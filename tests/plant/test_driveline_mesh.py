@@ -85,6 +85,77 @@ def test_a_self_locking_mesh_holds_its_load_until_it_is_driven_down(efficiency, 
     assert down.speed("b")[-1] < 0.0 and closes(down)
 
 
+@pytest.mark.parametrize("step", [0.05, 2e-3])
+def test_a_self_locking_mesh_jams_at_once_when_a_heavy_wheel_drives_it_at_speed(step):
+    """With J_a < -back J_b R^2 no torque of the teeth slows both sides down, so that an impulse stops them."""
+    d = Driveline()
+    d.inertia("a", 0.001, speed=10.0)
+    d.inertia("b", 1.0)
+    d.inertia("c", 1.0, speed=10.0)
+    d.mesh("m", "a", "b", 1.0, 0.5, -0.5)
+    d.clutch("c1", "b", "c")
+    r = run(d.build(), 0.5, step, {"b": 5.0, "c1": 3.0})
+    assert r.capped == 0 and [(e.element, e.kind) for e in r.events if e.element == "m loss"][-1] == ("m loss", "lock")
+    assert np.abs(r.speeds[1:, :2]).max() < 1e-20 and np.abs(r.residual()).max() < 1e-12 * r.stored[0]
+    # the clutch cannot pass an impulse on: what is behind it runs out under the clutch's torque
+    assert np.interp(0.2, r.t, r.speed("c")) == pytest.approx(10.0 - 3.0 * 0.2, rel=1e-6)
+    losses = r.e_fric.sum(axis=1)
+    assert losses[1] == pytest.approx(0.5 * 1.001 * 100.0, rel=0.05) and np.diff(losses).min() >= 0.0
+
+
+def test_a_load_that_turns_round_jams_the_mesh_when_it_begins_to_drive():
+    d = Driveline()
+    d.inertia("a", 0.001, speed=10.0)
+    d.inertia("b", 1.0)
+    d.inertia("c", 1.0)
+    d.mesh("m", "a", "b", 1.0, 0.5, -0.5)
+    d.shaft("s", "b", "c", stiffness=1000.0, damping=1.0)
+    r = run(d.build(), 0.5, 2e-3, {"b": 5.0})
+    (jam,) = (e.t for e in r.events if e.kind == "lock")
+    before, after = np.searchsorted(r.t, jam) - 1, np.searchsorted(r.t, jam)
+    assert r.capped == 0 and r.torque("m loss")[before] > 0.0 and r.speed("a")[before] > 0.3
+    assert np.abs(r.speed("a")[after:]).max() < 1e-20 and np.abs(r.residual()).max() < 1e-12 * r.stored[0]
+
+
+@pytest.mark.parametrize("efficiency, back, body, words", [(0.5, -0.5, "b", "lock themselves"), (0.5, 0.0, "b", "'m'")])
+def test_refuses_a_motion_against_a_mesh_that_locks_itself(efficiency, back, body, words):
+    d = Driveline()
+    d.inertia("a", 0.5)
+    d.inertia("b", 1.0)
+    d.mesh("m", "a", "b", 4.0, efficiency, back)
+    d.motion("held", body)
+    with pytest.raises(RigError, match=words):
+        d.build()
+
+
+@pytest.mark.parametrize("efficiency, back, body", [(0.5, -0.5, "a"), (0.5, 0.1, "b"), (1.0, 0.7, "b"), (0.7, 1.0, "a")])
+def test_a_motion_moves_a_mesh_that_lets_power_through(efficiency, back, body):
+    d = Driveline()
+    d.inertia("a", 0.5)
+    d.inertia("b", 1.0)
+    d.mesh("m", "a", "b", 4.0, efficiency, back)
+    d.motion("moved", body)
+    r = run(d.build(), 1.0, 1e-2, {"moved": lambda t: 2.0 * t})
+    assert r.speed(body)[-1] == pytest.approx(2.0) and closes(r)
+
+
+@pytest.mark.parametrize("sun, holds", [(0.45, True), (0.95, False)])
+def test_refuses_a_motion_against_a_loop_of_meshes_whose_power_goes_round(sun, holds):
+    """Of the power that a set without losses sends round through a mesh, the mesh loses more than goes in from outside."""
+    d = Driveline()
+    for name in ("a", "b", "c"):
+        d.inertia(name, 1.0)
+    d.relation("sum", {"c": 2.0, "a": -1.0, "b": 2.0})
+    d.mesh("m", "b", "a", 0.7, sun)
+    d.motion("moved", "c")
+    if holds:
+        with pytest.raises(RigError, match="lock themselves"):
+            d.build()
+    else:
+        r = run(d.build(), 1.0, 1e-2, {"moved": lambda t: 2.0 * t})
+        assert r.speed("a")[-1] == pytest.approx(-10.0) and closes(r)
+
+
 @pytest.mark.parametrize("efficiency", EFFICIENCIES)
 @pytest.mark.parametrize("step", [0.05, 1e-3])
 def test_reversing_under_a_steady_torque_has_its_events_where_the_closed_form_has_them(efficiency, step):

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
 _ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # words in pictures
+_HOLDS = 1e-4  # least share of the greatest torque with which meshes hold a speed: less is the tolerance of the program
 _LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
 
 Points = tuple[Sequence[float], Sequence[float]]
@@ -309,8 +310,8 @@ class Driveline:
             Share of the power from a that reaches b, above 0 and at most 1.
         back : float, optional
             Share of the power from b that reaches a; without it the same as `efficiency`. At 0 the mesh just holds itself against b
-            (self-locking). Below 0 it holds with force to spare, and may jam when b drives it at speed. 2 - 1 / efficiency means
-            the same friction between the teeth in both directions.
+            (self-locking). Below 0 it holds with force to spare, and may jam when b drives it at speed: an impulse then stops it.
+            2 - 1 / efficiency means the same friction between the teeth in both directions.
 
         Raises
         ------
@@ -863,7 +864,7 @@ class Driveline:
         where a drives and smaller where b drives.
         """
         there, back = (self._meshes.get(name) or self._lossy_sets[name])[-2:]
-        ahead, behind = max(1.0 - there, _LEAST_LOSS), max(1.0 - back, _LEAST_LOSS)
+        ahead, behind = _losses(there, back)
         before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
         return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
 
@@ -937,6 +938,17 @@ class Driveline:
             raise RigError(
                 f"driveline: motions prescribe speeds that the meshes and free-wheels ({names}) can hold against them; "
                 "leave out one of those that do"
+            )
+        joints = []
+        for name, (*_, there, back) in (self._meshes | self._lossy_sets).items():
+            gear, loss = (w[list(elements).index(one)] for one in (name, f"{name} loss"))
+            joints.append((gear, loss, *_losses(there, back)))
+        others = [f for f in rigid if list(elements.values())[f][6]]
+        if joints and locks_itself(joints, w[others], held):
+            names = ", ".join(f"'{name}'" for name in (*self._meshes, *self._lossy_sets))
+            raise RigError(
+                f"driveline: motions prescribe speeds that meshes ({names}) can hold by their losses, because they lock "
+                "themselves; leave out a motion, or raise an efficiency until power gets through"
             )
 
     def _new_name(self, name: str) -> None:
@@ -1056,6 +1068,54 @@ class Driveline:
                 "between which it changes, or use a clutch where it is friction"
             )
         return found
+
+
+def locks_itself(joints: Sequence[tuple[Floats, Floats, float, float]], others: Floats, held: npt.NDArray[np.bool_]) -> bool:
+    """Return whether meshes can hold prescribed speeds with torques of any size, as a worm gear holds its wheel.
+
+    They can when torques balance on all other speeds while each loss is within what its mesh's torque allows: the pair of both is
+    then a sum, with factors of one sign, of the pairs of the two directions of power. The sign is a whole number, so this is a
+    mixed-integer linear program.
+
+    Parameters
+    ----------
+    joints : sequence of (array, array, float, float)
+        For each mesh or set the slips (n,) of its teeth and of its loss by the speeds, and the shares of power that it loses in the
+        two directions.
+    others : (r, n) array of float
+        Slips of all else that holds without a limit.
+    held : (n,) array of bool
+        The prescribed speeds.
+
+    Returns
+    -------
+    bool
+        Whether some prescribed speed can be held.
+    """
+    from scipy.optimize import Bounds, LinearConstraint, milp  # loaded only where a motion meets a mesh
+
+    k, r = len(joints), len(others)
+    # unknowns: the factors of the power there (k) and back (k), their signs (k) and the other torques (r)
+    there = [gear + ahead * loss for gear, loss, ahead, _ in joints]
+    back = [((1.0 - behind) * gear - behind * loss) / max(1.0, behind) for gear, loss, _, behind in joints]
+    balance = np.concatenate([there, back, np.zeros((k, len(held))), others]).T
+    one_sign = np.concatenate([np.eye(2 * k), -np.tile(np.eye(k), (2, 1)), np.zeros((2 * k, r))], axis=1)
+    limits = Bounds(np.repeat([-1.0, 0.0, -1.0], [2 * k, k, r]), np.ones(3 * k + r))
+    for speed in np.flatnonzero(held):
+        found = milp(
+            -balance[speed],
+            integrality=np.repeat([0, 1, 0], [2 * k, k, r]),
+            bounds=limits,
+            constraints=[LinearConstraint(balance[~held], 0.0, 0.0), LinearConstraint(one_sign, -1.0, 0.0)],
+        )
+        if found.x is not None and -found.fun > _HOLDS * np.abs(balance[speed]).max():
+            return True
+    return False
+
+
+def _losses(there: float, back: float) -> tuple[float, float]:
+    """Return the shares of power that a mesh loses in its two directions, from its efficiencies."""
+    return max(1.0 - there, _LEAST_LOSS), max(1.0 - back, _LEAST_LOSS)
 
 
 def _apart(table: Table, gap: float) -> Table:

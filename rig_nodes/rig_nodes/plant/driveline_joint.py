@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from rig_nodes.compiled import INNER
+from rig_nodes.compiled import INLINED, INNER
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD,
     BREAK,
@@ -22,17 +22,22 @@ from rig_nodes.plant.driveline_algebra import (
     E_FRIC,
     FORWARD,
     HELD,
+    HI0,
+    IMPULSE,
     KIN0,
     KIN1,
+    LO0,
     LOCK,
     LOCKED_HIGH,
     LOCKED_LOW,
     N_CAPPED,
     N_EVENTS,
+    OPEN,
     RANK,
     STUCK,
     VISC,
     beyond,
+    has_capacity,
     high,
     if_stuck,
     lin,
@@ -41,12 +46,14 @@ from rig_nodes.plant.driveline_algebra import (
     places,
     project,
 )
-from rig_nodes.plant.driveline_losses import FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses
+from rig_nodes.plant.driveline_losses import FACTOR, LAST, NEXT, ON, SHARE, WEIGHTS, brakes, put_losses, solve_losses
 
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
 
+MOST_SETS = 3**6  # tried one by one where the pivots do not end: six elements that stick or slip either way
 SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
+JAMMED = -1.0  # mark of an element that sticks beyond its limit
 
 
 # int() around a constant argument or start value: a literal would make numba compile the callee once more
@@ -130,6 +137,109 @@ def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None
             row += 1
 
 
+@njit(**INLINED)
+def limited(f: int, cap: Floats, ocand: int, work: Floats) -> bool:
+    """Return whether an element of which it is open whether it sticks can slip in at least one direction."""
+    return work[ocand + f] != 0.0 and not (cap[HI0, f] == np.inf and cap[LO0, f] == -np.inf)
+
+
+@njit(**INNER)
+def jammed(minv: Floats, loss: Floats, mode: Ints | Floats, first: int, fall: int, work: Floats) -> int:
+    """Return the element that jams where the losses have no solution, or -1 where no loss is steep enough for that.
+
+    A loss that grows by at least as much as it takes from the torque on which it depends leaves no torque at which its mesh can go
+    on. Beside prescribed speeds nothing jams, because these go on whatever the torque. The modes stand in ``mode`` from ``first``
+    on, the decrease of each torque by each loss in the work buffer at ``fall``.
+    """
+    noinline()
+    count = loss.shape[0]
+    found = int(-1)
+    most = 1.0
+    for j in range(minv.shape[0]):
+        if minv[j, j] == HELD:
+            return found
+    for k in range(count):
+        on = int(loss[k, ON])
+        if brakes(loss[k, FACTOR], mode[first + on]) != 0.0:
+            gain = 0.0
+            for other in range(count):
+                gain += loss[k, SHARE] * abs(work[fall + k * count + other])
+            if gain >= most:
+                most = gain
+                found = on
+    return found
+
+
+@njit(**INNER)
+def stop(
+    t: float,
+    on: int,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+) -> int:
+    """Stop at once the element ``on`` of a mesh that jams, and return the number of events.
+
+    No finite torque satisfies the law of friction there, so an impulse stops it (Genot and Brogliato, New results on Painleve
+    paradoxes, European Journal of Mechanics A 18, 1999). Whatever has no limit of torque passes the impulse on, everything else
+    slips in it. An impulse p = G^+ slip takes p slip / 2 of energy from each element.
+    """
+    noinline()
+    m, n = w.shape
+    at = places(n, m, sh.shape[0], loss.shape[0])
+    for f in range(m):
+        rigid = mode[f] == STUCK and (cap[HI0, f] == np.inf or cap[LO0, f] == -np.inf)
+        work[at.state + f] = STUCK if rigid or f == on else 0.0
+        work[at.candidate + f] = 0.0
+        total = 0.0
+        for j in range(n):
+            total += w[f, j] * v[j]
+        work[at.slip + f] = total
+    project(minv, w, at.state, work)
+    row = 0
+    for f in range(m):
+        if work[at.state + f] == STUCK:
+            impulse = 0.0
+            other = 0
+            for i in range(m):
+                if work[at.state + i] == STUCK:
+                    impulse += work[at.inverse + row * m + other] * work[at.slip + i]
+                    other += 1
+            el[IMPULSE, f] += impulse
+            el[E_FRIC, f] += 0.5 * impulse * work[at.slip + f]
+            row += 1
+    for f in range(m):
+        if work[at.state + f] == STUCK:
+            for j in range(n):
+                v[j] -= work[at.r + f * n + j] * work[at.slip + f]
+    note(t, on, int(LOCK), v, twist, events, count)
+    made = 1
+    mode[on] = STUCK
+    for f in range(m):
+        if work[at.state + f] != STUCK and has_capacity(cap, f):
+            slip = 0.0
+            for j in range(n):
+                slip += w[f, j] * v[j]
+            old = mode[f]
+            new = int(FORWARD) if slip > 0.0 else int(BACKWARD)
+            if abs(slip) <= SEEN:
+                work[at.candidate + f] = 1.0 if old == OPEN else 0.0
+            elif old != new:
+                note(t, f, int(CLOSE) if old == OPEN else (int(CROSS) if abs(old) < 2 else int(BREAK)), v, twist, events, count)
+                made += 1
+                mode[f] = new
+    return made
+
+
 @njit(**INNER)
 def resolve(
     x: float,
@@ -153,9 +263,12 @@ def resolve(
 
     It starts with all of them stuck and releases the worst violator, one by one, in the direction in which it is overloaded. A
     released element that would move against its friction sticks again, from then on within its kinetic torque (which makes the rest
-    a box-constrained convex problem). After 3 m pivots the lowest index goes first (Murty's rule, which cannot cycle); after 12 m
-    the last set is kept and the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
-    slipping. Losses that grow with a torque are solved again for every set that is tried.
+    a box-constrained convex problem). After 3 m pivots the lowest index goes first (Murty's rule, which cannot cycle unless a limit
+    grows with a torque). After 12 m, where there are losses, all sets are tried one after the other if they are at most MOST_SETS;
+    where none of them holds, the last set of the pivots is kept and the step counts as capped. An overloaded element that others
+    hold keeps its limit torque instead of slipping. Losses that grow with a torque are solved again for every set that is tried.
+    Where they have no solution a mesh jams: one that stands still sticks whatever its torque, and for one that turns this returns
+    -1 less the element that :func:`stop` must stop first, and decides nothing.
 
     Where nothing has happened but that an element bears its limit, the present modes are tried before all others: they stay when
     all that stick are within their limits and that element would be beyond its own if it stuck.
@@ -189,14 +302,36 @@ def resolve(
         work[oonce + f] = 0.0
         work[ost + f] = STUCK if work[ocand + f] != 0.0 and not kept else mode[f]
     done = False
-    for it in range(12 * m + 4):
+    pivots = 12 * m + 4
+    sets = 1 if losses > 0 else 0
+    for f in range(m):
+        if sets > 0 and limited(f, cap, ocand, work):
+            sets = 3 * sets if sets < MOST_SETS else 0
+    for it in range(pivots + sets):
+        trying = it >= pivots
+        if trying:
+            left = it - pivots
+            for f in range(m):
+                if it == pivots:
+                    work[at.slip1 + f] = work[ost + f]
+                if limited(f, cap, ocand, work):
+                    work[ost + f] = STUCK if left % 3 == 0 else (FORWARD if left % 3 == 1 else BACKWARD)
+                    work[oonce + f] = 1.0
+                    left //= 3
+                elif work[ocand + f] != 0.0:
+                    work[ost + f] = STUCK
         hold(minv, w, ost, work)
         changed = False
         for f in range(m):
-            # a held element whose holders have released it slips in the direction in which it was loaded
-            if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
-                work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
-                changed = True
+            state = abs(work[ost + f])
+            if work[ocand + f] != 0.0 and (state == 3.0 or (trying and state == 1.0)):
+                held = dependent(f, w, minv, work, op)
+                if held and state == 1.0:
+                    work[ost + f] *= 3.0
+                elif not held and state == 3.0:
+                    # a held element whose holders have released it slips in the direction in which it was loaded
+                    work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
+                    changed = True
         put_losses(loss, cap, int(0), int(-1))
         put_losses(loss, cap, int(1), int(-1))
         for k in range(losses):
@@ -249,6 +384,21 @@ def resolve(
                         fall += work[orow + j] * w[on, j] * by
                     work[os + k * losses + other] = fall
             if not solve_losses(loss, v, work, oy, os, at.newton):
+                if trying:
+                    continue
+                jams = jammed(minv, loss, work, ost, os, work)
+                if jams >= 0:
+                    if kept:
+                        kept = False
+                        for f in range(m):
+                            if work[ocand + f] != 0.0:
+                                work[ost + f] = STUCK
+                        continue
+                    if work[ocand + jams] == 0.0:
+                        return -1 - jams
+                    work[ost + jams] = STUCK
+                    work[oonce + jams] = JAMMED
+                    continue
                 count[N_CAPPED] += 1
             for k in range(losses):
                 loss[k, LAST] = loss[k, NEXT]
@@ -280,6 +430,8 @@ def resolve(
                 for j in range(n):
                     total += work[orr + f * n + j] * work[of + j]
                 work[ol0 + f] = total
+                if work[oonce + f] == JAMMED:
+                    continue
                 hi = high(cap, f, x)
                 lo = low(cap, f, x)
                 if work[oonce + f] != 0.0:
@@ -314,7 +466,13 @@ def resolve(
                     accel += w[f, j] * work[oa + j]
                     size += abs(w[f, j] * work[oa + j])
                 against = -accel * state
-                if against > 1e-11 * (1.0 + size) and (back < 0 or (not least and against > back_by)):
+                close = 1e-11 * (1.0 + size)
+                if least and losses > 0:
+                    # no more than what the error of the losses accelerates: two choices may be equal but for that
+                    for i in range(n):
+                        for j in range(n):
+                            close += 1e-9 * (1.0 + kin) * w[f, i] * minv[i, j] * w[f, j]
+                if against > close and (back < 0 or (not least and against > back_by)):
                     back = f
                     back_by = against
         if kept:
@@ -330,6 +488,11 @@ def resolve(
                     if work[ocand + f] != 0.0:
                         work[ost + f] = STUCK
                 continue
+        if trying:
+            if worst >= 0 or back >= 0:
+                continue
+            done = True
+            break
         if least and worst >= 0 and back >= 0:
             if back < worst:
                 worst = -1
@@ -347,6 +510,9 @@ def resolve(
             done = True
             break
     if not done:
+        for f in range(m):
+            if work[ocand + f] != 0.0 and it >= pivots:
+                work[ost + f] = work[at.slip1 + f]
         hold(minv, w, ost, work)
         for f in range(m):
             if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):

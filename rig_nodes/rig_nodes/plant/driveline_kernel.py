@@ -47,12 +47,13 @@ from rig_nodes.plant.driveline_algebra import (
     project,
     stale,
 )
-from rig_nodes.plant.driveline_joint import note, resolve
+from rig_nodes.plant.driveline_joint import jammed, note, resolve, stop
 from rig_nodes.plant.driveline_losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses
 
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
 
+JAM = 1e-3  # share of a step to which the moment is known at which a mesh jams
 UNDECIDED = 3  # per step: a decision that is not reached costs as much as a hundred that are reached
 
 
@@ -316,7 +317,11 @@ def driveline_step(
             # a joint decision that did not hold is one between equal choices: decide it with the inputs of a little later
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
-            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
+            decided = resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
+            if decided < 0:
+                made += stop(t + tl, -1 - decided, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
+                continue
+            made += decided
             joint = False
             if count[N_CAPPED] != capped:
                 undecided += 1
@@ -385,6 +390,8 @@ def driveline_step(
         above = left
         tries = 0
         missed = False
+        jams = int(-1)
+        shorter = False
         while True:
             if stale(d, pattern, cap, work):
                 implicit(d, w, sh, kc, cap, work)
@@ -415,6 +422,17 @@ def driveline_step(
                     work[odf + j] -= sh[a, j] * torque
             if loss.shape[0] > 0:
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
+                    # a mesh jams in this sub-step; halve it until it ends just before that
+                    jams = jammed(minv, loss, mode, int(0), at.fall, work) if watch else int(-1)
+                    if jams >= 0:
+                        if d <= JAM * h:
+                            break
+                        shorter = True
+                        hit, side, tries, below = -1, 0, 0, 0.0
+                        d *= 0.5
+                        above = d
+                        jams = int(-1)
+                        continue
                     count[N_CAPPED] += 1
                 put_losses(loss, cap, int(1), NEXT)
                 for k in range(loss.shape[0]):
@@ -539,6 +557,10 @@ def driveline_step(
                     missed = gap > 1e-9 * (1.0 + vmax)
                     break
                 d = again if below < again < above else 0.5 * (below + above)
+        if jams >= 0:
+            made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
+            joint = True
+            continue
         if d > 0.0:
             if work[FIRST] <= 1e-9 * h:
                 work[FIRST] = tl + d
@@ -584,6 +606,8 @@ def driveline_step(
                             v[j] -= work[orr + f * n + j] * work[os1 + f]
             tl = h if d == left else tl + d
         if hit < 0:
+            if shorter:
+                continue
             break
         stalls = 0 if d > 0.0 else stalls + 1
         if missed:

@@ -40,7 +40,7 @@ from rig_nodes.plant.driveline_bends import bend_inside, longest_part
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product, work_of
-from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
+from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, stored_in, tables_of, value, value_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -206,6 +206,32 @@ def in_contact(gap: float, x: float, dx: float) -> float:
     if low == high:
         return 1.0 if x >= gap or x <= -gap else 0.0
     return 1.0 - max(0.0, min(high, gap) - max(low, -gap)) / (high - low)
+
+
+@njit(**INNER)
+def least_capacity(tables: Tables, k: int, x: float) -> float:
+    """Return the least value near x of the table of a capacity that counts: what the rounding of x makes of its pieces is less."""
+    noinline()
+    most = 0.0
+    middle = piece(tables, k, x)
+    for number in range(middle - 1, middle + 2):
+        begin, end, height, point, rise = line(tables, k, number)
+        most = max(most, abs(height))
+        if end - begin < np.inf:
+            most = max(most, abs(height + rise * (end - point)))
+    return CLOSE * most
+
+
+@njit(**INNER)
+def capacity_at(tables: Tables, k: int, x: float) -> float:
+    """Return the factor on a capacity at x.
+
+    The slip of a locked clutch, and the angle of a body that it holds, are numbers of rounding size and of either sign. Where the
+    table goes through 0 there, they must not open and close a clutch in turn.
+    """
+    noinline()
+    factor = value(tables, k, x)
+    return factor if factor > least_capacity(tables, k, x) else 0.0
 
 
 @njit(**INNER)
@@ -450,8 +476,8 @@ def try_step(
             if laws.factor[k] >= 0:
                 g0, g1 = share_of(given[0, laws.factor[k]], given[1, laws.factor[k]], begin, end)
             if kind == CAPACITY:
-                other[k] = max(0.0, value(laws.tables, k, x + dx))
-                c0 = max(0.0, value(laws.tables, k, x))
+                other[k] = capacity_at(laws.tables, k, x + dx)
+                c0 = capacity_at(laws.tables, k, x)
                 for row in (KIN0, LO0, HI0):
                     cc[row, f] *= c0
                     cc[row + 1, f] *= other[k]
@@ -540,8 +566,11 @@ def try_step(
                 dx = product(laws.of[k], v) - x
             error, scale = 0.0, 1.0
             if kind == CAPACITY:
-                asked = max(0.0, value(laws.tables, k, x + dx))
-                error, scale = abs(asked - other[k]), abs(asked)
+                asked = capacity_at(laws.tables, k, x + dx)
+                error, scale = abs(asked - other[k]), asked
+                # none is as good as the least that counts, which only rounding separates
+                if min(asked, other[k]) == 0.0 and error <= 2.0 * least_capacity(laws.tables, k, x + dx):
+                    error = 0.0
             elif kind == FRICTION:
                 a0, a1 = abs(x), abs(x + dx)
                 if abs(a1 - a0) > 1e-9 * (1.0 + a0):
