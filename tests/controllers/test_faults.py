@@ -136,7 +136,7 @@ def check_safe_state(folder, oldest):
     assert max(m.duty for t, m in states if not m.safe) > 0.1
     safe = [(1e-9 * t, m.duty) for t, m in states if m.safe]
     assert len(safe) > 10 and all(duty == 0.0 for t, duty in safe if t > tripped + 1e-6)
-    t, _asked = bag.series("I_set_zr_p1")
+    t, _ = bag.series("I_set_zr_p1")
     assert 0.0 <= tripped - t[-1] <= oldest + 0.006, "a message each 5 ms"
     t, current = bag.series("I_zr_p1")
     assert current.max() > 0.1 and current[-1] < 0.03, "the coil current has decayed"

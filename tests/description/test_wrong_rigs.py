@@ -102,7 +102,7 @@ WRONG = {
         "part: ac_motor",
         r"rig\.yaml:\d+: parts\.motor\.part: there is no part 'ac_motor'; did you mean 'dc_motor'",
     ),
-    "no part": ("    part: dc_motor\n", "", "parts.motor lacks the key 'part'"),
+    "no part": ("    part: dc_motor\n", "", "parts.motor lacks the key 'part'; known are centrifugal_clutch,"),
     "a part without its body": ("    part: dc_motor\n    body: input\n", "    part: dc_motor\n", "lacks the key 'body', a body"),
     "a name twice": ("  loss_in:\n", "  ring:\n", r"rig\.yaml:\d+: parts\.ring: there is 'ring' among the bodies already"),
     "a name of the rig's own": ("  loss_in:\n", "  alfa46:\n", "the name 'alfa46' is taken by the rig itself"),
@@ -180,7 +180,7 @@ def test_there_are_at_least_forty_of_them():
         ),
         (
             'description: x\nbase: three_speed\nparts:\n  moter:\n    ramp: [1 rpm/s, "x"]\n',
-            r"rig\.yaml:4: parts\.moter lacks the key 'part'",
+            r"rig\.yaml:4: parts\.moter lacks the key 'part', and its base has no such device; did you mean 'motor'",
         ),
         ("", "it is empty, expected a map of keys"),
         ("- 1\n", "must be a map of keys"),

@@ -129,6 +129,7 @@ def test_rows_do_not_depend_on_the_pieces_in_which_a_bag_is_read(monkeypatch, cl
         ("csv {run} --rig clutch_bench --out new.csv", "a run has its own rig"),
         ("dbc --signals p1", "are for runs (csv, parquet, mf4, mat), not for dbc"),
         ("csv {cut} --out new.csv", "have it recovered|rig bag recover|cut"),
+        ("csv {events} --out new.csv", "events_0.mcap: holds no signal of a rig; expected a bag of `rig run`"),
     ],
 )
 def test_what_cannot_be_exported_is_told_in_one_sentence_and_leaves_nothing(words, sentence, tmp_path, monkeypatch, capsys):
@@ -136,8 +137,9 @@ def test_what_cannot_be_exported_is_told_in_one_sentence_and_leaves_nothing(word
     (tmp_path / "there.csv").write_text("mine")
     whole = (SAMPLE / "sample_0.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    assert main(["bag", "cut", str(SAMPLE), "--out", "events", "--topics", "/controller/events"]) == 0
     before = sorted(path.name for path in tmp_path.iterdir())
-    assert main(["export", *words.format(run=SAMPLE, cut="cut.mcap").split()]) == 2
+    assert main(["export", *words.format(run=SAMPLE, cut="cut.mcap", events="events").split()]) == 2
     error = capsys.readouterr().err.splitlines()
     assert any(part in error[-1] for part in sentence.split("|")), error
     assert sorted(path.name for path in tmp_path.iterdir()) == before and (tmp_path / "there.csv").read_text() == "mine"

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages, run_part
+from rig_nodes.graph.result import facts_of, lost_messages, run_part, what_was_lost
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -95,6 +95,7 @@ def test_all_of_it_stands_in_the_bag(graph, user):
     assert bag.check() == [] and lost_messages(bag, facts) == {}
     run = run_part(bag, graph.folder, {}, end)
     assert run["unreadable"] == {"/sequencer/events": 2, "/load_pump/command": 1}
+    assert what_was_lost(run) == "3 messages could not be stored: /sequencer/events 2, /load_pump/command 1", "and exit code 3"
     assert run["stamps_ahead"] == {"/motor/command": 1}, "it stands in the bag at the time at which it came"
     assert max(time for time, *_ in bag.timeline()) * 1e-9 == pytest.approx(facts["container"]["time_s"], abs=0.01)
     commands = [message.sample for _, message in bag.messages("/controller/command")]

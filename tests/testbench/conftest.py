@@ -4,12 +4,16 @@
 """A rig for tests, and a way to bring it into a steady state."""
 
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))  # cut_errors.py
 
 RPM = math.pi / 30.0
 

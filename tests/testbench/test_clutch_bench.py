@@ -94,7 +94,7 @@ def test_models_are_compared_on_one_measurement():
 
 def test_the_pack_is_let_go_at_once():
     """8.1.6 asks for as little wear and heat as possible."""
-    _config, run = slipped(TRUE, pressures="2 MPa")
+    _, run = slipped(TRUE, pressures="2 MPa")
     channels, period = run.recording.channels, run.recording.period
     slips = np.flatnonzero((channels["n"] > 0.5 * RPM) & (channels["p_z"] > 0.5e6))
     clamped = slips[slips > np.argmax(channels["M_e"]) - 10]
@@ -248,7 +248,7 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     assert report["shifts"] == [] and report["run"]["configuration"]["name"] == "clutch_bench"
     assert [round(row["p_z_pa"], -5) for row in report["bench"]["slip_tests"]] == [1e6, 1.5e6, 2e6]
     assert report["bench"]["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
-    _t, mode = bag.series("pack_mode")
+    _, mode = bag.series("pack_mode")
     assert set(mode) == {0.0, 1.0, 2.0} and not bag.check()
     # the rows are the same as those that procedures measure in memory
     config = load_rig("clutch_bench", {"plate_pack.surfaces": "12 -"})

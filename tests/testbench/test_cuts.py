@@ -3,12 +3,12 @@
 
 """Devices cut out of the plant: close to the whole rig, at rest where it is at rest, passive, or refused."""
 
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cut_errors import CASES, errors, settings, shifts
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -21,9 +21,6 @@ from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.rig_base import RigStatus
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from cut_errors import CASES, errors, settings, shifts
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")

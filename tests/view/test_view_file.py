@@ -329,8 +329,8 @@ def test_a_report_that_is_none_is_named(run):
 
 def test_a_run_without_logger_is_drawn_from_the_transducers(without, recorded, read_rrd):
     view = make_view(without("/instruments/hmg4000", "/instruments/channels"))
-    _t, values = Bag(recorded).series("p1")
-    _times, curve = read_rrd(view.path).rows(path_of("p1"), "Scalars:scalars")
+    _, values = Bag(recorded).series("p1")
+    _, curve = read_rrd(view.path).rows(path_of("p1"), "Scalars:scalars")
     np.testing.assert_array_equal(curve, values * 1e-6)
     assert any("logger" in note for note in view.notes)
 

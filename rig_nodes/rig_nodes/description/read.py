@@ -301,7 +301,17 @@ class _Reader:
         if not isinstance(node, Map):
             raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
         if "part" not in node:
-            raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'; known are {', '.join(parts.parts())}")
+            of_base = [
+                other
+                for other, device in devices.items()
+                if isinstance(device, Map) and "part" in device and file_of(self.path, device, "part") != self.path
+            ]
+            hint = (
+                f", and its base has no such device; {meant(name, of_base)}"
+                if of_base
+                else f"; known are {', '.join(parts.parts())}"
+            )
+            raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'{hint}")
         if node["part"] not in parts.parts():
             raise RigError(
                 f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "

@@ -91,7 +91,7 @@ class Signals:
         Raises
         ------
         RigError
-            When the run cannot be read or has no signal of a name.
+            When the run cannot be read, has no signal, or none of a name.
         """
         with OpenedBags([run]) as index:
             self._run, self.path, self._counts = run, index.files[0], index.counts
@@ -100,6 +100,8 @@ class Signals:
         if not self.last:
             raise BagError(f"{self.path}: {nothing_in(self.small.damage)}")
         self.groups = _chosen(self._all(units), chosen, self.path)
+        if not self.groups:
+            raise BagError(f"{self.path}: holds no signal of a rig; expected a bag of `rig run` or `rig simulate`")
 
     def rows(self) -> int:
         """Return about how many values the groups hold."""

@@ -606,7 +606,7 @@ class Run:
         for ends in (pushes, given):
             ends[:, 1] = ends[:, 0]
         given[:, 2] = 0.0
-        _v, _twist, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
+        _, _, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
             t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws)
         )
         el[:, 1:], shaft[:, algebra.E_SHAFT] = 0.0, 0.0

@@ -79,11 +79,6 @@ class _Inputs:
     delay: int = 1
 
 
-def _sample(stamp: float) -> int:
-    """Return the sample of a stamp [ns]."""
-    return round(stamp / SAMPLE_NS)
-
-
 def _inputs_of(bag: Bag, config: RigConfig) -> _Inputs:
     found = _Inputs(last=bag.last // SAMPLE_NS, delay=bag.run_info().get("delay", 1))
     keys = {one.setpoint.topic: key for key, one in config.settings.steps.items()}
