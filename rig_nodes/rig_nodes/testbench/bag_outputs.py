@@ -99,7 +99,7 @@ class BagOutputs(Outputs):
             # a block tells what is the same in all of its messages once
             self._changes, self._now = rig.gauges.changes, sample - 1
             self.flush()
-        elif sample - self._before >= TICKS * TICK_SAMPLES:
+        elif sample - self._before > TICKS * TICK_SAMPLES:  # so that it ends with the boundary before this one
             self.flush()
         self._now = sample
         if not self._started:
