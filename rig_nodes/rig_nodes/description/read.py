@@ -302,7 +302,7 @@ class _Reader:
             raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
         if "part" not in node:
             raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'; known are {', '.join(parts.parts())}")
-        if node["part"] not in parts.parts():
+        if not parts.is_part(node["part"]):
             raise RigError(
                 f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
                 f"{meant(node['part'], parts.parts())}"
