@@ -96,12 +96,13 @@ def _processor() -> str:
 class _LeftOut(MetaPathFinder):
     """Keeps numba from loading what nothing here uses, which would take a quarter of a second of each start.
 
-    numba asks for ``coverage`` only to learn whether it measures this process, and for scipy's BLAS for products of matrices. It
-    does without either; what is loaded already it finds as ever.
+    numba asks for ``coverage`` only to learn whether it measures this process, for scipy's BLAS for products of matrices, and for
+    ``yaml`` to read settings from a file of its own. It does without each of them; what is loaded already it finds as ever.
     """
 
     asks: ClassVar = {
         "coverage": "numba.misc.coverage_support",
+        "yaml": "numba.core.config",
         "scipy": "numba.np.arraymath",
     }  # package -> who asks as it is loaded
 

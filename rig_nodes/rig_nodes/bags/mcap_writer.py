@@ -15,7 +15,7 @@ import struct
 import zlib
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import BinaryIO
 
 import numpy as np
@@ -32,7 +32,9 @@ _MESSAGE = np.dtype(
 )
 _HEAD = _MESSAGE.itemsize
 _MESSAGE_LENGTH = 2 + 4 + 8 + 8  # bytes of the head that the record's length includes
-_MESSAGE_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
+_MESSAGE_INDEX = np.dtype([("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])  # bytes: of the entries
+_INDEX_LENGTH = 2 + 4  # bytes of its head that its length includes
+_PLACE = np.dtype([("channel", "<u2"), ("index", "<u8")])  # of the table in a chunk's index
 _ENTRY = 16  # bytes of an entry: log time and offset
 _CHUNK = struct.Struct("<BQQQQII")  # opcode, length, first and last time, size, CRC, length of the compression's name
 _PACKED = struct.Struct("<Q")  # packed size
@@ -40,8 +42,6 @@ _CHUNK_INDEX = struct.Struct("<BQQQQQI")  # opcode, length, first and last time,
 _INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, length of the compression's name
 _SIZES = struct.Struct("<QQ")  # behind that name: packed size, size
 _NONE = np.zeros(0, np.int64)
-# numbers of messages of a channel after which its records may lie at the same distance again, when all are sent at fixed rates
-PERIODS = (1, 2, 10)
 _FOOTER = struct.Struct("<BQQQ")
 
 
@@ -95,13 +95,13 @@ class McapWriter:
             self._end_chunk()
 
     def add_records(self, content: bytes | memoryview, channels: np.ndarray, log_times: np.ndarray, ends: np.ndarray) -> None:
-        """Store the records of messages as :func:`message_records` makes them, joined.
+        """Store the records of messages as :func:`joined` makes them.
 
         Parameters
         ----------
         content : bytes
             The records.
-        channels : (n,) array of int
+        channels : (n,) array of uint16
             Channel of each message.
         log_times : (n,) array of int
             Their times [ns].
@@ -198,66 +198,67 @@ class McapWriter:
 
     def _end_chunk(self) -> None:
         self._gather()
-        if not any(len(times) for _, _, times, _ in self._parts):
+        told = [part for part in self._parts if len(part[2])]
+        if not told:
             return
-        channels, times = (np.concatenate([part[k] for part in self._parts]).astype(np.int64) for k in (1, 2))
+        channels, times = np.concatenate([part[1] for part in told]), np.concatenate([part[2] for part in told])
         first, last = int(times.min()), int(times.max())
         self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
-        content = b"".join([part[0] for part in self._parts])
-        packed, compression = self._compress(content), self._compression
+        content = self._parts[0][0] if len(self._parts) == 1 else b"".join([part[0] for part in self._parts])
+        packed, compression, size = self._compress(content), self._compression, len(content)
+        length = _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed)
+        head = _CHUNK.pack(Opcode.CHUNK, length, first, last, size, zlib.crc32(content), len(compression))
         at = self._file.tell()
-        self._write(
-            _CHUNK.pack(
-                Opcode.CHUNK,
-                _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed),
-                first,
-                last,
-                len(content),
-                zlib.crc32(content),
-                len(compression),
-            )
-            + compression
-            + _PACKED.pack(len(packed))
-            + packed
-        )
-        indices_at, places, rows = self._file.tell(), [], []
-        place = indices_at
-        for channel, entries in self._indices(channels, times):
-            places += channel, place
-            rows.append(_MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries)
-            place += len(rows[-1])
-            self._counts[channel] += len(entries) // _ENTRY
-        self._write(b"".join(rows))
+        indices_at = at + 9 + length
+        numbers, counts, places, indices = self._indices(channels, times)
+        self._write(b"".join([head, compression, _PACKED.pack(len(packed)), packed, indices]))
+        for channel, count in zip(numbers.tolist(), counts.tolist()):
+            self._counts[channel] += count
+        table = np.empty(len(numbers), _PLACE)
+        table["channel"], table["index"] = numbers, indices_at + places
         self._chunk_count += 1
-        table = struct.pack("<" + "HQ" * len(rows), *places)
         self._chunks += _CHUNK_INDEX.pack(
             Opcode.CHUNK_INDEX,
-            _CHUNK_INDEX.size - 9 + len(table) + _INDICES.size + len(compression) + _SIZES.size,
+            _CHUNK_INDEX.size - 9 + table.nbytes + _INDICES.size + len(compression) + _SIZES.size,
             first,
             last,
             at,
             indices_at - at,
-            len(table),
+            table.nbytes,
         )
-        self._chunks += table + _INDICES.pack(place - indices_at, len(compression)) + compression
-        self._chunks += _SIZES.pack(len(packed), len(content))
+        self._chunks += table.tobytes() + _INDICES.pack(len(indices), len(compression)) + compression
+        self._chunks += _SIZES.pack(len(packed), size)
         self._begin_chunk()
 
-    def _indices(self, channels: np.ndarray, times: np.ndarray) -> Iterator[tuple[int, bytes]]:
-        """Each channel with the log times and offsets of its messages, in the order of the channels' first messages."""
-        offsets, begin = [], 0
+    def _indices(self, channels: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, memoryview]:
+        """The index of each channel, in the order of the channels' first messages: channel, messages, place, and all records."""
+        entries, done, begin = np.empty((len(times), 2), "<u8"), 0, 0
+        entries[:, 0] = times
         for content, _, _, ends in self._parts:
-            if len(ends):
-                offsets.append(begin + np.append(0, ends[:-1]))
+            if count := len(ends):
+                entries[done, 1] = begin
+                entries[done + 1 : done + count, 1] = ends[:-1] + begin
+                done += count
             begin += len(content)
         order = np.argsort(channels, kind="stable")
-        entries = np.empty((len(order), 2), "<u8")
-        entries[:, 0], entries[:, 1] = times[order], np.concatenate(offsets)[order]
-        table, channels = entries.tobytes(), channels[order]
-        begins = np.concatenate([[0], np.flatnonzero(channels[1:] != channels[:-1]) + 1])
-        firsts, stops = order[begins].tolist(), [*begins[1:].tolist(), len(order)]
-        for _, channel, begin, end in sorted(zip(firsts, channels[begins].tolist(), begins.tolist(), stops)):
-            yield channel, table[begin * _ENTRY : end * _ENTRY]
+        channels = channels[order]
+        bounds = np.concatenate([[0], np.flatnonzero(channels[1:] != channels[:-1]) + 1, [len(order)]])
+        begins, counts = bounds[:-1], np.diff(bounds)
+        heads = np.empty(len(counts), _MESSAGE_INDEX)
+        heads["opcode"], heads["channel"] = Opcode.MESSAGE_INDEX, channels[begins]
+        heads["bytes"] = _ENTRY * counts
+        heads["length"] = heads["bytes"] + _INDEX_LENGTH
+        in_turn = np.argsort(order[begins])
+        sizes = heads.itemsize + _ENTRY * counts
+        ends = np.cumsum(sizes[in_turn])
+        places = np.empty_like(ends)
+        places[in_turn] = ends
+        places -= sizes
+        out = np.empty(int(ends[-1]), np.uint8)
+        _lay(out, places, _rows_of_bytes(heads))
+        behind = places + heads.itemsize - _ENTRY * begins
+        _lay(out, np.repeat(behind, counts) + _ENTRY * np.arange(len(order)), _rows_of_bytes(entries[order]))
+        return heads["channel"][in_turn], counts[in_turn], places[in_turn], memoryview(out)
 
     def _write(self, data: bytes) -> None:
         """Write to the part of the file that the data's CRC covers."""
@@ -265,41 +266,16 @@ class McapWriter:
         self._file.write(data)
 
 
-def message_records(channel: int, times: np.ndarray, sequences: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """Return the records of messages of one channel.
+def joined(channels: Sequence[tuple[int, np.ndarray, np.ndarray, np.ndarray]], order: np.ndarray) -> tuple[memoryview, np.ndarray]:
+    """Return the records of messages of several channels in a given order.
 
     Parameters
     ----------
-    channel : int
-        The channel.
-    times, sequences : (n,) arrays of int
-        Log times [ns], which are the publish times too, and sequence numbers.
-    data : (n, size) array of uint8
-        The messages.
-
-    Returns
-    -------
-    (n, size of a record) array of uint8
-        The records.
-    """
-    count, size = data.shape
-    out = np.empty(count, [("head", _MESSAGE), ("data", "u1", (size,))])
-    head = out["head"]
-    head["opcode"], head["length"], head["channel"], head["sequence"] = Opcode.MESSAGE, size + _MESSAGE_LENGTH, channel, sequences
-    head["logged"] = head["published"] = times
-    out["data"] = data
-    return out.view(np.uint8).reshape(count, -1)
-
-
-def joined(records: Sequence[np.ndarray], order: np.ndarray) -> tuple[memoryview, np.ndarray]:
-    """Return records of several channels in a given order.
-
-    Parameters
-    ----------
-    records : sequence of (n, size) arrays of uint8
-        The records of each channel.
+    channels : sequence of (int, array of int, array of int, array of uint8)
+        For each channel its number, and of its messages the log times [ns], which are the publish times too, and the sequence
+        numbers (n,), and the bytes (n, size).
     order : (total,) array of int
-        Number of each record, counted through all channels, in the order of the result.
+        Number of each message, counted through all channels, in the order of the result.
 
     Returns
     -------
@@ -308,20 +284,35 @@ def joined(records: Sequence[np.ndarray], order: np.ndarray) -> tuple[memoryview
     ends : (total,) array of int
         End of each record in the content.
     """
-    ends = np.cumsum(np.repeat([each.shape[1] for each in records], [len(each) for each in records])[order])
-    places = np.empty(len(order), np.int64)
-    places[order] = ends
+    counts, sizes = zip(*[data.shape for _, _, _, data in channels])
+    size = np.repeat(sizes, counts)
+    heads = np.empty(len(size), _MESSAGE)
+    heads["opcode"], heads["length"] = Opcode.MESSAGE, size + _MESSAGE_LENGTH
+    heads["channel"] = np.repeat([channel for channel, _, _, _ in channels], counts)
+    heads["logged"] = heads["published"] = np.concatenate([times for _, times, _, _ in channels])
+    heads["sequence"] = np.concatenate([sequences for _, _, sequences, _ in channels])
+    ends = np.cumsum((size + _HEAD)[order])
+    begins = np.empty(len(size), np.int64)
+    begins[order] = ends
+    begins -= size
     content, first = np.empty(int(ends[-1]), np.uint8), 0
-    for each in records:
-        count, size = each.shape
-        begins = places[first : first + count] - size
-        first += count
-        period = next((p for p in PERIODS if p < count and not (begins[p:] - begins[:-p] != begins[p] - begins[0]).any()), count)
-        for k, begin in enumerate(begins[:period].tolist()):
-            part = each[k::period]
-            stride = int(begins[k + period]) - begin if len(part) > 1 else size
-            np.ndarray(part.shape, np.uint8, content, begin, (stride, 1))[:] = part
+    _lay(content, begins - _HEAD, _rows_of_bytes(heads))
+    for _, _, _, data in channels:
+        _lay(content, begins[first : first + len(data)], data)
+        first += len(data)
     return memoryview(content), ends
+
+
+def _rows_of_bytes(records: np.ndarray) -> np.ndarray:
+    """Return records (n, ...) as their bytes (n, size)."""
+    return records.view(np.uint8).reshape(len(records), -1)
+
+
+def _lay(content: np.ndarray, places: np.ndarray, data: np.ndarray) -> None:
+    """Lay each row of bytes (n, size) at its place in the content."""
+    kind = f"V{data.shape[1]}"
+    everywhere = np.ndarray(len(content) - data.shape[1] + 1, kind, content, 0, (1,))  # what the content has from each place on
+    everywhere[places] = data.view(kind)[:, 0]
 
 
 def _bytes(record: McapRecord) -> bytes:

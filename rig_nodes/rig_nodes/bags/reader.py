@@ -416,12 +416,12 @@ class Bag:
             raise BagError(
                 f"{self.path}: {topic} misses {lost} rows, the first at {at:.4f} s; record again or have the gaps filled with NaN"
             )
-        table = np.concatenate(values).reshape(-1, len(names))
+        columns = np.empty((len(names), int(head["rows"].sum(dtype=np.int64))))
+        np.concatenate([rows.reshape(-1, len(names)).T for rows in values], axis=1, out=columns)
         if lost:
-            whole = np.full((int(ends[-1]), len(names)), np.nan)
-            whole[np.concatenate([np.arange(a, b) for a, b in zip(starts, ends)])] = table
-            table = whole
-        columns = np.ascontiguousarray(table.T)
+            whole = np.full((len(names), int(ends[-1])), np.nan)
+            whole[:, np.concatenate([np.arange(a, b) for a, b in zip(starts, ends)])] = columns
+            columns = whole
         t0, told = first * period, float(_stamps(self._heads(self._streams[topic]))[0]) / 1e9
         if SHIFTED < told - t0 < period:
             t0 = told  # an imported recording, whose rows do not begin at a multiple of the period

@@ -25,7 +25,7 @@ from ..errors import RigError, not_written
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
-from .mcap_writer import McapWriter, joined, message_records
+from .mcap_writer import McapWriter, joined
 from .pieces import pack
 
 if TYPE_CHECKING:
@@ -250,15 +250,14 @@ class BagWriter:
         if self._split or self._layout.size or self._layout.length:
             self._store_each(columns, order.tolist(), times.tolist())
             return
-        channels, records = [], []
+        channels = []
         for column in columns:
             topic = self._topics[column.topic]
             numbers = column.sequences if topic.counted else topic.count + np.arange(len(column.data))
             topic.count += len(column.data)
-            channels.append(topic.channel)
-            records.append(message_records(topic.channel, column.times, numbers, column.data))
-        content, ends = joined(records, order)
-        of = np.repeat(channels, [len(column.data) for column in columns])[order]
+            channels.append((topic.channel, column.times, numbers, column.data))
+        content, ends = joined(channels, order)
+        of = np.repeat(np.array([channel for channel, *_ in channels], np.uint16), [len(column.data) for column in columns])[order]
         # a chunk begins with the first message behind a multiple of its length
         window = np.maximum.accumulate(times // FLUSH_NS)
         begins = [0, *(np.flatnonzero(window[1:] > window[:-1]) + 1).tolist(), len(times)]

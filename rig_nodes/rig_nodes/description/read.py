@@ -312,7 +312,7 @@ class _Reader:
                 else f"; known are {', '.join(parts.parts())}"
             )
             raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'{hint}")
-        if node["part"] not in parts.parts():
+        if not parts.is_part(node["part"]):
             raise RigError(
                 f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
                 f"{meant(node['part'], parts.parts())}"

@@ -257,11 +257,19 @@ class Part:
 
 def parts() -> list[str]:
     """Return the names of all types of devices that a rig's description may use."""
-    return sorted(
-        path.stem
-        for path in Path(__file__).parent.glob("*.py")
-        if "\nPART = " in path.read_text(encoding="utf-8") and part(path.stem).role
-    )
+    return [name for name in _files() if is_part(name)]
+
+
+def is_part(name: object) -> bool:
+    """Say whether a rig's description may use a type of device of this name; only its own module is imported for that."""
+    return name in _files() and bool(part(str(name)).role)
+
+
+@cache
+def _files() -> tuple[str, ...]:
+    """The names of the files here that describe a type of device."""
+    here = Path(__file__).parent.glob("*.py")
+    return tuple(sorted(path.stem for path in here if "\nPART = " in path.read_text(encoding="utf-8")))
 
 
 def bodies_of(name: str, wires: Mapping[str, Any]) -> list[str]:

@@ -99,7 +99,7 @@ class BagOutputs(Outputs):
             # a block tells what is the same in all of its messages once
             self._changes, self._now = rig.gauges.changes, sample - 1
             self.flush()
-        elif sample - self._before >= TICKS * TICK_SAMPLES:
+        elif sample - self._before > TICKS * TICK_SAMPLES:  # so that it ends with the boundary before this one
             self.flush()
         self._now = sample
         if not self._started:
@@ -228,9 +228,9 @@ class BagOutputs(Outputs):
         return samples, *fields
 
     def _rows(self, samples: Ints) -> np.ndarray:
-        """The rows (n, channels) of samples that follow each other at the same distance."""
+        """The rows (n, channels) of samples that follow each other at the same distance, in the ring itself."""
         stride = int(samples[1] - samples[0]) if len(samples) > 1 else 1
-        return self.rig.rows_at(stride * SAMPLE, int(samples[0]) // stride, len(samples))
+        return self.rig.rows_in_ring(stride * SAMPLE, int(samples[0]) // stride, len(samples))
 
     def _of_states(self, rank: int, ticks: Ints) -> list[Column]:
         """The state messages of ticks."""
@@ -252,17 +252,20 @@ class BagOutputs(Outputs):
         """What each transducer shows at samples, and the same in messages for other tools."""
         if not len(samples):
             return []
-        rows, encode = self._rows(samples), encoder(MEASUREMENT).encode_block
+        rows, count = self._rows(samples), len(samples)
         places, stamps = (samples - self._before) * RANKS + rank, samples * SAMPLE_NS
-        seqs = self._rounds + np.arange(len(samples))
-        self._rounds += len(samples)
+        seqs = self._rounds + np.arange(count)
+        self._rounds += count
         out = []
-        for k, (topic, column) in enumerate(self.states.measured.items()):
-            self.counts[topic] = self._rounds
-            out.append(Column(topic, places + k, stamps, encode(stamps, seqs, rows[:, column])))
+        if times := len(self._columns):  # all have the same stamps and numbers
+            values = rows[:, self._columns].T.ravel()
+            data = encoder(MEASUREMENT).encode_block(np.tile(stamps, times), np.tile(seqs, times), values)
+            for k, topic in enumerate(self.states.measured):
+                self.counts[topic] = self._rounds
+                out.append(Column(topic, places + k, stamps, data[k * count : (k + 1) * count]))
         places = places + len(out)
         for k, (topic, form, values) in enumerate(self._mirrors):
-            self.counts[topic] = self.counts.get(topic, 0) + len(samples)
+            self.counts[topic] = self.counts.get(topic, 0) + count
             data = form.encode_block(stamps, *values(rows.T, angles.T, self._noise.__getitem__))
             out.append(Column(topic, places + k, stamps, data))
         return out

@@ -338,7 +338,7 @@ class RigBase(ABC):
             When the ring does not hold these rows.
         """
         first = self._drained
-        values = self.rows_at(ROW, first, rows)[:, : len(self.logger_names)]
+        values = self.rows_in_ring(ROW, first, rows)[:, : len(self.logger_names)].copy()
         self._drained += rows
         return first, values
 

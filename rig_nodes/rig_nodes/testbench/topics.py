@@ -159,7 +159,7 @@ class States:
         """Read the rig as it is now."""
         self._present.read()
 
-    def turn(self, rows: Floats) -> list[list[float]]:
+    def turn(self, rows: Floats) -> Floats:
         """Add ticks to the angles of the shafts, as a counter of the encoders would without wrapping.
 
         The rows are added one after the other, so that the sum is the same on every machine.
@@ -171,13 +171,12 @@ class States:
 
         Returns
         -------
-        (ticks, shafts) list of list of float
+        (ticks, shafts) array of float
             The angles after each tick [rad].
         """
-        turned = []
-        for gained in (ROW * rows[:, :, self._speeds].cumsum(axis=1)[:, -1]).tolist():
-            self.angles = [angle + gain for angle, gain in zip(self.angles, gained)]
-            turned.append(self.angles)
+        gained = ROW * rows.take(self._speeds, axis=2).cumsum(axis=1)[:, -1]
+        turned = np.concatenate([[self.angles], gained]).cumsum(axis=0)[1:]
+        self.angles = turned[-1].tolist()
         return turned
 
     def each_sample(self) -> list[tuple]:
