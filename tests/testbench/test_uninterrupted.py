@@ -29,7 +29,7 @@ class Interrupted:
 
 
 @pytest.mark.parametrize(
-    "what, call", [("_CHUNK", 1), ("_CHUNK", 2), ("_MESSAGE_INDEX", 1), ("_MESSAGE_INDEX", 30), ("_CHUNK_INDEX", 3)]
+    "what, call", [("_CHUNK", 1), ("_CHUNK", 2), ("_PACKED", 1), ("_CHUNK_INDEX", 3), ("_INDICES", 1), ("_SIZES", 2)]
 )
 def test_a_bag_is_whole_wherever_it_comes(tmp_path, monkeypatch, what, call):
     monkeypatch.setattr(mcap_writer, what, Interrupted(getattr(mcap_writer, what), call))
