@@ -923,7 +923,7 @@ class Driveline:
                 factors[name] = 1.0 if kind == TORQUE else float(on @ v_start)
             laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
         held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
-        if len(held) and np.linalg.matrix_rank(held) < len(held):  # numpy 1 has no rank of an empty matrix
+        if rank(held) < len(held):
             raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
         if len(held):
             self._left_free(held.any(axis=0), w)
@@ -933,7 +933,7 @@ class Driveline:
         """RigError for what would have to hold speeds that motions prescribe: the speeds `held` (n,), the slips `w` (m, n)."""
         elements = self._elements | self._mesh_elements()
         rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes or name in self._lossy_sets]
-        if np.linalg.matrix_rank(w[np.ix_(rigid, ~held)]) < np.linalg.matrix_rank(w[rigid]):
+        if rank(w[np.ix_(rigid, ~held)]) < rank(w[rigid]):
             names = ", ".join(f"'{list(elements)[f]}'" for f in rigid)
             raise RigError(
                 f"driveline: motions prescribe speeds that the meshes and free-wheels ({names}) can hold against them; "
@@ -1111,6 +1111,11 @@ def locks_itself(joints: Sequence[tuple[Floats, Floats, float, float]], others: 
         if found.x is not None and -found.fun > _HOLDS * np.abs(balance[speed]).max():
             return True
     return False
+
+
+def rank(matrix: Floats) -> int:
+    """Return the rank of a matrix; numpy 1 has none of an empty one."""
+    return int(np.linalg.matrix_rank(matrix)) if matrix.size else 0
 
 
 def _losses(there: float, back: float) -> tuple[float, float]:

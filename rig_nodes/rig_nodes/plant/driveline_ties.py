@@ -124,7 +124,7 @@ def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarra
         for j in reversed([j for j in range(len(v)) if j not in known]):
             if np.linalg.matrix_rank(a[:, [*chosen, j]]) > len(chosen):
                 chosen.append(j)
-        v[chosen] = np.linalg.lstsq(a[:, chosen], np.array([given[name] for name in others]) - a @ v)[0]
+        v[chosen] = np.linalg.lstsq(a[:, chosen], np.array([given[name] for name in others]) - a @ v, rcond=None)[0]
     for name, row in rows.items():
         if abs(row @ v - given[name]) > _SAME * (np.abs(row).max() + abs(given[name])):
             raise RigError(

@@ -455,7 +455,7 @@ def _turn(config: RigConfig, feed: float, stiff: bool) -> tuple[np.ndarray, np.n
                 break
             ends = [turned(start + step, limit)[:, -1] for step in steps]
             slopes = [(end - states[:, -1]) / step.sum() for end, step in zip(ends, steps)]
-            start = start - np.linalg.lstsq(np.transpose(slopes) - np.eye(len(start)), missed)[0]
+            start = start - np.linalg.lstsq(np.transpose(slopes) - np.eye(len(start)), missed, rcond=None)[0]
     held = (
         np.allclose(states[:, -1] / scale, states[:, 0] / scale, atol=1e-4)
         and abs(states[0].mean() * ratio / MOTOR_SPEED - 1.0) < 0.01
