@@ -65,9 +65,8 @@ def written(recording, path, catalogue, torque=0.0):
 def test_a_measurement_over_a_run_shows_what_differs_in_the_rows_concerned(recording, tmp_path, capsys):
     path, out = tmp_path / "measured.csv", tmp_path / "out.json"
     written(on_other_clock(recording), path, Bag(SAMPLE).catalogue, torque=5.0)
-    page, view = tmp_path / "out.html", tmp_path / "out.rrd"
-    arguments = ["compare", str(SAMPLE), str(path), "--json", str(out), "--html", str(page), "--rrd", str(view)]
-    assert main(arguments) == 0
+    page = tmp_path / "out.html"
+    assert main(["compare", str(SAMPLE), str(path), "--json", str(out), "--html", str(page)]) == 0
     assert "offset +730." in capsys.readouterr().out
     told = json.loads(out.read_text())
     assert told["offset_s"] == pytest.approx([0.0, OFFSET], abs=1e-3)
@@ -80,6 +79,13 @@ def test_a_measurement_over_a_run_shows_what_differs_in_the_rows_concerned(recor
     assert abs(metrics["t_c_s"]["difference"]) < 1e-3
     text = page.read_text()
     assert text.count("<svg") == 2 * len(rows) and "http" not in text
+
+
+def test_a_measurement_over_a_run_has_a_view(recording, tmp_path):
+    pytest.importorskip("rerun")
+    path, view = tmp_path / "measured.csv", tmp_path / "out.rrd"
+    written(on_other_clock(recording), path, Bag(SAMPLE).catalogue)
+    assert main(["compare", str(SAMPLE), str(path), "--rrd", str(view)]) == 0
     assert view.stat().st_size > 10_000
 
 

@@ -24,6 +24,7 @@ from rig_nodes.plant.described import checks_arguments
 from rig_nodes.plant.driveline_algebra import work_size
 from rig_nodes.plant.driveline_laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Law
 from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
+from rig_nodes.plant.driveline_motions import locks_itself, rank
 from rig_nodes.plant.driveline_picture import Body, Link, svg
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
 _ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # words in pictures
-_HOLDS = 1e-4  # least share of the greatest torque with which meshes hold a speed: less is the tolerance of the program
 _LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
 
 Points = tuple[Sequence[float], Sequence[float]]
@@ -1068,54 +1068,6 @@ class Driveline:
                 "between which it changes, or use a clutch where it is friction"
             )
         return found
-
-
-def locks_itself(joints: Sequence[tuple[Floats, Floats, float, float]], others: Floats, held: npt.NDArray[np.bool_]) -> bool:
-    """Return whether meshes can hold prescribed speeds with torques of any size, as a worm gear holds its wheel.
-
-    They can when torques balance on all other speeds while each loss is within what its mesh's torque allows: the pair of both is
-    then a sum, with factors of one sign, of the pairs of the two directions of power. The sign is a whole number, so this is a
-    mixed-integer linear program.
-
-    Parameters
-    ----------
-    joints : sequence of (array, array, float, float)
-        For each mesh or set the slips (n,) of its teeth and of its loss by the speeds, and the shares of power that it loses in the
-        two directions.
-    others : (r, n) array of float
-        Slips of all else that holds without a limit.
-    held : (n,) array of bool
-        The prescribed speeds.
-
-    Returns
-    -------
-    bool
-        Whether some prescribed speed can be held.
-    """
-    from scipy.optimize import Bounds, LinearConstraint, milp  # loaded only where a motion meets a mesh
-
-    k, r = len(joints), len(others)
-    # unknowns: the factors of the power there (k) and back (k), their signs (k) and the other torques (r)
-    there = [gear + ahead * loss for gear, loss, ahead, _ in joints]
-    back = [((1.0 - behind) * gear - behind * loss) / max(1.0, behind) for gear, loss, _, behind in joints]
-    balance = np.concatenate([there, back, np.zeros((k, len(held))), others]).T
-    one_sign = np.concatenate([np.eye(2 * k), -np.tile(np.eye(k), (2, 1)), np.zeros((2 * k, r))], axis=1)
-    limits = Bounds(np.repeat([-1.0, 0.0, -1.0], [2 * k, k, r]), np.ones(3 * k + r))
-    for speed in np.flatnonzero(held):
-        found = milp(
-            -balance[speed],
-            integrality=np.repeat([0, 1, 0], [2 * k, k, r]),
-            bounds=limits,
-            constraints=[LinearConstraint(balance[~held], 0.0, 0.0), LinearConstraint(one_sign, -1.0, 0.0)],
-        )
-        if found.x is not None and -found.fun > _HOLDS * np.abs(balance[speed]).max():
-            return True
-    return False
-
-
-def rank(matrix: Floats) -> int:
-    """Return the rank of a matrix; numpy 1 has none of an empty one."""
-    return int(np.linalg.matrix_rank(matrix)) if matrix.size else 0
 
 
 def _losses(there: float, back: float) -> tuple[float, float]:
