@@ -205,7 +205,8 @@ def test_plates_heat_cool_and_wear(config):
 
 
 def test_orifice_limits_the_filling_flow(config):
-    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.9e-6, drain_area=0.5e-6, supply_bore_area=0.0))
+    edges = dataclasses.replace(config.valve_zr_p1, orifice_area=0.9e-6, drain_area=0.5e-6)
+    v = record(dataclasses.replace(edges, supply_bore_area=0.0, drain_bore_area=0.0))
     oil = valve.orifice_speed(870.0), valve.laminar_force(0.08, 870.0)
     flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, *oil, v)
     assert flow == pytest.approx(0.9e-6 * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
@@ -214,17 +215,29 @@ def test_orifice_limits_the_filling_flow(config):
     assert valve.port_flow(-1.0, 1e6, 4e6, *oil, v)[0] == pytest.approx(-0.5e-6 * math.sqrt(2e6 / 870), rel=1e-4)
 
 
-def test_a_bore_before_the_spool_limits_the_flow_of_a_wide_edge(config):
+@pytest.mark.parametrize("edge, bore, share", [("orifice_area", "supply_bore_area", 1.0), ("drain_area", "drain_bore_area", -1.0)])
+def test_a_bore_beside_the_spool_limits_the_flow_of_a_wide_edge(config, edge, bore, share):
     """Edge and bore of 0.8 mm2 each, one after the other, are as 0.8 mm2 / sqrt(2)."""
-    v = record(dataclasses.replace(config.valve_zr_p1, orifice_area=0.8e-6, supply_bore_area=0.8e-6))
-    assert valve.edge_area(1.0, v) == pytest.approx(0.8e-6 / math.sqrt(2.0))
-    wide = record(dataclasses.replace(config.valve_zr_p1, orifice_area=80e-6, supply_bore_area=0.8e-6))
-    assert valve.edge_area(1.0, wide) == pytest.approx(0.8e-6, rel=1e-4)
+    v = record(dataclasses.replace(config.valve_zr_p1, **{edge: 0.8e-6, bore: 0.8e-6}))
+    assert valve.edge_area(share, v) == pytest.approx(0.8e-6 / math.sqrt(2.0))
+    wide = record(dataclasses.replace(config.valve_zr_p1, **{edge: 80e-6, bore: 0.8e-6}))
+    assert valve.edge_area(share, wide) == pytest.approx(0.8e-6, rel=1e-4)
+    assert valve.edge_area(0.1 * share, wide) == pytest.approx(0.8e-6, rel=0.01), "a tenth of the way opens the bore already"
+
+
+def test_the_spools_stops_limit_its_way_and_not_its_speed(config):
+    """Far from what is asked for the spool closes faster than by a stroke per time constant, and it stands still at its stop."""
+    values = dataclasses.replace(config.valve_zr_p1, full_opening_pressure=0.2e6, spool_time=15e-3, spool_stroke=0.5e-3)
+    v, cracks = record(values), values.pressure_gain * values.cracking_current
+    closed = valve.spool_position(0.5e-3, 1.0e6 + cracks, 2.0e6, 1e-3, 1.0, 0.0, v)
+    assert closed == pytest.approx(0.5e-3 - (0.5e-3 + 2.5e-3) * (1.0 - math.exp(-1.0 / 15.0)))
+    opened = valve.spool_position(0.5e-3, 2.0e6 + cracks, 1.0e6, 1e-3, 1.0, 0.0, v)
+    assert opened == 0.5e-3
 
 
 def test_flow_of_cold_oil_is_laminar(config):
     """Where Re is far below 9.3, C_d = 0.2 sqrt(Re): the flow grows with the pressure drop itself and falls with the viscosity."""
-    v = record(dataclasses.replace(config.valve_zr_p1, drain_area=1e-6))
+    v = record(dataclasses.replace(config.valve_zr_p1, drain_area=1e-6, drain_bore_area=0.0))
     speed = valve.orifice_speed(870.0)
 
     def flow(drop, viscosity):

@@ -9,7 +9,7 @@ It is a part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4);
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf, pi, sqrt
+from math import exp, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +57,9 @@ class ValveConfig:
     drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")
     supply_bore_area: float = param(
         "area", 0.0, 1e-3, "Area of the bore between supply and spool, which limits the flow of an open edge; 0 for a wide one", 0.0
+    )
+    drain_bore_area: float = param(
+        "area", 0.0, 1e-3, "Area of the bore between spool and tank, which limits the flow of an open edge; 0 for a wide one", 0.0
     )
 
 
@@ -223,8 +226,8 @@ def spool_after(
     """Return :func:`spool_position` after a time whose ``decay`` is known, with the ``gain`` of :func:`spool_gain`."""
     lowest, highest = held_pressures(magnet, friction, valve)
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
-    target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
-    return target + (spool - target) * decay
+    # the stops limit the way and not the speed, which grows with the force that is left
+    return min(max(target + (spool - target) * decay, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -258,8 +261,6 @@ def closing_pressure(
     decay = spool_decay(h, thickness, valve)
     edge = 0.0 if reducing else -valve.spool_dead_band
     target = (edge - spool * decay) / (1.0 - decay)
-    if not -valve.spool_dead_band - valve.spool_stroke <= target <= valve.spool_stroke:
-        return inf
     lowest, highest = held_pressures(magnet, friction, valve)
     # the highest pressure closes the supply, the lowest one closes the drain
     held = highest if target < spool else lowest
@@ -295,12 +296,18 @@ def laminar_force(viscosity: float, density: float) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def edge_area(share: float, valve: Record) -> float:
-    """Return the area of an opening of the spool, and for the supply's edge that of edge and bore one after the other [m2]."""
+    """Return the area of an opening of the spool and of the bore on the edge's other side, one after the other [m2]."""
     if share < 0.0:
-        return -share * valve.drain_area
-    area = share * valve.orifice_area
-    bore = valve.supply_bore_area
+        area, bore = -share * valve.drain_area, valve.drain_bore_area
+    else:
+        area, bore = share * valve.orifice_area, valve.supply_bore_area
     return area * bore / sqrt(area * area + bore * bore) if bore > 0.0 else area
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def narrowest(edge: float, bore: float) -> float:
+    """Return the area that decides below which drop the flow is laminar: that of bore or fully opened edge [m2]."""
+    return min(edge, bore) if bore > 0.0 else edge
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -334,11 +341,11 @@ def port_flow(
         return 0.0, 0.0
     area = edge_area(share, valve)
     if share > 0.0:
-        drop, sign, full = supply_pressure - port_pressure, 1.0, valve.orifice_area
+        drop, sign, full = supply_pressure - port_pressure, 1.0, narrowest(valve.orifice_area, valve.supply_bore_area)
         if drop <= 0.0:
             return 0.0, 0.0
     else:
-        drop, sign, full = port_pressure, -1.0, valve.drain_area
+        drop, sign, full = port_pressure, -1.0, narrowest(valve.drain_area, valve.drain_bore_area)
     below = max(STEEPEST, laminar / full)
     if drop == 0.0:  # an empty line, as most lines are at most times; this saves the roots below, which take long
         return 0.0, -area * (speed / sqrt(below))
