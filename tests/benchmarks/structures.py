@@ -105,7 +105,7 @@ def folds_of(config):
 
 def draws(structure, samples, progress):
     """Returns (misses by fold, values) of each draw whose shifts can be run."""
-    parameters = {name: p for name, p in load_stages()["release"].items() if name in structure.free}
+    parameters = {name: p for name, p in load_stages()["clutches"].items() if name in structure.free}
     config, found = load_rig("hydmag", structure.held), []
     for k, shares in enumerate(qmc.LatinHypercube(len(parameters), seed=1).random(samples)):
         progress(k)

@@ -85,7 +85,7 @@ def test_rows_of_runs_that_trip_are_not_inside_and_validate_fails(tmp_path, caps
     assert "delay_down_peak_19" in out.out and "between 0.800 s and 0.801 s" in out.out
 
 
-@pytest.mark.parametrize("stage", ["losses", "hydraulics", "release"])
+@pytest.mark.parametrize("stage", ["losses", "clutches"])
 def test_a_calibration_on_a_rig_that_trips_ends_and_changes_nothing(tmp_path, capsys, spoil, stage):
     spoil(1500)
     before = STAGES_FILE.read_bytes()
@@ -120,7 +120,7 @@ def test_settings_that_trip_the_rig_are_no_shift_on_the_tuners_bench(config, spo
 def test_a_tuning_of_a_rig_that_trips_says_so(tmp_path, capsys, spoil):
     pytest.importorskip("optuna")
     pytest.importorskip("pyarrow")
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 2e-8}}))
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 2e-8}}))
     tune = ["tune", "--ways", "I-II", "--jobs", "1", "--rigs", "0", "--spreads", str(tmp_path / "s.json"), "--out"]
     spoil(400)
     assert main([*tune, str(tmp_path / "t")]) == 1

@@ -246,12 +246,12 @@ def test_bounds_count(config):
 
 
 def test_sampled_rigs_keep_to_spreads_and_bounds(config):
-    spreads = {"hydraulics.bore": 3e-8, "hydraulics.clearance_s1": 1.0}
+    spreads = {"clutches.bore": 3e-8, "clutches.clearance_s1": 1.0}
     rigs = uncertainty.sampled_rigs(config, spreads, (20.0, 60.0), 2, 5)
     orifices = [rig.valve_zr_p2.supply_bore_area for rig in rigs]
     away = [abs(area - config.valve_zr_p2.supply_bore_area) for area in orifices]
     assert len(set(orifices)) == 2 and max(away) <= 3e-8 * 1.000001
-    bounds = uncertainty.parameters(config)["hydraulics.clearance_s1"]
+    bounds = uncertainty.parameters(config)["clutches.clearance_s1"]
     assert all(bounds.low <= rig.clutch_s1.clearance <= bounds.high for rig in rigs)
     temperatures = sorted(rig.oil_supply.temperature for rig in rigs)
     assert [int((t - 20.0) / 20.0) for t in temperatures] == [0, 1]
@@ -260,8 +260,8 @@ def test_sampled_rigs_keep_to_spreads_and_bounds(config):
 
 
 def test_spreads_from_a_file(tmp_path, config):
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 1e-8}, "values": {}}))
-    assert uncertainty.read_spreads(tmp_path / "s.json", config) == {"hydraulics.bore": 1e-8}
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 1e-8}, "values": {}}))
+    assert uncertainty.read_spreads(tmp_path / "s.json", config) == {"clutches.bore": 1e-8}
     (tmp_path / "t.json").write_text(json.dumps({"spread": {"clutch_s2.nothing": 1e-8}}))
     with pytest.raises(RigError, match="has no parameter 'clutch_s2.nothing'"):
         uncertainty.read_spreads(tmp_path / "t.json", config)
@@ -351,7 +351,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     pytest.importorskip("optuna")
     monkeypatch.setattr(search, "POPULATION", 6)
     pq = pytest.importorskip("pyarrow.parquet")
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 2e-8}}))
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 2e-8}}))
     out = tmp_path / "tune"
     arguments = [
         "tune",
@@ -465,7 +465,7 @@ def test_refused(arguments, sentence, capsys, tmp_path):
 def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsys):
     pytest.importorskip("optuna")
     pytest.importorskip("pyarrow")
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"hydraulics.bore": 2e-8}}))
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 2e-8}}))
     assert (
         main(
             [

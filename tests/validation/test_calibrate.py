@@ -97,9 +97,7 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
     shutil.copytree(CONFIG_DIR / "controllers", tmp_path / "controllers")
     rig, controller = tmp_path / "hydmag" / "rig.yaml", tmp_path / "controllers" / "alfa46.yaml"
     lines = len(rig.read_text().splitlines())
-    c.write_values(
-        {"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "hydraulics.clearance_s2": 5.25e-3}, rig, controller
-    )
+    c.write_values({"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "clutches.clearance_s2": 5.25e-3}, rig, controller)
     read = load_rig(rig, {})
     assert read.loss_in.at_470 == 6.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
     assert read.loss_out.drag == 2.5 and read.loss_out.at_470 == read.loss_in.drag == 0.0, "those of the other loss stay"
@@ -212,7 +210,7 @@ def test_rows_that_can_be_mended_together_are_no_conflict():
 
 def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
     """The time for which a released S1 holds shows in the delay t12 from which on the output dips."""
-    parameters = c.load_stages()["release"]
+    parameters = c.load_stages()["clutches"]
     borders = [rows.s1_releases(c.with_values(config, parameters, {"rest": torque}), TARGETS)[0].value for torque in (40.0, 60.0)]
     assert borders[0] < borders[1] - 5e-3
 

@@ -31,7 +31,8 @@ SETTLE = 300  # samples in which the supply comes up
 PAUSE = 8000  # samples between two engagements, as in the sequences of chapter 7, until the line of S2 has run empty again
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a constant current
 FIRST_RISE = 10e3  # Pa: about the smallest first rise that the laboratory could see
-NO_LEVEL = 50e3  # Pa: what a pressure that was fitted by 0 may be; its transducer's zero is seen before and after
+NO_LEVEL = 100e3  # Pa: what a pressure that was fitted by 0 may be, the largest error of its transducer
+LINE_ERROR = 100e3  # Pa: within which a rise has to keep to the longest printed line; half of it is left to the transducers
 RELEASED = 200  # samples after the end of a fall to zero, in which the current stays: the pressure that is left is averaged
 FALLEN = 2.2e6  # Pa: the fall has begun when the pressure passes it (22 bar, Annex A)
 CURVES = {  # clutch -> rows of its rising and of its falling pressure in chapter 9
@@ -141,6 +142,36 @@ def distances(target: Target, p: np.ndarray, start: float) -> np.ndarray:
     return np.interp(start + t, SAMPLE * np.arange(len(p)), p) - on_curve(target, t)
 
 
+def piece_shares(target: Target, length: int) -> np.ndarray:
+    """Return the share of each millisecond of a curve in its miss: all printed pieces count alike, however long they last.
+
+    Parameters
+    ----------
+    target : Target
+        The row with the curve.
+    length : int
+        Number of milliseconds.
+
+    Returns
+    -------
+    (length,) array of float
+        Shares; their sum is 1.
+    """
+    t = SAMPLE * np.arange(length)
+    piece = np.array([np.searchsorted([high for _, high, _ in target.pieces], at) for at in t])
+    return 1.0 / (np.bincount(piece)[piece] * len(np.unique(piece)))
+
+
+def off_the_line(target: Target, apart: np.ndarray) -> float:
+    """Return the largest distance [Pa] from the longest printed line of a curve, of its distances at each millisecond.
+
+    For p1 it is the ramp that its current gives, for p2 the fill.
+    """
+    lines = (piece for piece in target.pieces if len(piece[2]) == 2)
+    begins, ends, _ = max(lines, key=lambda piece: piece[1] - piece[0])
+    return float(np.abs(apart[round(begins / SAMPLE) : round(ends / SAMPLE)]).max())
+
+
 def fall_begins(target: Target, p: np.ndarray) -> float:
     """Return the start [s] of a fall.
 
@@ -220,10 +251,13 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
         left = fall[over : over + RELEASED]
         level = float(np.sqrt(np.mean(left**2)))
         out.append(Miss(f"{falling.id}: end", level, level / NO_LEVEL, tuple(left / NO_LEVEL / np.sqrt(len(left)))))
+    line = off_the_line(rising, distances(rising, rise, first))
+    out.append(Miss(f"{rising.id}: line", line, max(0.0, line / LINE_ERROR - 0.5)))
     for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
         apart = distances(row, p, start)
-        miss = float(np.sqrt(np.mean(apart**2)))
-        out.append(Miss(row.id, miss, miss / row.tolerance, tuple(apart / row.tolerance / np.sqrt(len(apart)))))
+        parts = apart * np.sqrt(piece_shares(row, len(apart)))
+        miss = float(np.sqrt(np.sum(parts**2)))
+        out.append(Miss(row.id, miss, miss / row.tolerance, tuple(parts / row.tolerance)))
     return out
 
 
@@ -432,17 +466,24 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     border = early + (late - early) * (NO_DIP - k_early) / steep
     return [
         Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
-        Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),
+        Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 0.5)),  # as within() leaves half a tolerance
         within(peaks, least, PEAK_TOLERANCE, ": least"),
         within(peaks, most, PEAK_TOLERANCE, ": most"),
         within(longest, slowest, TIME_TOLERANCE),
     ]
 
 
+def clutch_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """Return the misses of :func:`hydraulics_misses` and :func:`release_misses`.
+
+    They are one stage: how long a released clutch holds follows from its pressure as much as from its plates.
+    """
+    return [*hydraulics_misses(config, targets), *release_misses(config, targets)]
+
+
 ROWS: dict[str, Callable] = {  # stage -> function that gives its misses
     "losses": loss_misses,
-    "hydraulics": hydraulics_misses,
-    "release": release_misses,
+    "clutches": clutch_misses,
 }
 
 
