@@ -40,13 +40,12 @@ def demo(tmp_path_factory):
     return run(tmp_path_factory.mktemp("demo"))
 
 
-def test_both_shifts_are_complete_and_without_a_deep_dip(demo):
-    """The upshift dips a little where the laboratory's did not (docs/reference/validation.md)."""
+def test_both_shifts_are_complete_and_without_a_dip(demo):
     _, report = demo
     assert [(s["from_gear"], s["to_gear"]) for s in report["shifts"]] == [(1, 2), (2, 1)]
-    for shift, lowest in zip(report["shifts"], (0.8, 0.95)):
+    for shift in report["shifts"]:
         assert shift["valid"], shift["why"]
-        assert shift["k"] >= lowest
+        assert shift["k"] >= 0.95
         assert shift["input_speed_rpm"] == pytest.approx(1500, abs=5)
         assert 0.1 < shift["t_dt_s"] < 0.5
     assert report["shifts"][0]["output_torque_nm"] == pytest.approx(80, abs=1)
@@ -88,7 +87,7 @@ def between(p, t, low, high):
 
 
 def test_pressures_show_fill_and_rise(demo):
-    """p2 waits for its ramp, fills slowly under the springs and jumps; p1 fills and follows its current without a rest."""
+    """p2 waits for its ramp, fills slowly under the springs and jumps; p1 jumps too, dips, and follows its current without a rest."""
     bag, report = demo
     log = bag.logger()
     seen = {}
@@ -101,7 +100,10 @@ def test_pressures_show_fill_and_rise(demo):
     assert 0.5 < fill < 3.0, "filling is limited by the flow and the springs, MPa/s"
     assert 0.5 / between(p2, t, 0.7, 1.2) > 5.0 * fill
     assert 1.1 / between(p1, t, 1.0, 2.1) == pytest.approx(5.87, rel=0.1), "Annex D's ramp, MPa/s"
-    ramp = p1[int(np.argmax(p1 > 0.6)) : int(np.argmax(p1 > 2.1))]
+    jump = p1[: int(np.argmax(p1 > 1.0))]
+    peak = int(np.argmax(jump > 0.75))
+    assert jump[peak:].min() < 0.75, "p1 overshoots as the piston meets the plates, and dips (fig. 7.6)"
+    ramp = p1[len(jump) : int(np.argmax(p1 > 2.1))]
     assert np.diff(ramp[::200]).min() > 0.03, "no rest for 20 ms"
     for p in (p1, p2):
         assert p[-100:].mean() == pytest.approx(2.3, abs=0.2), "the end value of chapter 9, as far as it was calibrated"
