@@ -114,6 +114,13 @@ def test_brakes_in_gear_stop_the_vehicle_and_stall_an_engine_that_the_clutch_hol
         assert rig.slip("clutch_s1") > 10.0 and rig.true("w0.speed") > 900 * RPM
 
 
+def test_the_loss_of_the_output_is_that_of_the_laboratorys_gearbox(config):
+    """By M_wyj = T - d, with the drag d on wk, the share of M_wyj is that of the clutches' torque T less a share of d."""
+    own, laboratory = config.loss_out, load_rig("hydmag").loss_out
+    assert (own.drag, own.share) == (laboratory.drag, laboratory.share)
+    assert own.constant == pytest.approx(-laboratory.share * 41 / 40 * laboratory.drag, abs=1e-4)
+
+
 def test_steady_travel_asks_for_what_the_hand_calculation_says(config, point):
     """At the point's grade M_wyj is its load, and M_wej that of the gearbox's losses."""
     table = calculations_of(NAME)["survival"].table(config, of_run(point, config))
