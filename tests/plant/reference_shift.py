@@ -352,8 +352,8 @@ class Equations:
 def solve(config, start: Start, duty: np.ndarray, rtol: float = 1e-8, method: str = "LSODA", pieces: int = 1):
     """Returns (channels, events): logger rows of CHANNELS (1 + 10 n, 7) from the order on, and (time, clutch, new mode).
 
-    ``duty`` (n, 2) is that of both coils in each millisecond after the order. A method begins anew ``pieces`` times in each of them:
-    Radau and BDF of scipy keep the slopes from before a piston breaks away, and with one piece they let it stand up to 1 ms longer.
+    ``duty`` (n, 2) is that of both coils in each millisecond after the order. A method begins anew ``pieces`` times in each of
+    them: scipy's Radau and BDF keep the slopes from before a piston breaks away, and with one piece it stands up to 1 ms longer.
     """
     eq = Equations(config, start)
     eq.duty = tuple(duty[0])

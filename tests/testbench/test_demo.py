@@ -87,7 +87,7 @@ def between(p, t, low, high):
 
 
 def test_pressures_show_fill_and_rise(demo):
-    """p2 waits for its ramp, fills slowly under the springs and jumps; p1 jumps too, dips, and follows its current without a rest."""
+    """p2 waits for its ramp, fills slowly under the springs and jumps; p1 jumps, dips, and follows its current without rest."""
     bag, report = demo
     log = bag.logger()
     seen = {}
