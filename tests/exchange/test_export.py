@@ -149,3 +149,14 @@ def test_without_asammdf_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, 
     monkeypatch.setitem(sys.modules, "asammdf", None)
     assert main(["export", "mf4", str(SAMPLE), "--out", str(tmp_path / "a.mf4")]) == 2
     assert "pip install -r requirements-mdf.txt" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_a_pyarrow_for_another_numpy_is_said_with_the_one_that_fits(monkeypatch, tmp_path, capsys):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pyarrow"]:
+        monkeypatch.delitem(sys.modules, name)
+    (tmp_path / "pyarrow.py").write_text('raise ImportError("pyarrow requires NumPy 2.0 or newer, found 1.26.4")')
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["export", "parquet", str(SAMPLE), "--out", str(tmp_path / "a.parquet")]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert "requires NumPy 2.0 or newer" in said[-1] and "with numpy 1.26 'pyarrow<26'" in said[-1]
+    assert not (tmp_path / "a.parquet").exists()

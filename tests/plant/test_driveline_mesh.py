@@ -117,6 +117,61 @@ def test_a_load_that_turns_round_jams_the_mesh_when_it_begins_to_drive():
     assert np.abs(r.speed("a")[after:]).max() < 1e-20 and np.abs(r.residual()).max() < 1e-12 * r.stored[0]
 
 
+@pytest.mark.parametrize("step", [0.05, 2e-3])
+def test_a_mesh_jams_beside_a_motion_that_does_not_prescribe_its_speed(step):
+    d = Driveline()
+    d.inertia("a", 0.001, speed=10.0)
+    d.inertia("b", 1.0)
+    d.inertia("c", 1.0, speed=10.0)
+    d.mesh("m", "a", "b", 1.0, 0.5, -0.5)
+    d.clutch("c1", "b", "c")
+    d.motion("held", "c")
+    r = run(d.build(), 0.5, step, {"b": 5.0, "c1": 3.0, "held": lambda t: 10.0 + 20.0 * t})
+    assert r.capped == 0 and [e.kind for e in r.events if e.element == "m loss"] == ["close", "lock"]
+    assert np.abs(r.speeds[1:, :2]).max() < 1e-20 and closes(r)
+    assert r.torque("held")[1:] == pytest.approx(20.0 + 3.0) and r.speed("c")[-1] == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("step", [0.05, 2e-3])
+def test_a_motion_bears_its_share_of_the_impulse_that_stops_a_mesh(step):
+    """It holds the speed of c while a = c + e stops: the impulse on c is that on e, J_e times 10 rad/s."""
+    d = Driveline()
+    d.inertia("a", 0.001, speed=10.0)
+    d.inertia("b", 1.0)
+    d.inertia("c", 0.5, speed=4.0)
+    d.inertia("e", 0.002)
+    d.mesh("m", "a", "b", 1.0, 0.5, -0.5)
+    d.relation("sum", {"a": 1.0, "c": -1.0, "e": -1.0})
+    d.motion("held", "c")
+    r = run(d.build(), 0.5, step, {"b": 5.0, "held": lambda t: 4.0 - 30.0 * t})
+    impulse, torque = 0.002 * 10.0, -30.0 * (0.5 + 0.002)
+    assert r.capped == 0 and np.abs(r.speeds[1:, :2]).max() < 1e-20 and closes(r)
+    assert r.speed("e")[1:] == pytest.approx(-r.speed("c")[1:])
+    assert r.torque("held")[1:3] == pytest.approx([torque + impulse / step, torque])
+    assert r.e_in[1] == pytest.approx(4.0 * impulse + torque * (4.0 * step - 15.0 * step**2))
+
+
+def test_a_mesh_that_breaks_away_takes_the_loss_that_lasts():
+    """A set across it returns so much power by inertia that two losses fit; at the greater one a small disturbance grows."""
+    efficiency, back, ratio, set_ratio, j_a, j_b, j_c = 0.4, 0.3, 0.7, 2.8, 0.1, 2.0, 3.0
+    d = Driveline()
+    d.inertia("a", j_a)
+    d.inertia("b", j_b)
+    d.inertia("c", j_c)
+    d.mesh("m", "a", "b", ratio, efficiency, back)
+    d.relation("set", {"c": 1.0, "b": set_ratio, "a": -1.0 - set_ratio})
+    at_a, at_b = -60.0, lambda t: 100.0 + 100.0 * t
+    r = run(d.build(), 1.0, 2e-3, {"a": at_a, "b": at_b})
+    (begun,) = (e.t for e in r.events if e.kind == "break")
+    assert at_b(begun) * back == pytest.approx(-at_a * ratio) and closes(r)
+    # by inertia a drives, though its load was what held: J_b b' - s J_c c' = T_b + ratio efficiency (T_a - J_a a' - (1 + s) J_c c')
+    c = (1.0 + set_ratio) * ratio - set_ratio
+    passed = ratio * efficiency
+    inertia = j_b - set_ratio * j_c * c + passed * (j_a * ratio + (1.0 + set_ratio) * j_c * c)
+    mean = at_b(0.5 * (1.0 + begun)) + passed * at_a
+    assert r.speed("b")[-1] == pytest.approx(mean / inertia * (1.0 - begun), rel=1e-6)
+
+
 @pytest.mark.parametrize("efficiency, back, body, words", [(0.5, -0.5, "b", "lock themselves"), (0.5, 0.0, "b", "'m'")])
 def test_refuses_a_motion_against_a_mesh_that_locks_itself(efficiency, back, body, words):
     d = Driveline()

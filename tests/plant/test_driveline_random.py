@@ -175,6 +175,7 @@ def test_some_random_drivelines():
         pytest.param(70083, True, id="a capacity at an angle that a locked clutch holds"),
         pytest.param(80056, True, id="a motion that starts six meshes"),
         pytest.param(80095, True, id="a capacity by the slip of a locked clutch"),
+        pytest.param(120021, True, id="a mesh that jams beside a motion, and a clutch that neither sticks nor slips beside it"),
         pytest.param(160062, True, id="locked clutches round a mesh whose loss feeds back"),
     ],
 )

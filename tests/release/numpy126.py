@@ -27,8 +27,13 @@ NUMPY = """numpy==1.26.4 \\
     --hash=sha256:666dbfb6ec68962c033a450943ded891bed2d54e6755e35e5835d63f4f6931d5 \\
     --hash=sha256:675d61ffbfa78604709862923189bad94014bef562cc35cf61d3a07bba02a7ed
 """
+PYARROW = """pyarrow==25.0.1 \\
+    --hash=sha256:25f8720bf6387d5dc2ebd2622112de630760419e4b66134405dd24110d15f37e \\
+    --hash=sha256:5389cdf79447ed1515c9e31620e6e1e2302249564d603f2ad727d4f6d313e4c3
+"""
+LAST = {"numpy": NUMPY, "pyarrow": PYARROW}  # pyarrow 26 needs numpy 2
 PYTHONS = ((3, 11), (3, 12))  # numpy 1.26.4 has no wheels for later versions, and the rig needs at least the first one
-VIEWER = ("rerun-sdk", "pyarrow")  # needs numpy 2
+VIEWER = "rerun-sdk"  # needs numpy 2
 TESTS = ("plant", "alfa46", "testbench", "bags", "analysis", "controllers")
 GRAPH_TESTS = ("graph/test_live_graph.py",)
 
@@ -60,12 +65,13 @@ def copy_checkout(folder):
 
 
 def with_old_numpy(lock):
-    """Returns the text of requirements.lock with numpy 1.26.4 and without the viewer."""
+    """Returns the text of requirements.lock with numpy 1.26.4, the last pyarrow for it, and without the viewer."""
     blocks = re.split(r"(?m)^(?=[\w.-]+==)", lock)
     names = [block.split("==")[0] for block in blocks]
-    if "numpy" not in names:
-        raise CheckError("requirements.lock has no numpy")
-    return "".join(NUMPY if name == "numpy" else block for name, block in zip(names, blocks) if name not in VIEWER)
+    for name in LAST:
+        if name not in names:
+            raise CheckError("requirements.lock has no %s" % name)
+    return "".join(LAST.get(name, block) for name, block in zip(names, blocks) if name != VIEWER)
 
 
 def make_environment(launcher, folder):

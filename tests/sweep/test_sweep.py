@@ -4,6 +4,7 @@
 """Members, their rows and the command: the same bits wherever a member runs; a failed member is a row as well."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -223,3 +224,11 @@ def test_a_sweep_takes_the_delays_that_simulate_takes():
     assert MOST_DELAY == run_arguments.MOST_DELAY
     with pytest.raises(RigError, match=f"delay is {MOST_DELAY + 1}, expected 0 to {MOST_DELAY} samples"):
         plugged_of(None, None, MOST_DELAY + 1)
+
+
+def test_without_pyarrow_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert main(["sweep", SHORT, "--vary", "alfa46.t12=-200 ms, -100 ms", "--jobs", "1"]) == 2
+    said = capsys.readouterr().err
+    assert "install the extra 'rig_nodes[sweep]'" in said and said.count("\n") == 1 and not list(tmp_path.iterdir())

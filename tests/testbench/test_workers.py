@@ -41,3 +41,15 @@ def test_a_server_that_cannot_be_started_is_said_in_a_sentence(monkeypatch):
     monkeypatch.setattr(forkserver, "ensure_running", refused)
     with pytest.raises(RigError, match=r"one job \(--jobs 1\) needs none \(AF_UNIX path too long; .*\)$"):
         Workers(2).__enter__()
+
+
+def test_an_interrupt_while_one_starts_waits_for_it():
+    code = (
+        "import signal; from multiprocessing import forkserver; from rig_nodes.testbench.workers import Workers; "
+        "signal.signal(signal.SIGINT, signal.default_int_handler); "  # in a background job it is ignored
+        "forked = forkserver.connect_to_new_process; "
+        "forkserver.connect_to_new_process = lambda fds: (forked(fds), signal.raise_signal(signal.SIGINT))[0]; "
+        "Workers(2).__enter__()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert "KeyboardInterrupt" in done.stderr and "EOFError" not in done.stderr

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..atomic_write import atomic_write
-from ..errors import RigError, not_written
+from ..errors import RigError, no_pyarrow, not_written
 from .groups import Column, Group, Rows, Signals, on_one_clock, on_own_clocks
 from .provenance import KEY, csvw_path, lines_of, provenance_of, text_of
 
@@ -37,7 +37,6 @@ _NO_FIELD = re.compile(r"\W")
 ASAMMDF = (
     "MDF4 needs the package asammdf, which is not installed; '.venv/bin/python -m pip install -r requirements-mdf.txt' gets it"
 )
-PYARROW = "Parquet needs the package pyarrow, which is not installed; install the extra 'rig_nodes[sweep]'"
 
 
 def asammdf() -> ModuleType:
@@ -50,12 +49,12 @@ def asammdf() -> ModuleType:
 
 
 def pyarrow() -> tuple[Any, Any]:
-    """Return pyarrow and pyarrow.parquet; RigError says how to get them when they are not installed."""
+    """Return pyarrow and pyarrow.parquet; RigError says how to get them when they cannot be loaded."""
     try:
         import pyarrow as package
         import pyarrow.parquet as parquet
-    except ImportError:
-        raise RigError(PYARROW) from None
+    except ImportError as error:
+        raise no_pyarrow("Parquet is written", error) from None
     return package, parquet
 
 

@@ -20,6 +20,7 @@ from rig_nodes.plant.driveline_algebra import (
     CLOSE,
     CROSS,
     E_FRIC,
+    FIRST,
     FORWARD,
     HELD,
     HI0,
@@ -36,6 +37,7 @@ from rig_nodes.plant.driveline_algebra import (
     RANK,
     STUCK,
     VISC,
+    WEAK,
     beyond,
     has_capacity,
     high,
@@ -53,7 +55,7 @@ if TYPE_CHECKING:
 
 MOST_SETS = 3**6  # tried one by one where the pivots do not end: six elements that stick or slip either way
 SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
-JAMMED = -1.0  # mark of an element that sticks beyond its limit
+JAMMED = -1.0  # mark of an element that sticks beyond its limit, and at work[FIRST] of a step in which an impulse has acted
 
 
 # int() around a constant argument or start value: a literal would make numba compile the callee once more
@@ -144,27 +146,32 @@ def limited(f: int, cap: Floats, ocand: int, work: Floats) -> bool:
 
 
 @njit(**INNER)
-def jammed(minv: Floats, loss: Floats, mode: Ints | Floats, first: int, fall: int, work: Floats) -> int:
+def jammed(minv: Floats, w: Floats, loss: Floats, mode: Ints | Floats, first: int, op: int, fall: int, work: Floats) -> int:
     """Return the element that jams where the losses have no solution, or -1 where no loss is steep enough for that.
 
     A loss that grows by at least as much as it takes from the torque on which it depends leaves no torque at which its mesh can go
-    on. Beside prescribed speeds nothing jams, because these go on whatever the torque. The modes stand in ``mode`` from ``first``
-    on, the decrease of each torque by each loss in the work buffer at ``fall``.
+    on. A mesh whose speed motions prescribe through what is stuck does not jam, because these go on whatever the torque. The modes
+    stand in ``mode`` from ``first`` on, P of the stuck elements in the work buffer at ``op``, and the decrease of each torque by
+    each loss at ``fall``.
     """
     noinline()
-    count = loss.shape[0]
+    count, n = loss.shape[0], w.shape[1]
     found = int(-1)
     most = 1.0
-    for j in range(minv.shape[0]):
-        if minv[j, j] == HELD:
-            return found
+    driven = False
+    for j in range(n):
+        driven = driven or minv[j, j] == HELD
     for k in range(count):
         on = int(loss[k, ON])
         if brakes(loss[k, FACTOR], mode[first + on]) != 0.0:
-            gain = 0.0
+            gain, free, alone = 0.0, 0.0, 0.0
             for other in range(count):
                 gain += loss[k, SHARE] * abs(work[fall + k * count + other])
-            if gain >= most:
+            for i in range(n):
+                for j in range(n):
+                    free += w[on, i] * work[op + i * n + j] * w[on, j]
+                    alone += w[on, i] * minv[i, j] * w[on, j]
+            if gain >= most and not (driven and free <= max(RANK * alone, WEAK)):
                 most = gain
                 found = on
     return found
@@ -221,6 +228,7 @@ def stop(
         if work[at.state + f] == STUCK:
             for j in range(n):
                 v[j] -= work[at.r + f * n + j] * work[at.slip + f]
+    work[FIRST] = JAMMED
     note(t, on, int(LOCK), v, twist, events, count)
     made = 1
     mode[on] = STUCK
@@ -268,7 +276,8 @@ def resolve(
     where none of them holds, the last set of the pivots is kept and the step counts as capped. An overloaded element that others
     hold keeps its limit torque instead of slipping. Losses that grow with a torque are solved again for every set that is tried.
     Where they have no solution a mesh jams: one that stands still sticks whatever its torque, and for one that turns this returns
-    -1 less the element that :func:`stop` must stop first, and decides nothing.
+    -1 less the element that :func:`stop` must stop first, and decides nothing. It does the same where no set holds and a mesh that
+    turns is steep enough to jam in one of them: an element that can neither stick nor slip beside it lets its loss run away.
 
     Where nothing has happened but that an element bears its limit, the present modes are tried before all others: they stay when
     all that stick are within their limits and that element would be beyond its own if it stuck.
@@ -301,7 +310,8 @@ def resolve(
     for f in range(m):
         work[oonce + f] = 0.0
         work[ost + f] = STUCK if work[ocand + f] != 0.0 and not kept else mode[f]
-    done = False
+    done = solved = False
+    steep = int(-1)  # a mesh that turns and could jam in one of the sets
     pivots = 12 * m + 4
     sets = 1 if losses > 0 else 0
     for f in range(m):
@@ -309,6 +319,7 @@ def resolve(
             sets = 3 * sets if sets < MOST_SETS else 0
     for it in range(pivots + sets):
         trying = it >= pivots
+        solved = True
         if trying:
             left = it - pivots
             for f in range(m):
@@ -383,10 +394,15 @@ def resolve(
                     for j in range(n):
                         fall += work[orow + j] * w[on, j] * by
                     work[os + k * losses + other] = fall
-            if not solve_losses(loss, v, work, oy, os, at.newton):
+            solved = solve_losses(loss, v, work, oy, os, at.newton)
+            jams = int(-1)
+            if it > 3 * m or not solved:
+                jams = jammed(minv, w, loss, work, ost, op, os, work)
+                if jams >= 0 and work[ocand + jams] == 0.0:
+                    steep = jams
+            if not solved:
                 if trying:
                     continue
-                jams = jammed(minv, loss, work, ost, os, work)
                 if jams >= 0:
                     if kept:
                         kept = False
@@ -399,7 +415,6 @@ def resolve(
                     work[ost + jams] = STUCK
                     work[oonce + jams] = JAMMED
                     continue
-                count[N_CAPPED] += 1
             for k in range(losses):
                 loss[k, LAST] = loss[k, NEXT]
             put_losses(loss, cap, int(0), LAST)
@@ -509,6 +524,10 @@ def resolve(
         elif not changed:
             done = True
             break
+    if not done and steep >= 0:
+        return -1 - steep
+    if not (done and solved):
+        count[N_CAPPED] += 1
     if not done:
         for f in range(m):
             if work[ocand + f] != 0.0 and it >= pivots:
@@ -517,7 +536,6 @@ def resolve(
         for f in range(m):
             if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
                 work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
-        count[N_CAPPED] += 1
     made = 0
     for f in range(m):
         if work[ocand + f] == 0.0:

@@ -423,7 +423,7 @@ def driveline_step(
             if loss.shape[0] > 0:
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
                     # a mesh jams in this sub-step; halve it until it ends just before that
-                    jams = jammed(minv, loss, mode, int(0), at.fall, work) if watch else int(-1)
+                    jams = jammed(minv, w, loss, mode, int(0), op, at.fall, work) if watch else int(-1)
                     if jams >= 0:
                         if d <= JAM * h:
                             break
@@ -562,7 +562,7 @@ def driveline_step(
             joint = True
             continue
         if d > 0.0:
-            if work[FIRST] <= 1e-9 * h:
+            if 0.0 <= work[FIRST] <= 1e-9 * h:
                 work[FIRST] = tl + d
             for k in range(loss.shape[0]):
                 loss[k, LAST] = loss[k, NEXT]

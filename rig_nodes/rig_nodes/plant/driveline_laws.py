@@ -38,6 +38,7 @@ from rig_nodes.plant.driveline_algebra import (
 )
 from rig_nodes.plant.driveline_bends import bend_inside, longest_part
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
+from rig_nodes.plant.driveline_joint import JAMMED
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_motion import accelerations_of, drive, hold, impulse_of, invert, moved_by, product, work_of
 from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, stored_in, tables_of, value, value_at
@@ -600,6 +601,8 @@ def try_step(
         if met or (attempt >= 3 and count[N_CAPPED] > count0[N_CAPPED]):
             break
     since = work[FIRST]
+    # where an impulse has acted the work of a motion is known from the balance of energy only, however short the step
+    struck = since == JAMMED
     inside = 1e-9 * d < since < d * (1.0 - 1e-9)
     bends = False
     if cut and met:
@@ -630,9 +633,9 @@ def try_step(
                 j = moved_by(laws.on[k])
                 impulse = impulse_of(j, d, inert, w, sh, kk, pushes, cc, gained, turned, el[IMPULSE] - el0[IMPULSE], before, twist)
                 own.torque[k] = impulse / d / laws.on[k, j]
-                if not inside:
+                if not (inside or struck):
                     own.work[0] += impulse / d * turned[j]
-        if inside:
+        if inside or struck:
             own.work[0] += work_of(inert, kk, v0, v, before, twist, el0, el, shaft0, shaft, others)
     for k in range(rows):
         kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]

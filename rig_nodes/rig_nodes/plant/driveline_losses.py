@@ -133,9 +133,10 @@ def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: in
     """Set NEXT to the losses at torques y less S times the losses; return False where there is no solution.
 
     y (k,) and S (k, k) stand in the work buffer at oy and os; at oe there is room for (k, k + 2). Newton's method starts from the
-    last losses, which solves parabolas quickly, and takes steps as long as they bring it nearer. 1 + p' S is positive throughout
-    (the slopes are bounded backwards, and the part of a loss that comes from inertia is less than the loss), so there is one
-    solution.
+    last losses, which solves parabolas quickly, and takes steps as long as they bring it nearer. Mostly 1 + p' S is positive
+    throughout (the slopes are bounded backwards, and the part of a loss that comes from inertia is less than the loss), so there is
+    one solution. A mesh that locks itself against what is behind it may have a second one, where 1 + p' S is negative and which
+    therefore no disturbance leaves in place: where such a mesh was near it, its search starts without a loss.
     """
     noinline()
     count = loss.shape[0]
@@ -145,7 +146,15 @@ def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: in
             work[oy + k] = -work[oy + k]
             for i in range(count):
                 work[os + k * count + i] = -work[os + k * count + i]
-    missed = equations(loss, work, oy, os, oe)
+    missed = 0.0
+    steep = True
+    while steep:
+        missed = equations(loss, work, oy, os, oe)
+        steep = False
+        for k in range(count):
+            if work[oe + k * (count + 2) + k] <= 0.0 and loss[k, NEXT] > 0.0:
+                loss[k, NEXT] = 0.0
+                steep = True
     for _ in range(60):
         solve_equations(count, work, oe)
         size = 0.0

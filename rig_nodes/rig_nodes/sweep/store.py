@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from ..analysis.metrics import KEYS
 from ..atomic_write import atomic_write
-from ..errors import RigError
+from ..errors import RigError, no_pyarrow
 from .plan import Plan, Varied
 
 if TYPE_CHECKING:
@@ -181,12 +181,12 @@ def differs(one: dict, other: dict) -> str | None:
 
 
 def parquet() -> tuple[ModuleType, ModuleType]:
-    """Return (pyarrow, pyarrow.parquet); RigError when pyarrow is not installed."""
+    """Return (pyarrow, pyarrow.parquet); RigError when they cannot be loaded."""
     try:
         import pyarrow
         import pyarrow.parquet
-    except ImportError:
-        raise RigError("sweeps write Parquet with pyarrow, which is not installed; install the extra 'rig_nodes[sweep]'") from None
+    except ImportError as error:
+        raise no_pyarrow("sweeps write Parquet", error) from None
     return pyarrow, pyarrow.parquet
 
 

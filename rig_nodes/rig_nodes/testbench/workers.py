@@ -18,6 +18,7 @@ from multiprocessing import connection, forkserver, get_context
 from typing import Any
 
 from ..errors import RigError
+from ..uninterrupted import Uninterrupted
 
 TRIES = 2  # of an item in Workers.stream whose process was killed
 PRELOADED = "rig_nodes.testbench.preloaded"
@@ -80,13 +81,15 @@ class Workers:
         context = get_context("forkserver")
         here, there = context.Pipe()
         process = context.Process(target=_work, args=(there,), daemon=True)
-        try:
-            process.start()
-        except (EOFError, ConnectionError):
-            raise RigError(f"{NO_PROCESSES} (their server has ended)") from None
-        there.close()
-        self._ends.append(here)
-        self._processes.append(process)
+        with Uninterrupted() as started:
+            started.held = True  # a process that is left before it has got its work ends with a traceback
+            try:
+                process.start()
+            except (EOFError, ConnectionError):
+                raise RigError(f"{NO_PROCESSES} (their server has ended)") from None
+            there.close()
+            self._ends.append(here)
+            self._processes.append(process)
 
     def pids(self) -> list[int]:
         """Return the ids of the processes that are alive."""
