@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The place where compiled code is kept between processes; every package with compiled code calls it before numba is loaded.
+"""Functions that numba compiles, and the place where compiled code is kept between processes.
 
-numba's own cache looks only at the file of a function, not at what it calls, so the folder has a key of all compiled sources,
-the numba version and the processor.
+Every package with compiled code calls :func:`use_kernel_cache` before anything loads numba. numba's own cache looks only at the
+file of a function, not at what it calls, so the folder has a key of all compiled sources, the numba version and the processor.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ import platform
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib.abc import MetaPathFinder
+from functools import cache, cached_property, update_wrapper
+from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
-from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from .errors import RigError
+from .versions import version_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 INLINED = {**INNER, "forceinline": True}
 _records: dict = {}  # record types that were made, each with itself as the key
+FORM = 1  # of what is kept in the cache folder beyond what numba itself keeps (_with_late_bitcode)
 _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
 
 
@@ -42,6 +44,93 @@ def one_record(dtype: np.dtype) -> np.dtype:
     call, which costs more than the call does.
     """
     return _records.setdefault(dtype, dtype)
+
+
+class Compiled:
+    """A function of compiled code, which numba makes of a Python function when it is first called, compiled or called by another.
+
+    So numba is loaded only where something is computed: what reads rigs and bags, as a report or a view does, needs a rig's parts
+    but neither numba's 0.2 s nor its 65 MB. All that numba's own function has can be read here too.
+
+    Attributes
+    ----------
+    py_func : function
+        The Python function.
+    """
+
+    def __init__(self, function: Callable, make: Callable[[Callable], Any]) -> None:
+        """Keep the function and what makes numba's function of it."""
+        update_wrapper(self, function)
+        self.py_func, self._make = function, make
+
+    @cached_property
+    def made(self) -> Any:
+        """Numba's own function, which is called 0.1 us faster."""
+        return self._make(self.py_func)
+
+    @property
+    def _numba_type_(self) -> object:
+        """The type of numba's function, for which numba asks where compiled code calls this one."""
+        if hasattr(self.made, "_numba_type_"):
+            return self.made._numba_type_
+        from numba.core.registry import cpu_target
+
+        context = cpu_target.typing_context
+        context.refresh()  # an intrinsic is known to it by name only
+        return context.resolve_value_type(self.made)
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Call numba's function."""
+        return self.made(*arguments, **named)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # Python asks for such names in passing
+            raise AttributeError(name)
+        return getattr(self.made, name)
+
+    def __deepcopy__(self, _memo: dict) -> Compiled:  # numba copies what it compiles
+        return self
+
+
+def njit(**options: Any) -> Callable[[Callable], Compiled]:
+    """Return the decorator of a function that numba compiles; the options are those of numba's own njit."""
+
+    def make(function: Callable) -> Any:
+        from numba import njit as njit_of_numba
+
+        return njit_of_numba(**options)(function)
+
+    return lambda function: Compiled(function, make)
+
+
+def intrinsic(function: Callable) -> Compiled:
+    """Return what compiled code calls as an intrinsic of numba, made of the function that types it and builds its code."""
+
+    def make(function: Callable) -> Any:
+        from numba.extending import intrinsic as intrinsic_of_numba
+
+        return intrinsic_of_numba(function)
+
+    return Compiled(function, make)
+
+
+class _LateModule:
+    """A module that is loaded when something of it is first needed."""
+
+    def __init__(self, name: str) -> None:
+        """Keep the name of the module."""
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module(self._name), name)
+
+
+if TYPE_CHECKING:
+    from llvmlite import ir
+    from numba import types
+    from numba.core import cgutils
+else:  # what intrinsics are built with
+    ir, types, cgutils = map(_LateModule, ("llvmlite.ir", "numba.core.types", "numba.core.cgutils"))
 
 
 def cache_root() -> Path:
@@ -79,7 +168,7 @@ def sources_key() -> str:
 def cache_key() -> str:
     """Return a key of everything that decides the machine code."""
     key, package = _sources(), Path(__file__).resolve().parent
-    key.update(f"{version('numba')} {version('numpy')} {platform.python_version()} {_processor()}".encode())
+    key.update(f"{FORM} {version_of('numba')} {version_of('numpy')} {platform.python_version()} {_processor()}".encode())
     # numba finds its files by the source's path too, so a second checkout gets a folder of its own
     key.update(str(package).encode())
     return key.hexdigest()[:16]
@@ -93,11 +182,12 @@ def _processor() -> str:
         return platform.processor()
 
 
-class _LeftOut(MetaPathFinder):
-    """Keeps numba from loading what nothing here uses, which would take a quarter of a second of each start.
+class _OfNumba:
+    """Finder of modules that sets numba's cache folder when numba is loaded, and keeps it from loading what nothing here uses.
 
-    numba asks for ``coverage`` only to learn whether it measures this process, for scipy's BLAS for products of matrices, and for
-    ``yaml`` to read settings from a file of its own. It does without each of them; what is loaded already it finds as ever.
+    That would take a quarter of a second. numba asks for ``coverage`` only to learn whether it measures this process, for scipy's
+    BLAS for products of matrices, and for ``yaml`` to read settings from a file of its own. It does without each of them; what is
+    loaded already it finds as ever.
     """
 
     asks: ClassVar = {
@@ -107,62 +197,152 @@ class _LeftOut(MetaPathFinder):
     }  # package -> who asks as it is loaded
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: object = None) -> ModuleSpec | None:
-        """Find numba's cache only; raise ModuleNotFoundError for a package that is left out while its asking module is loaded."""
-        if fullname == "numba.core.caching":
-            return _spec_of_cache(path)
+        """Find modules of numba's that are changed; raise ModuleNotFoundError for what is left out while who asks is loaded."""
+        if fullname == "numba":
+            _set_folder()
+        if change := _CHANGES.get(fullname):
+            return _changed(PathFinder.find_spec(fullname, path), change)
         asking = sys.modules.get(self.asks.get(fullname.partition(".")[0], ""))
         if getattr(getattr(asking, "__spec__", None), "_initializing", False):
             raise ModuleNotFoundError(f"{fullname} is left out while numba is loaded", name=fullname)
         return None
 
 
-def _spec_of_cache(path: Sequence[str] | None) -> ModuleSpec | None:
-    """Return what Python needs to load numba's cache, whose functions are then read without all that compiling needs.
-
-    numba prepares its compiler before it reads a function from its cache, which takes 0.14 s of processor time and is needed only
-    where the function is not there; the compiler prepares itself then.
-    """
-    spec = PathFinder.find_spec("numba.core.caching", path)
+def _changed(spec: ModuleSpec | None, change: Callable[[ModuleType], None]) -> ModuleSpec | None:
+    """Return what Python needs to load a module, which is then changed."""
     if spec is None or spec.loader is None:
         return spec
     load: Callable[[ModuleType], None] = spec.loader.exec_module
 
     def loaded(module: ModuleType) -> None:
         load(module)
-        cache = getattr(module, "Cache", None)  # a numba that has it otherwise goes its own way
-        if all(hasattr(cache, name) for name in ("load_overload", "_load_overload", "_guard_against_spurious_io_errors")):
-            cache.load_overload = _read_only
+        change(module)
 
     spec.loader.exec_module = loaded  # type: ignore[method-assign]
     return spec
 
 
+def _has(kind: object, *names: str) -> bool:
+    """Say whether a class has methods of these names; a numba that has others goes its own way."""
+    return all(hasattr(kind, name) for name in names)
+
+
+def _without_compiler(caching: ModuleType) -> None:
+    """Have functions read from numba's cache without all that compiling needs.
+
+    numba prepares its compiler and compiles its functions for the memory of arrays before it reads a function from its cache, which
+    takes 0.16 s of processor time and is needed only where the function is not there; the compiler prepares all of it then.
+    """
+    cache = getattr(caching, "Cache", None)
+    if _has(cache, "load_overload", "_load_overload", "_guard_against_spurious_io_errors"):
+        cache.load_overload = _read_only
+
+
 def _read_only(cache: Any, signature: object, context: object) -> object:
     """Return a function from numba's cache, or None; in place of the method load_overload of numba's Cache."""
-    from numba.core.runtime import rtsys
-
-    rtsys.initialize(context)  # what the cached code calls
+    _tell_helpers(context)
     with cache._guard_against_spurious_io_errors():
         return cache._load_overload(signature, context)
 
 
-def use_kernel_cache() -> None:
-    """Set numba's cache folder, unless the user has chosen one, and what numba leaves out; it is called before numba is imported.
+@cache
+def _tell_helpers(context: Any) -> None:
+    """Tell LLVM where the functions are that cached code calls: those of numba's memory that are written in C."""
+    from llvmlite.binding import add_symbol
+    from numba.core.runtime import _nrt_python, rtsys
 
-    The folder holds machine code and numba's pickled index of it, which are executed as they are read. Only the folder's owner and
-    rights protect them.
+    helpers = getattr(_nrt_python, "c_helpers", None)
+    if helpers is None:
+        rtsys.initialize(context)
+        return
+    for name, address in helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+def _with_late_extensions(dispatcher: ModuleType) -> None:
+    """Have numba look for its extensions, which takes 0.01 s, when it compiles and not before it reads from its cache."""
+    kind = getattr(dispatcher, "Dispatcher", None)
+    if _has(kind, "_compilation_chain_init_hook"):
+        kind._compilation_chain_init_hook = lambda self: None
+
+
+def _with_late_bitcode(codegen: ModuleType) -> None:
+    """Have LLVM read of a function in numba's cache only the machine code, and its own form of the function when it is needed.
+
+    That form, bitcode, is needed where another function is compiled that calls this one. To read that of a step of the driveline
+    and of the engine's loop takes 0.05 s of processor time and 20 MB. Beside it the cache has the names that it defines, which
+    numba must know.
+    """
+    library = getattr(codegen, "CPUCodeLibrary", None)
+    if not _has(library, "serialize_using_object_code", "_unserialize", "_get_module_for_linking", "_finalize_final_module"):
+        return
+    serialize, unserialize, link = (
+        library.serialize_using_object_code,
+        library._unserialize.__func__,
+        library._get_module_for_linking,
+    )
+
+    def with_names(self: Any) -> tuple:
+        name, kind, data = serialize(self)
+        module = self._get_module_for_linking()
+        defined = [one.name for group in (module.functions, module.global_variables) for one in group if not one.is_declaration]
+        return name, kind, (*data, defined)
+
+    def machine_code(kind: Any, made: Any, state: tuple) -> Any:
+        name, form, data = state
+        if form != "object" or len(data) == 2:  # as numba itself keeps it
+            return unserialize(kind, made, state)
+        code, bitcode, defined = data
+        self = made.create_library(name)
+        self.enable_object_caching()
+        self._set_compiled_object(code)
+        self._finalize_final_module()
+        self._late = bitcode
+        made._engine._defined_symbols.update(defined)
+        return self
+
+    def linked(self: Any) -> Any:
+        if self._shared_module is None and (bitcode := self.__dict__.pop("_late", None)):
+            self._shared_module = codegen.ll.parse_bitcode(bitcode)
+        return link(self)
+
+    library.serialize_using_object_code, library._get_module_for_linking = with_names, linked
+    library._unserialize = classmethod(machine_code)
+
+
+_CHANGES = {
+    "numba.core.caching": _without_compiler,
+    "numba.core.codegen": _with_late_bitcode,
+    "numba.core.dispatcher": _with_late_extensions,
+}
+
+
+def use_kernel_cache() -> None:
+    """Have numba keep compiled code in a folder of its own and leave out what it need not load; called before numba is imported.
 
     Raises
     ------
     RigError
-        When the folder belongs to another user, or others can write to it.
+        Here or when numba is loaded: the folder belongs to another user, or others can write to it.
     """
-    if not any(isinstance(finder, _LeftOut) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _LeftOut())
+    if any(isinstance(finder, _OfNumba) for finder in sys.meta_path):
+        return
+    sys.meta_path.insert(0, _OfNumba())
+    if "numba" in sys.modules:  # other code imported it, so it has read its settings already
+        _set_folder()
+        sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+        for name, change in _CHANGES.items():
+            change(sys.modules[name])
+
+
+def _set_folder() -> None:
+    """Set numba's cache folder, unless the user has chosen one.
+
+    The folder holds machine code and numba's pickled index of it, which are executed as they are read. Only the folder's owner and
+    rights protect them.
+    """
     if "NUMBA_CACHE_DIR" not in os.environ:
         os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
-        if "numba" in sys.modules:  # other code imported it, so it has read its settings already
-            sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
     folder = Path(os.environ["NUMBA_CACHE_DIR"])
     with suppress(OSError):  # if the folder cannot be made, numba finds another place
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

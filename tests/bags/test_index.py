@@ -10,6 +10,7 @@ import sys
 import pytest
 from mcap.writer import CompressionType, Writer
 
+from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 
@@ -122,6 +123,7 @@ import json, sys
 import numpy as np
 from pathlib import Path
 from rig_nodes.bags.cdr import encoder
+from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
@@ -154,3 +156,26 @@ def test_a_bag_of_30_mb_is_read_in_a_few(tmp_path):
     held, replay, pieces, piecewise, size = json.loads(done.stdout)
     assert held == pieces == 400 and size > 28
     assert replay < 6 and piecewise < 15, (replay, piecewise)  # MB more than the process had before
+
+
+def test_a_whole_file_is_known_by_its_end_and_any_other_by_all_of_it(run, tmp_path):
+    def digest(content):
+        path = tmp_path / "run_0.mcap"
+        path.write_bytes(content)
+        with BagIndex(path) as index:
+            return index.digest()
+
+    whole = (run / "run_0.mcap").read_bytes()
+    assert digest(whole) == digest(whole)
+    other = bytearray(whole)
+    other[-30] ^= 1  # in the checksum of the summary, which is then not read
+    cut, cut_otherwise = whole[: len(whole) // 2], bytearray(whole[: len(whole) // 2])
+    cut_otherwise[len(cut) - 10] ^= 1
+    assert len({digest(content) for content in (whole, bytes(other), cut, bytes(cut_otherwise))}) == 4
+    written_by_others(tmp_path / "a.mcap", overlapping(), enable_crcs=False)
+    rows = overlapping()
+    rows[5] = (*rows[5][:2], rows[5][2][:-1] + b"\xff")
+    written_by_others(tmp_path / "b.mcap", rows, enable_crcs=False)
+    assert digest((tmp_path / "a.mcap").read_bytes()) != digest((tmp_path / "b.mcap").read_bytes()), (
+        "there is no checksum to rely on"
+    )

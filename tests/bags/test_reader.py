@@ -4,12 +4,15 @@
 """The messages of a bag are those that were written, and missing ones are counted."""
 
 import json
+import re
+import textwrap
 
 import numpy as np
 import pytest
 from mcap.writer import Writer
 
 from rig_nodes.bags.cdr import encoder
+from rig_nodes.bags.pieces import told
 from rig_nodes.bags.reader import Bag, missing
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
@@ -208,6 +211,30 @@ def test_metadata_that_disagrees_is_reported(write_run, tmp_path):
     assert problems and all("counts 49 messages of" in p and "holds 50" in p for p in problems)
     path.write_text("- nothing\n")
     assert ["is no description of a bag" in p for p in Bag(tmp_path).check()] == [True]
+
+
+PROFILES = re.compile(r"(offered_qos_profiles:)\n((?: {6}[ -].*\n)+)")
+OTHER_FORMS = {
+    "as rosbag2 writes it": lambda found: f"{found[1]}\n{textwrap.indent(found[2], '  ')}",
+    "as a text": lambda found: found[1] + ' "- history: 1\\n  depth: 1"\n',
+    "empty": lambda found: f"{found[1]} []\n",
+}
+
+
+@pytest.mark.parametrize("form", OTHER_FORMS.values(), ids=OTHER_FORMS)
+def test_metadata_counts_the_same_however_its_qualities_of_service_are_written(run, tmp_path, form):
+    as_ours, text = told(run), (run / "metadata.yaml").read_text()
+    (tmp_path / "metadata.yaml").write_text(PROFILES.sub(form, text))
+    assert (tmp_path / "metadata.yaml").read_text() != text
+    assert told(tmp_path) == as_ours and as_ours.counts["/motor/state"] > 0 and as_ours.files == ["run_0.mcap"]
+
+
+def test_an_error_in_metadata_has_its_line(run, tmp_path):
+    lines = (run / "metadata.yaml").read_text().splitlines()
+    lines[-1] = "  ros_distro: ]"
+    (tmp_path / "metadata.yaml").write_text("\n".join(lines))
+    with pytest.raises(RigError, match=rf"metadata.yaml:{len(lines)}: "):
+        told(tmp_path)
 
 
 def recorded_elsewhere(run, folder, keep):

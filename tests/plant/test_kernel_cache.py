@@ -55,6 +55,29 @@ def test_a_start_prepares_the_compiler_only_where_it_must_compile(tmp_path):
     assert starts == ["True", "False"]
 
 
+@pytest.mark.parametrize("first", ["numpy", "numba"])
+def test_what_is_read_from_the_cache_works_in_what_is_compiled_then(tmp_path, first):
+    """Machine code alone is read first; a function that calls a cached one needs the compiler's form of it too."""
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\nfrom rig_nodes.compiled import njit, use_kernel_cache\n\nuse_kernel_cache()\n\n"
+        "@njit(cache=True)\ndef twice(x):\n    return 2.0 * x\n\n"
+        "@njit(cache=True)\ndef squares(n):\n    return np.arange(n) ** 2\n\n"
+        "@njit()\ndef four_and(x, n):\n    return twice(twice(x)) + squares(n).sum()\n"
+    )
+    code = (
+        "import sys, own; hits = lambda one: sum(one.stats.cache_hits.values()); "
+        "print(own.twice(3.0), 'numba.np.npdatetime' in sys.modules, own.squares(4).tolist(), own.four_and(3.0, 4), "
+        "hits(own.twice), hits(own.squares))"
+    )
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    starts = [
+        subprocess.run([sys.executable, "-c", f"import {one}; {code}"], capture_output=True, text=True, check=True, env=env)
+        for one in (first, "numpy", "numba")
+    ]
+    compiled, read = "6.0 True [0, 1, 4, 9] 26.0 0 0", "6.0 False [0, 1, 4, 9] 26.0 1 1"
+    assert [done.stdout.strip() for done in starts] == [compiled, read, read]
+
+
 def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     package = tmp_path / "rig_nodes"
     (package / "plant").mkdir(parents=True)

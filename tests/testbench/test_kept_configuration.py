@@ -3,13 +3,16 @@
 
 """Files that ship with the package are read once and kept between processes, each file under a name of its own."""
 
+import importlib.metadata
 import pathlib
 import pickle
 
 import pytest
 
 import rig_nodes.kept
-from rig_nodes import config
+from rig_nodes import catalogue, config
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.versions import version_of
 
 
 def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, monkeypatch):
@@ -85,3 +88,34 @@ def test_lines_are_kept_too(kept):
     node = read()
     rows = (config.RIGS_DIR / "hydmag" / "sequences" / "demo.yaml").read_text().splitlines()
     assert rows[node.lines["steps"]].startswith("steps:") and rows[node["steps"].lines[1]].lstrip().startswith("- ")
+
+
+def test_the_topics_of_all_rigs_are_read_once_and_anew_where_a_rig_changes(tmp_path, monkeypatch):
+    monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "package" / "catalogue.py"))  # where the rigs are looked for
+    rig = tmp_path / "package" / "rigs" / "own" / "rig.yaml"
+    rig.parent.mkdir(parents=True)
+    read, reading = [], catalogue._read_topics
+
+    def counted():
+        read.append(rig.read_text())
+        return reading()
+
+    monkeypatch.setattr(catalogue, "_read_topics", counted)
+    try:
+        for text in ("one", "one", "another"):
+            rig.write_text(text)
+            catalogue.installed_topics.cache_clear()  # as in another process
+            topics = catalogue.installed_topics()
+        assert read == ["one", "another"]
+        for name in ("hydmag", "chain_saw"):
+            assert load_rig(name).catalogue.all_topics.items() <= topics.items()
+    finally:
+        catalogue.installed_topics.cache_clear()
+
+
+def test_versions_are_those_of_the_installed_packages():
+    for package in ("numba", "numpy", "rosbags", "ruamel.yaml"):
+        assert version_of(package) == importlib.metadata.version(package)
+    with pytest.raises(importlib.metadata.PackageNotFoundError):
+        version_of("no-such-package")

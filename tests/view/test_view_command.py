@@ -5,6 +5,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -51,6 +52,18 @@ def test_no_open_only_writes(run, monkeypatch, capsys):
     assert main(["view", str(run), "--no-open"]) == 0
     assert main(["view", str(run), "--no-open"]) == 0
     assert capsys.readouterr().out.splitlines() == [f"{run / 'view.rrd'} written", f"{run / 'view.rrd'} is up to date"]
+
+
+@pytest.mark.parametrize(
+    "verb", [["view", "--no-open"], ["view", "--no-open", "--shift", "1"], ["report"], ["bag", "check"]], ids=lambda verb: verb[0]
+)
+def test_who_reads_a_run_does_not_wait_for_the_compiler(run, verb):
+    code = (
+        "import sys; from rig_nodes.cli.main import main; code = main(sys.argv[1:]); "
+        "print(code, sorted({'numba', 'llvmlite', 'scipy', 'importlib.metadata'} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *verb, str(run)], capture_output=True, text=True, timeout=100)
+    assert done.stderr.splitlines()[-1] == "0 []", done.stderr
 
 
 REFUSED = {

@@ -11,7 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
 
 if TYPE_CHECKING:
     from ..arrays import Floats, Record

@@ -169,14 +169,14 @@ class Encoder:
         lengths = tuple(
             [
                 len(value.encode() if isinstance(value, str) else value)
-                for value in values_of_first
+                for value in values_of_first[len(self._fixed_fields) :]  # of fixed fields they are always the same
                 if isinstance(value, (str, list, tuple, np.ndarray))
             ]
         )
         if lengths not in self._records:
             self._records[lengths] = self._definition.numbers_in(first)
         out = _repeated(first, len(stamps))
-        record = out.view(self._records[lengths])[:, 0]
+        record = np.ndarray(len(out), self._records[lengths], out)
         record["stamp.sec"], record["stamp.nanosec"], record["seq"] = stamps // _SECOND, stamps % _SECOND, seqs
         for (name, _), value in zip(self._fields, values):
             if isinstance(value, np.ndarray):
@@ -320,7 +320,7 @@ class Form:
     def encode_block(self, stamps: np.ndarray, *values: np.ndarray | float) -> np.ndarray:
         """Return messages (n, size) as :meth:`encode` makes them, for stamps (n,) [ns] and values (n,), or one for all of them."""
         out = _repeated(bytes(self._bytes), len(stamps))
-        record = out.view(self._record)[:, 0]
+        record = np.ndarray(len(out), self._record, out)
         record["sec"], record["nanosec"] = stamps // _SECOND, stamps % _SECOND
         for k, column in enumerate(values):
             record[f"{k}"] = column
@@ -420,6 +420,13 @@ def frameless(definition: Definition, data: bytes) -> bytes:
     out = bytearray(HEADER)
     _write(out, definition.tree, message, definition.name)
     return bytes(out)
+
+
+def all_frameless(definition: Definition, messages: list[bytes]) -> list[bytes]:
+    """Return messages as :func:`frameless` returns each of them; the list itself where they are that already, as nearly always."""
+    if b"".join([data[_FRAME] for data in messages]) == _FRAMELESS * len(messages):
+        return messages
+    return [frameless(definition, data) for data in messages]
 
 
 class Fields:

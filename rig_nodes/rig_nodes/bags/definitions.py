@@ -12,7 +12,6 @@ import re
 import struct
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ..errors import RigError
 from ..kept import kept, kept_folder
+from ..versions import version_of
 from . import limits
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def _kept(ros_type: str) -> dict:
 @lru_cache(maxsize=1)
 def _reader() -> bytes:
     """What decides the content that is kept in addition to the files of the messages."""
-    return Path(__file__).read_bytes() + version("rosbags").encode()
+    return Path(__file__).read_bytes() + version_of("rosbags").encode()
 
 
 def _read(ros_type: str) -> dict:

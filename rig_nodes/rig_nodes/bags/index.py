@@ -9,12 +9,13 @@ read and checked only when its time comes.
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import BagError
 from . import limits
@@ -45,12 +46,15 @@ from .mcap_file import (
 )
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
+_PLACE = struct.Struct("<HQ")  # of the table in a chunk's index
+_INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, length of the compression's name
+_SIZE = struct.Struct("<Q")  # behind that name, twice: packed size, size
 _STATISTICS = struct.Struct("<QHIIIIQQI")
+_CRC = 4  # bytes of the checksum that is all of the end-of-data record
 _PLAIN = 1 << 20  # bytes of messages outside of chunks that form one part
 
 
-@dataclass(frozen=True)
-class _Part:
+class _Part(NamedTuple):
     """A chunk, or records outside of chunks: bytes in the file, log times [ns] and channels (None when unknown)."""
 
     start: int
@@ -95,6 +99,7 @@ class BagIndex:
         try:
             self._parts: list[_Part] = []
             self._count: Counter[int] = Counter()
+            self._summary_at = 0  # byte at which the summary begins, 0 without one
             if not self._by_summary():
                 self._by_walking()
             self._streams = by_topic(self.path, self._records.contents.streams.values())
@@ -115,6 +120,26 @@ class BagIndex:
 
     def __exit__(self, *_: object) -> None:
         self._file.__exit__()
+
+    def digest(self) -> bytes:
+        """Return a hash of the file: of the end of a whole one, with the checksum of all that lies before, otherwise of all bytes.
+
+        Raises
+        ------
+        BagError
+            When the file cannot be read.
+        """
+        file, found, begin, head = self._file, hashlib.sha256(), 0, RECORD.pack(DATA_END, _CRC)
+        try:
+            if self._summary_at:
+                end_of_data = self._summary_at - len(head) - _CRC
+                record = file.bytes_at(end_of_data, len(head) + _CRC)
+                begin = end_of_data if record.startswith(head) and any(record[len(head) :]) else 0
+            for at in range(begin, file.size, _PLAIN):
+                found.update(file.bytes_at(at, min(_PLAIN, file.size - at)))
+        except Damage as damage:
+            raise BagError(f"{self.path}: {damage.sentence(file.size)}") from None
+        return found.digest()
 
     def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
         """Return a topic's encoding as ``message/definition``, its definition and the metadata of its channel."""
@@ -145,6 +170,7 @@ class BagIndex:
             Log time [ns], and topic with bytes.
         """
         wanted = {number for number, stream in self._records.contents.streams.items() if stream.topic in topics}
+        others = self._records.contents.streams.keys() - wanted
         rows: list[tuple] = []
         for part in self._parts:
             if part.last < begin or part.first >= end or not (part.channels is None or wanted & part.channels):
@@ -153,15 +179,18 @@ class BagIndex:
             for time, _, _, topic, data in rows[:ripe]:
                 yield time, (topic, data)
             del rows[:ripe]
-            rows += self._rows(part, topics, begin, end)
+            rows += self._rows(part, topics, others, begin, end)
             rows.sort()
         for time, _, _, topic, data in rows:
             yield time, (topic, data)
 
-    def _rows(self, part: _Part, topics: Collection[str], begin: int, end: int) -> list[tuple]:
-        """Return the messages of a part as time, place in the file, topic and bytes; report damage and return none."""
+    def _rows(self, part: _Part, topics: Collection[str], others: Container[int], begin: int, end: int) -> list[tuple]:
+        """Return messages of a part as time, place in the file, topic and bytes; report damage and return none.
+
+        ``others`` are channels of other topics, whose messages are not read.
+        """
         try:
-            streams = self._read(part).values()
+            streams = self._read(part, others).values()
             if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last for stream in streams):
                 raise Damage("a chunk holds messages outside the times that its record gives", part.start)
         except Damage as damage:
@@ -176,14 +205,14 @@ class BagIndex:
             if begin <= time < end
         ]
 
-    def _read(self, part: _Part) -> dict[int, Stream]:
+    def _read(self, part: _Part, others: Container[int]) -> dict[int, Stream]:
         position = part.start
         while position < part.end:
             opcode, start, end = self._file.record(position)
             if opcode == CHUNK:
-                self._records.chunk(chunk_head(self._file, start, end), position)
+                self._records.chunk(chunk_head(self._file, start, end), position, others)
             elif opcode in (SCHEMA, CHANNEL, MESSAGE):
-                self._records.records(plain_record(self._file, start, end), position)
+                self._records.records(plain_record(self._file, start, end), position, others)
             elif part.channels is not None and position == part.start:
                 raise Damage("there is no chunk where the summary says", position)
             position = end
@@ -209,7 +238,7 @@ class BagIndex:
         except struct.error:
             found = False
         if not found:
-            self._parts, self._count = [], Counter()
+            self._parts, self._count, self._summary_at = [], Counter(), 0
         return found
 
     def _summary(self) -> bool:
@@ -228,6 +257,7 @@ class BagIndex:
             return False
         if crc and file.checksum(position, end - 4) != crc:
             raise Damage("the summary does not match its checksum, which lies", end - 4)
+        self._summary_at = position
         statistics, unpacked, same = None, 0, {}
         while position < footer:
             opcode, start, end = file.record(position)
@@ -338,8 +368,11 @@ def _part_of(record: bytes, same: dict) -> tuple[_Part, int]:
     """Return a chunk by its record in the summary, and its unpacked size [bytes]; ``same`` holds the sets of channels met."""
     first, last, start, length, offsets = _CHUNK_INDEX.unpack_from(record)
     position = _CHUNK_INDEX.size
-    channels = frozenset(number for number, _ in struct.iter_unpack("<HQ", record[position : position + offsets]))
-    position += offsets + 8
-    (compression,) = struct.unpack_from("<I", record, position)
-    (size,) = struct.unpack_from("<Q", record, position + 4 + compression + 8)
-    return _Part(start, start + length, first, last, same.setdefault(channels, channels) or None), size
+    table = record[position : position + offsets]  # each channel's number and the place of its message index
+    numbers = table[:: _PLACE.size] + table[1 :: _PLACE.size]
+    channels = same.get(numbers)
+    if channels is None:
+        channels = same[numbers] = frozenset(number for number, _ in _PLACE.iter_unpack(table))
+    _, compression = _INDICES.unpack_from(record, position + offsets)
+    (size,) = _SIZE.unpack_from(record, position + offsets + _INDICES.size + compression + _SIZE.size)
+    return _Part(start, start + length, first, last, channels or None), size

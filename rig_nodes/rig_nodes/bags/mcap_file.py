@@ -15,7 +15,7 @@ import os
 import struct
 import zlib
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -276,12 +276,12 @@ class Records:
         )
         return taken
 
-    def chunk(self, head: ChunkHead, at: int) -> None:
-        """Read the records of the chunk that begins at byte ``at`` of the file."""
+    def chunk(self, head: ChunkHead, at: int, without: Container[int] = ()) -> None:
+        """Read the records of the chunk that begins at byte ``at`` of the file, as :meth:`records` does."""
         content = self._unpacked(head, at)
         if head.crc and zlib.crc32(content) != head.crc:
             raise Damage("a chunk does not match its checksum", at)
-        self.records(content, at)
+        self.records(content, at, without)
 
     def _unpacked(self, head: ChunkHead, at: int) -> bytes:
         start, end = head.packed
@@ -303,8 +303,8 @@ class Records:
             raise Damage(f"a chunk {held} bytes where its head says {head.size}", at)
         return content
 
-    def records(self, content: bytes, at: int) -> None:
-        """Read all records of ``content``, which was found at byte ``at`` of the file."""
+    def records(self, content: bytes, at: int, without: Container[int] = ()) -> None:
+        """Read all records of ``content``, found at byte ``at`` of the file, but the messages of the channels ``without``."""
         record, message, streams = RECORD.unpack_from, _MESSAGE.unpack_from, self.contents.streams
         next_place, last = self.next_place, limits.LAST
         position, end = 0, len(content)
@@ -318,6 +318,8 @@ class Records:
                     raise Damage("a record runs past the end of its chunk", at)
                 if opcode == MESSAGE:
                     channel, _, log_time, _ = message(content, start)
+                    if channel in without:
+                        continue
                     stream = streams.get(channel)
                     if stream is None:
                         raise Damage(f"a message belongs to channel {channel}, which is not described", at)

@@ -11,11 +11,13 @@ once. The library's record classes write everything except messages.
 
 from __future__ import annotations
 
+import itertools
 import struct
 import zlib
 from array import array
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
@@ -35,7 +37,7 @@ _MESSAGE_LENGTH = 2 + 4 + 8 + 8  # bytes of the head that the record's length in
 _MESSAGE_INDEX = np.dtype([("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])  # bytes: of the entries
 _INDEX_LENGTH = 2 + 4  # bytes of its head that its length includes
 _PLACE = np.dtype([("channel", "<u2"), ("index", "<u8")])  # of the table in a chunk's index
-_ENTRY = 16  # bytes of an entry: log time and offset
+_ENTRY = np.dtype([("logged", "<u8"), ("begin", "<u8")])  # one for each message: log time, and place of the record in the chunk
 _CHUNK = struct.Struct("<BQQQQII")  # opcode, length, first and last time, size, CRC, length of the compression's name
 _PACKED = struct.Struct("<Q")  # packed size
 _CHUNK_INDEX = struct.Struct("<BQQQQQI")  # opcode, length, first and last time, chunk's offset and length, bytes of the table
@@ -92,9 +94,11 @@ class McapWriter:
         self._data.append(data)
         self._size += _HEAD + len(data)
         if self._size > self._chunk_bytes:
-            self._end_chunk()
+            self.end_chunk()
 
-    def add_records(self, content: bytes | memoryview, channels: np.ndarray, log_times: np.ndarray, ends: np.ndarray) -> None:
+    def add_records(
+        self, content: bytes | memoryview, channels: np.ndarray, log_times: np.ndarray, ends: np.ndarray, index: Index | None = None
+    ) -> None:
         """Store the records of messages as :func:`joined` makes them.
 
         Parameters
@@ -107,12 +111,15 @@ class McapWriter:
             Their times [ns].
         ends : (n,) array of int
             End of each record in the content.
+        index : Index, optional
+            Their index from :func:`indexed`, for a chunk that holds nothing else.
         """
         self._gather()
+        self._index = None if self._parts else index
         self._parts.append((content, channels, log_times, ends))
         self._size += len(content)
         if self._size > self._chunk_bytes:
-            self._end_chunk()
+            self.end_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Store named texts outside the chunks."""
@@ -127,12 +134,12 @@ class McapWriter:
 
     def flush(self) -> None:
         """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
-        self._end_chunk()
+        self.end_chunk()
         self._file.flush()
 
     def finish(self) -> None:
         """Write the end of the file: summary, indices and magic."""
-        self._end_chunk()
+        self.end_chunk()
         self._write(_bytes(DataEnd(self._data_crc)))
         start, data, groups = self._file.tell(), bytearray(), []
         for opcode, part in (
@@ -173,10 +180,12 @@ class McapWriter:
         self._data: list[bytes] = []
         # the chunk so far: records of messages with their channels, times and ends, or one other record
         self._parts: list[tuple[bytes | memoryview, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._index: Index | None = None  # of the only part
         self._size = 0
 
     def _into_chunk(self, record: bytes) -> None:
         self._gather()
+        self._index = None
         self._parts.append((record, _NONE, _NONE, _NONE))
         self._size += len(record)
 
@@ -193,77 +202,136 @@ class McapWriter:
         packed, records = heads.tobytes(), [b""] * (2 * len(self._data))
         records[::2] = [packed[at : at + _HEAD] for at in range(0, len(packed), _HEAD)]
         records[1::2] = self._data
+        self._index = None
         self._parts.append((b"".join(records), heads["channel"], heads["logged"].astype(np.int64), ends))
         self._of, self._times, self._sequences, self._data = [], [], [], []
 
-    def _end_chunk(self) -> None:
+    def end_chunk(self) -> None:
+        """Close the chunk in progress, unless it has no message."""
         self._gather()
-        told = [part for part in self._parts if len(part[2])]
-        if not told:
+        if not any(len(part[2]) for part in self._parts):
             return
-        channels, times = np.concatenate([part[1] for part in told]), np.concatenate([part[2] for part in told])
-        first, last = int(times.min()), int(times.max())
-        self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
+        index = self._index or self._index_of_parts()
         content = self._parts[0][0] if len(self._parts) == 1 else b"".join([part[0] for part in self._parts])
         packed, compression, size = self._compress(content), self._compression, len(content)
         length = _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed)
-        head = _CHUNK.pack(Opcode.CHUNK, length, first, last, size, zlib.crc32(content), len(compression))
+        head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, zlib.crc32(content), len(compression))
         at = self._file.tell()
         indices_at = at + 9 + length
-        numbers, counts, places, indices = self._indices(channels, times)
-        self._write(b"".join([head, compression, _PACKED.pack(len(packed)), packed, indices]))
-        for channel, count in zip(numbers.tolist(), counts.tolist()):
+        self._write(b"".join([head, compression, _PACKED.pack(len(packed)), packed, index.records]))
+        for channel, count in zip(index.channels.tolist(), index.counts.tolist()):
             self._counts[channel] += count
-        table = np.empty(len(numbers), _PLACE)
-        table["channel"], table["index"] = numbers, indices_at + places
+        table = np.empty(len(index.channels), _PLACE)
+        table["channel"], table["index"] = index.channels, indices_at + index.places
+        self._first, self._last = min(self._first, index.first) if self._chunk_count else index.first, max(self._last, index.last)
         self._chunk_count += 1
         self._chunks += _CHUNK_INDEX.pack(
             Opcode.CHUNK_INDEX,
             _CHUNK_INDEX.size - 9 + table.nbytes + _INDICES.size + len(compression) + _SIZES.size,
-            first,
-            last,
+            index.first,
+            index.last,
             at,
             indices_at - at,
             table.nbytes,
         )
-        self._chunks += table.tobytes() + _INDICES.pack(len(indices), len(compression)) + compression
+        self._chunks += table.tobytes() + _INDICES.pack(len(index.records), len(compression)) + compression
         self._chunks += _SIZES.pack(len(packed), size)
         self._begin_chunk()
 
-    def _indices(self, channels: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, memoryview]:
-        """The index of each channel, in the order of the channels' first messages: channel, messages, place, and all records."""
-        entries, done, begin = np.empty((len(times), 2), "<u8"), 0, 0
-        entries[:, 0] = times
+    def _index_of_parts(self) -> Index:
+        begins, begin = [], 0  # of each record
         for content, _, _, ends in self._parts:
-            if count := len(ends):
-                entries[done, 1] = begin
-                entries[done + 1 : done + count, 1] = ends[:-1] + begin
-                done += count
+            begins.append(begin + np.append(0, ends[:-1]) if len(ends) else ends)
             begin += len(content)
-        order = np.argsort(channels, kind="stable")
-        channels = channels[order]
-        bounds = np.concatenate([[0], np.flatnonzero(channels[1:] != channels[:-1]) + 1, [len(order)]])
-        begins, counts = bounds[:-1], np.diff(bounds)
-        heads = np.empty(len(counts), _MESSAGE_INDEX)
-        heads["opcode"], heads["channel"] = Opcode.MESSAGE_INDEX, channels[begins]
-        heads["bytes"] = _ENTRY * counts
-        heads["length"] = heads["bytes"] + _INDEX_LENGTH
-        in_turn = np.argsort(order[begins])
-        sizes = heads.itemsize + _ENTRY * counts
-        ends = np.cumsum(sizes[in_turn])
-        places = np.empty_like(ends)
-        places[in_turn] = ends
-        places -= sizes
-        out = np.empty(int(ends[-1]), np.uint8)
-        _lay(out, places, _rows_of_bytes(heads))
-        behind = places + heads.itemsize - _ENTRY * begins
-        _lay(out, np.repeat(behind, counts) + _ENTRY * np.arange(len(order)), _rows_of_bytes(entries[order]))
-        return heads["channel"][in_turn], counts[in_turn], places[in_turn], memoryview(out)
+        channels, times = np.concatenate([part[1] for part in self._parts]), np.concatenate([part[2] for part in self._parts])
+        return indexed(channels.astype(np.uint16), times, np.concatenate(begins), [len(times)])[0]
 
     def _write(self, data: bytes) -> None:
         """Write to the part of the file that the data's CRC covers."""
         self._data_crc = zlib.crc32(data, self._data_crc)
         self._file.write(data)
+
+
+@dataclass(frozen=True)
+class Index:
+    """The indices of a chunk.
+
+    Attributes
+    ----------
+    first, last : int
+        First and last log time of its messages [ns].
+    channels : (n,) array of int
+        Its channels in the order of their first messages.
+    counts : (n,) array of int
+        Number of messages of each.
+    places : (n,) array of int
+        Place of the index of each in the records.
+    records : memoryview
+        The records of all indices.
+    """
+
+    first: int
+    last: int
+    channels: np.ndarray
+    counts: np.ndarray
+    places: np.ndarray
+    records: memoryview
+
+
+def indexed(channels: np.ndarray, times: np.ndarray, begins: np.ndarray, sizes: Sequence[int]) -> list[Index]:
+    """Return the indices of chunks that follow each other.
+
+    Parameters
+    ----------
+    channels : (n,) array of uint16
+        Channel of each message.
+    times : (n,) array of int
+        Their log times [ns].
+    begins : (n,) array of int
+        Place of each record in its chunk.
+    sizes : sequence of int
+        Number of messages in each chunk.
+
+    Returns
+    -------
+    list of Index
+        The indices of each chunk.
+    """
+    bounds = np.cumsum([0, *sizes])
+    chunk_of = np.repeat(np.arange(len(sizes)), sizes)
+    entries = np.empty(len(times), _ENTRY)
+    entries["logged"], entries["begin"] = times, begins
+    numbers = int(channels.max()) + 1
+    groups = chunk_of * numbers + channels
+    if numbers * len(sizes) <= 1 << 16:
+        groups = groups.astype(np.uint16)  # is sorted in a third of the time
+    order = np.argsort(groups, kind="stable")
+    groups = groups[order]
+    group_begins = np.append(0, np.flatnonzero(groups[1:] != groups[:-1]) + 1)
+    counts = np.append(group_begins[1:], len(order)) - group_begins
+    firsts = order[group_begins]  # the first message of each
+    in_turn = np.argsort(firsts)
+    heads = np.empty(len(counts), _MESSAGE_INDEX)
+    heads["opcode"], heads["channel"] = Opcode.MESSAGE_INDEX, channels[firsts]
+    heads["bytes"] = _ENTRY.itemsize * counts
+    heads["length"] = heads["bytes"] + _INDEX_LENGTH
+    lengths = heads.itemsize + _ENTRY.itemsize * counts
+    ends = np.cumsum(lengths[in_turn])
+    places = np.empty_like(ends)
+    places[in_turn] = ends
+    places -= lengths
+    out = np.empty(int(ends[-1]), np.uint8)
+    _lay(out, places, _rows_of_bytes(heads))
+    behind = places + heads.itemsize - _ENTRY.itemsize * group_begins
+    _lay(out, np.repeat(behind, counts) + _ENTRY.itemsize * np.arange(len(order)), _rows_of_bytes(entries[order]))
+    low, high = (reduce.reduceat(times, bounds[:-1]).tolist() for reduce in (np.minimum, np.maximum))
+    of, counts, places, records = heads["channel"][in_turn], counts[in_turn], places[in_turn], memoryview(out)
+    turns = np.searchsorted(chunk_of[firsts[in_turn]], np.arange(len(sizes) + 1)).tolist()
+    starts = [*places[turns[:-1]].tolist(), len(out)]
+    return [
+        Index(low[k], high[k], of[begin:end], counts[begin:end], places[begin:end] - starts[k], records[starts[k] : starts[k + 1]])
+        for k, (begin, end) in enumerate(itertools.pairwise(turns))
+    ]
 
 
 def joined(channels: Sequence[tuple[int, np.ndarray, np.ndarray, np.ndarray]], order: np.ndarray) -> tuple[memoryview, np.ndarray]:

@@ -16,9 +16,6 @@ from functools import cache
 from io import StringIO
 from textwrap import indent
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from ..catalogue import QOS, Offer
 from ..errors import BagError
 from . import limits
@@ -81,6 +78,9 @@ def read_profile(text: str) -> Offered:
     """
     if len(text) > limits.PROFILES:
         raise BagError(f"a quality of service in the bag has {len(text)} characters, more than the {limits.PROFILES} that are read")
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
     try:
         profiles = YAML(typ="safe", pure=True).load(text) or []
         deadlines = [profile.get("deadline", FOREVER) for profile in profiles]
@@ -191,6 +191,8 @@ def metadata_file(information: str) -> str:
 
 
 def _yaml(data: object) -> str:
+    from ruamel.yaml import YAML
+
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = False
     yaml.width = 1000

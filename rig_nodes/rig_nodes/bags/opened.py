@@ -25,7 +25,6 @@ from .mcap_file import Contents
 from .metadata import profile_text, read_profile
 from .pieces import PACKED, Told, in_order, plain, told
 from .reader import Bag
-from .writer import BagWriter
 
 KINDS = (".mcap", ".db3")
 
@@ -223,6 +222,8 @@ def _from_sqlite(file: Path, folder: Path) -> Path:
         from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
     except ImportError:
         raise RigError(f"{file}: reading sqlite3 bags needs the package rosbags; install it with 'pip install rosbags'") from None
+    from .writer import BagWriter
+
     reader = Sqlite3Reader(file)
     try:
         reader.open()

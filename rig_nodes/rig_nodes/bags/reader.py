@@ -24,16 +24,14 @@ from typing import Any
 import numpy as np
 
 from ..catalogue import Catalogue, Signal, catalogue
-from ..config import load_yaml
 from ..description.structure import Structure, structure_of
 from ..errors import BagError, RigError
 from ..transmission import Transmission, transmission_of
 from . import limits
-from .cdr import decode_as, exact, frameless
+from .cdr import all_frameless, decode_as, exact
 from .definitions import Definition, parse
 from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
-from .old_form import topic_of_today
-from .pieces import files_of_run, plain
+from .pieces import files_of_run, plain, told
 from .rig_record import rig_record
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
@@ -638,7 +636,7 @@ class Bag:
         if stream.topic not in self._plain:
             definition = self._definition(stream)
             try:
-                self._plain[stream.topic] = [frameless(definition, data) for data in stream.payloads]
+                self._plain[stream.topic] = all_frameless(definition, stream.payloads)
             except ValueError as error:
                 raise BagError(f"{self.path}: a message of {stream.topic} cannot be decoded: {error}") from None
         return self._plain[stream.topic]
@@ -806,18 +804,12 @@ def missing(counts_published: dict[str, int], bag: Bag) -> dict[str, int]:
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
     """Return one sentence per difference between metadata.yaml and the file beside it."""
-    if metadata.stat().st_size > limits.YAML:
-        return [f"{metadata}: is of {metadata.stat().st_size} bytes, larger than the {limits.YAML} that are read"]
     try:
-        told = {
-            topic_of_today(entry["topic_metadata"]["name"]): entry["message_count"]
-            for entry in load_yaml(metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]
-        }
+        said = told(metadata.parent).counts
     except RigError as error:
         return [str(error)]
-    except (TypeError, KeyError) as error:
-        return [f"{metadata}: is no description of a bag ({type(error).__name__}: {error})"]
-    pairs = [(topic, told.get(topic, 0), counts.get(topic, 0)) for topic in {**told, **counts}]
     return [
-        f"{metadata}: counts {said} messages of {topic} where the bag holds {held}" for topic, said, held in pairs if said != held
+        f"{metadata}: counts {said.get(topic, 0)} messages of {topic} where the bag holds {counts.get(topic, 0)}"
+        for topic in {**said, **counts}
+        if said.get(topic, 0) != counts.get(topic, 0)
     ]

@@ -25,7 +25,7 @@ from ..errors import RigError, not_written
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
-from .mcap_writer import McapWriter, joined
+from .mcap_writer import McapWriter, indexed, joined
 from .pieces import pack
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
+BUFFER = 1024 * 1024  # bytes that are handed to the operating system at once, when it is time
 LIBRARY = f"rig_nodes {__version__}"
 _END_OF_TIME = 1 << 63  # ns, the limit of rosbag2
 _SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
@@ -261,12 +262,14 @@ class BagWriter:
         # a chunk begins with the first message behind a multiple of its length
         window = np.maximum.accumulate(times // FLUSH_NS)
         begins = [0, *(np.flatnonzero(window[1:] > window[:-1]) + 1).tolist(), len(times)]
-        for begin, end in itertools.pairwise(begins):
-            self._begin_chunk(int(times[begin]))
-            at = int(ends[begin - 1]) if begin else 0
-            self._guard(
-                self._writer.add_records, content[at : ends[end - 1]], of[begin:end], times[begin:end], ends[begin:end] - at
-            )
+        starts = np.append(0, ends)[begins]
+        at = starts[:-1].tolist()
+        each = indexed(of, times, np.append(0, ends[:-1]) - np.repeat(starts[:-1], np.diff(begins)), np.diff(begins).tolist())
+        for k, (begin, end) in enumerate(itertools.pairwise(begins)):
+            self._begin_chunk(int(times[begin]), False)
+            records = content[at[k] : int(starts[k + 1])]
+            self._guard(self._writer.add_records, records, of[begin:end], times[begin:end], ends[begin:end] - at[k], each[k])
+        self._guard(self._file.flush)
         self._first, self._last = min(self._first, int(times.min())), max(self._last, int(times.max()))
 
     def _store_each(self, columns: Sequence[Column], order: Sequence[int], times: Sequence[int]) -> None:
@@ -279,15 +282,18 @@ class BagWriter:
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, self._known[topic].ros_type, "")
         self._add(topic, known, data, log_time_ns)
 
-    def _begin_chunk(self, log_time_ns: int) -> bool:
-        """Begin a new chunk where a message of this time begins one; return True where it begins the next file too."""
+    def _begin_chunk(self, log_time_ns: int, hand_over: bool = True) -> bool:
+        """Begin a new chunk where a message of this time begins one; return True where it begins the next file too.
+
+        ``hand_over`` is False where the caller hands closed chunks to the operating system.
+        """
         if self._flush_at is not None and log_time_ns < self._flush_at:
             return False
         fresh = False
         if self._flush_at is None:
             self._first = self._last = log_time_ns
         else:
-            self._guard(self._writer.flush)
+            self._guard(self._writer.flush if hand_over else self._writer.end_chunk)
             if self._split or self._full(log_time_ns):
                 self._guard(self._next)
                 self._first = self._last = log_time_ns
@@ -401,7 +407,7 @@ class BagWriter:
         self._schemas: dict[str, int] = {}
         self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
-        self._file = open(self.path, "xb")
+        self._file = open(self.path, "xb", buffering=BUFFER)
 
     def _begin(self) -> McapWriter:
         writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk")

@@ -15,8 +15,8 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..engine.general_step import addresses, general_step
 from ..engine.world import Sizes, driveline_dtype
 from ..plant.driveline import Driveline, State, System
@@ -80,6 +80,7 @@ class Ours:
         line["q"][:, 0], line["q"][:, -1] = DRIVE, LOAD
         line["cap"] = s.limits()
         self.state = State(*(line[field.name] for field in fields(State)))
+        self._advance = _advance.made  # a call may be one short step
 
     def start(self) -> None:
         """Set the state of time 0."""
@@ -90,7 +91,7 @@ class Ours:
 
     def advance(self, step: float, steps: int) -> None:
         """Make ``steps`` steps of the length ``step`` [s]."""
-        _advance(self.t, steps, step, self._line, self._addresses)
+        self._advance(self.t, steps, step, self._line, self._addresses)
         self.t += step * steps
 
     def run(self, step: float, parts: int = 1) -> float:

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import stat
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ..errors import RigError, no_file
 from ..kept import kept, kept_folder
+from ..versions import version_of
 from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
@@ -106,4 +106,4 @@ def _parsed(_absolute: Path, path: Path, _changed: int, _size: int) -> object:
 def _readers() -> bytes:
     """What decides the content of a file in addition to its text."""
     sources = b"\0".join((CONFIG_DIR / name).read_bytes() for name in _READERS)
-    return sources + version("ruamel.yaml").encode()
+    return sources + version_of("ruamel.yaml").encode()

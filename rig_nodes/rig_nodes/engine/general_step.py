@@ -11,10 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import types
-from numba.extending import intrinsic
-
-from ..plant.driveline_calls import ARGUMENTS, BARE, address_of, array_types, bare_address, call_at
+from ..compiled import intrinsic, types
+from ..plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_address, bare_types, call_at
 from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS, driven_step
 from ..plant.driveline_laws import settled_address
 from ..plant.driveline_quick import QUICK, quick_address
@@ -65,7 +63,7 @@ def general_step(
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         at, h, t, line = given
         values = [h, t, *_fields(context, builder, signature.args[3], line, ARGUMENTS)]
-        call_at(context, builder, builder.extract_value(at, 0), BARE, values)
+        call_at(context, builder, builder.extract_value(at, 0), bare_types(), values)
         return context.get_dummy_value()
 
     return types.void(at, h, t, line), build

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from ..alfa46.law import OFF, OUTPUTS, current_loop, law_step
 from ..clocks import TICK_SAMPLES
+from ..compiled import njit
 from ..instruments import transducers
 from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT

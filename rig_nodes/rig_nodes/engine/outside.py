@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..config.names import unknown
 from ..config.schema import fill, record_dtype
 from ..errors import RigError

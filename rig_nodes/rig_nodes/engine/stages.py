@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
 from numba.extending import overload
 
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..parts.part import STAGES, part
 
 if TYPE_CHECKING:

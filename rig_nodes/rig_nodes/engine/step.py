@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
 from numba.extending import overload
 
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..plant.driveline_algebra import LAM, TAU, VISC
 from ..plant.driveline_quiet import quiet_step
 from ..plant.small_vectors import add, dot, product, put, scaled, vector

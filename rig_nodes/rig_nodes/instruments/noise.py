@@ -9,7 +9,8 @@ Called by the engine and testbench.gauges; because of it a run does not depend o
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _CHANNEL = np.uint64(0xD1B54A32D192ED03)

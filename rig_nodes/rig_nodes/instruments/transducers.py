@@ -13,9 +13,8 @@ from math import floor, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
-from ..compiled import one_record
+from ..compiled import njit, one_record
 from .noise import noise_at
 
 if TYPE_CHECKING:

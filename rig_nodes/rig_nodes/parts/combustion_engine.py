@@ -15,9 +15,7 @@ from dataclasses import dataclass
 from math import cos, exp
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from .cycles import TURN, normal_of
 from .part import SOURCE, Command, Part, Shown, Wire

@@ -11,10 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from ..alfa46.law import OFF, ON
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from . import plates
 from .part import CLUTCH, Part

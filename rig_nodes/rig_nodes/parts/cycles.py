@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from math import cos, log, pi, sqrt
 
-from numba import njit
-
+from ..compiled import njit
 from ..instruments.noise import uniform
 
 TURN = 2.0 * pi

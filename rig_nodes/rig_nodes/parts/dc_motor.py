@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from math import exp
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from .part import SOURCE, Command, Part, Shown, Wire
 

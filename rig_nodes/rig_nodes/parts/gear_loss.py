@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import choice, param
 from ..plant.driveline_algebra import E_FRIC, KIN1
 from ..plant.driveline_losses import BASE, FACTOR

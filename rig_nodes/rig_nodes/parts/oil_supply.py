@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from math import exp, expm1, inf, log, log10
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from .lag import lagged
 from .part import OIL, Command, Part, Wire

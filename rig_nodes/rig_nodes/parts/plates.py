@@ -13,9 +13,7 @@ from dataclasses import dataclass
 from math import exp, expm1
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import choice, param
 from ..errors import RigError
 from ..plant.driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC

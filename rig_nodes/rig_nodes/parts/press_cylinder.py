@@ -11,9 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param, switch
 from ..plant.friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure

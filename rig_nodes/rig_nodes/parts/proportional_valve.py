@@ -13,9 +13,8 @@ from math import exp, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from .lag import lagged
 from .part import NOWHERE, VALVE, Part, Shown, Wire

@@ -17,9 +17,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from .part import MASS, Part, Shown, Wire
 

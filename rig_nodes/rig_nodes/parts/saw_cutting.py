@@ -20,9 +20,7 @@ from dataclasses import dataclass
 from math import acos, asin, cos, exp, floor, pi, sin, sqrt
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
 from .lag import lagged

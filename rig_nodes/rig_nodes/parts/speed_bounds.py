@@ -10,9 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from .part import Part
 
 if TYPE_CHECKING:

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from math import exp, inf, sqrt
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from ..compiled import INLINED
+from ..compiled import INLINED, njit
 from ..config.schema import param
 from . import plates
 from .part import BODY, CLUTCH, NOWHERE, Part, Shown, Wire

@@ -11,10 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from numba import njit, types
-from numba.extending import intrinsic
-
-from rig_nodes.compiled import INLINED, INNER
+from rig_nodes.compiled import INLINED, INNER, intrinsic, njit, types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

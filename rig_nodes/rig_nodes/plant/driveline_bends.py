@@ -13,9 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from rig_nodes.compiled import INNER
+from rig_nodes.compiled import INNER, njit
 from rig_nodes.plant.driveline_algebra import noinline
 from rig_nodes.plant.driveline_tables import Tables, line, piece
 

@@ -13,9 +13,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from numba import types
-from numba.extending import intrinsic
-
+from rig_nodes.compiled import intrinsic, types
 from rig_nodes.plant.driveline_kernel import driveline_step
 
 if TYPE_CHECKING:
@@ -23,9 +21,10 @@ if TYPE_CHECKING:
 
     from llvmlite import ir
     from numba.core.base import BaseContext
-    from numba.core.dispatcher import Dispatcher
     from numba.core.typing import BaseContext as TypingContext
     from numba.core.typing import Signature
+
+    from rig_nodes.compiled import Compiled
 
 # arguments of the bare step after the times: name -> dimensions; some are arrays of whole numbers
 ARGUMENTS = {
@@ -46,7 +45,6 @@ ARGUMENTS = {
     "count": 1,
     "work": 1,
 }
-RESULT = types.int64
 
 
 def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple:
@@ -70,17 +68,20 @@ def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple
     )
 
 
-BARE = (types.float64, types.float64, *array_types(ARGUMENTS))
+@cache
+def bare_types() -> tuple:
+    """Return the types of the arguments of plant.driveline_kernel.driveline_step."""
+    return types.float64, types.float64, *array_types(ARGUMENTS)
 
 
-def address_of(function: Dispatcher, signature: tuple) -> int:
+def address_of(function: Compiled, signature: tuple) -> int:
     """Return the address at which a compiled function begins in this process.
 
     The function is compiled or read from the cache first.
 
     Parameters
     ----------
-    function : Dispatcher
+    function : Compiled
         The function.
     signature : tuple
         Types of its arguments.
@@ -97,22 +98,22 @@ def address_of(function: Dispatcher, signature: tuple) -> int:
     """
     function.compile(signature)
     made = function.overloads[signature]
-    if made.signature.return_type != RESULT:
-        raise TypeError(f"{function.__name__} returns {made.signature.return_type}; it is called for {RESULT}")
+    if made.signature.return_type != types.int64:
+        raise TypeError(f"{function.__name__} returns {made.signature.return_type}; it is called for {types.int64}")
     return made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
 
 
 @cache
 def bare_address() -> int:
     """Return the address of plant.driveline_kernel.driveline_step."""
-    return address_of(driveline_step, BARE)
+    return address_of(driveline_step, bare_types())
 
 
 def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> ir.Value:
     """Build, for an intrinsic, the call of the function that begins at an address, and return what it returns."""
     convention = context.call_conv
-    function = builder.inttoptr(address, convention.get_function_type(RESULT, signature).as_pointer())
-    return convention.call_function(builder, function, RESULT, signature, values)[1]
+    function = builder.inttoptr(address, convention.get_function_type(types.int64, signature).as_pointer())
+    return convention.call_function(builder, function, types.int64, signature, values)[1]
 
 
 def calling(signature: tuple) -> tuple:
@@ -149,4 +150,4 @@ def bare_step(
     work: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
     """Call driveline_step by its address."""
-    return calling(BARE)
+    return calling(bare_types())

@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from rig_nodes.compiled import njit
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
 from rig_nodes.plant.driveline_inputs import SAME
 from rig_nodes.plant.driveline_laws import (

@@ -11,9 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
-from rig_nodes.compiled import INLINED, INNER
+from rig_nodes.compiled import INLINED, INNER, njit
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD,
     BREAK,

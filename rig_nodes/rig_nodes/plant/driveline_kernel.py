@@ -13,9 +13,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
-from rig_nodes.compiled import INNER
+from rig_nodes.compiled import INNER, njit
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD,
     CLOSE,

@@ -16,10 +16,8 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit, typeof, types
-from numba.extending import intrinsic
 
-from rig_nodes.compiled import INNER
+from rig_nodes.compiled import INNER, intrinsic, njit, types
 from rig_nodes.plant.driveline_algebra import (
     E_FRIC,
     E_SHAFT,
@@ -810,21 +808,19 @@ def settled_step(
     return int(0)
 
 
-SETTLED = (
-    types.int64,
-    types.float64,
-    types.float64,
-    types.boolean,
-    typeof(laws_of([], 1)),
-    typeof(law_state([])),
-    *array_types({"given": 2, "mass": 2, **ARGUMENTS}),
-)
+@cache
+def settled_types() -> tuple:
+    """Return the types of the arguments of `settled_step`."""
+    from numba import typeof
+
+    times = types.int64, types.float64, types.float64, types.boolean
+    return (*times, typeof(laws_of([], 1)), typeof(law_state([])), *array_types({"given": 2, "mass": 2, **ARGUMENTS}))
 
 
 @cache
 def settled_address() -> int:
     """Return the address of `settled_step`."""
-    return address_of(settled_step, SETTLED)
+    return address_of(settled_step, settled_types())
 
 
 @intrinsic
@@ -857,7 +853,7 @@ def settled_step_at(
     work: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
     """Call `settled_step` by its address."""
-    return calling(SETTLED)
+    return calling(settled_types())
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -13,9 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from rig_nodes.compiled import INLINED, INNER
+from rig_nodes.compiled import INLINED, INNER, njit
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, noinline
 
 if TYPE_CHECKING:

@@ -13,9 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from rig_nodes.compiled import INNER
+from rig_nodes.compiled import INNER, njit
 from rig_nodes.plant.driveline_algebra import E_FRIC, E_SHAFT, E_VISC, HELD, VISC, lin, noinline
 
 if TYPE_CHECKING:

@@ -18,10 +18,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
 
-from rig_nodes.compiled import INLINED, INNER
+from rig_nodes.compiled import INLINED, INNER, intrinsic, njit, types
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD,
     E_FRIC,

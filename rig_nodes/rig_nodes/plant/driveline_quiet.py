@@ -10,9 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
-
-from rig_nodes.compiled import INLINED
+from rig_nodes.compiled import INLINED, njit
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD,
     E_FRIC,

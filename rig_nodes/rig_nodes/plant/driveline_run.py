@@ -16,8 +16,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from rig_nodes.compiled import njit
 from rig_nodes.errors import RigError, brief
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.described import is_number

@@ -14,9 +14,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from rig_nodes.compiled import INNER
+from rig_nodes.compiled import INNER, njit
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_algebra import noinline
 

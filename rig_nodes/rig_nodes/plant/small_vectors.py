@@ -11,10 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from rig_nodes.compiled import cgutils, intrinsic, ir, types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..arrays import Ints
 
 TICKS = 200  # ticks in a block; its rows must still be in the rig's ring of 2 s
+LENGTH = TICKS * TICK_SAMPLES  # of a block [samples]
 # places in the order of the messages of one sample: what is sent once, command, what has no fixed rate, what has one
 RANKS = 1 << 40
 COMMAND, UNFORESEEN, REGULAR = 1 << 10, 1 << 11, 1 << 38
@@ -83,8 +84,8 @@ class BagOutputs(Outputs):
         """Number of samples that the rig may move before the next :meth:`boundary`, at a tick and if nothing is to act earlier."""
         if self.by_samples or self._now < 1:  # at its first sample the rig says that it is ready
             return 1
-        ticks = 1 if self._at_ticks else max(1, TICKS - (self._now - self._before) // TICK_SAMPLES)
-        return ticks * TICK_SAMPLES - self._now % TICK_SAMPLES
+        samples = TICK_SAMPLES if self._at_ticks else LENGTH
+        return samples - self._now % samples
 
     def boundary(self) -> None:
         """Take what is due now and since the last call; called at time 0 and after each move of at most :attr:`room` samples.
@@ -99,7 +100,9 @@ class BagOutputs(Outputs):
             # a block tells what is the same in all of its messages once
             self._changes, self._now = rig.gauges.changes, sample - 1
             self.flush()
-        elif sample - self._before > TICKS * TICK_SAMPLES:  # so that it ends with the boundary before this one
+        elif sample - self._before > LENGTH or sample % LENGTH == 0:
+            # it ends before this boundary, with which a chunk of the bag begins
+            self._now = sample - 1
             self.flush()
         self._now = sample
         if not self._started:

@@ -174,8 +174,13 @@ class States:
         (ticks, shafts) array of float
             The angles after each tick [rad].
         """
-        gained = ROW * rows.take(self._speeds, axis=2).cumsum(axis=1)[:, -1]
-        turned = np.concatenate([[self.angles], gained]).cumsum(axis=0)[1:]
+        ticks, count, _ = rows.shape
+        # along its slow axis numpy adds one after the other; without the further column that axis could be its fast one
+        speeds = np.zeros((count, len(self._speeds), ticks + 1))
+        for k, column in enumerate(self._speeds):
+            speeds[:, k, :ticks] = rows[:, :, column].T
+        gained = ROW * speeds.sum(axis=0)[:, :ticks]
+        turned = np.concatenate([[self.angles], gained.T]).cumsum(axis=0)[1:]
         self.angles = turned[-1].tolist()
         return turned
 

@@ -83,7 +83,7 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted
             raise BagError(f"{index.files[0]}: {nothing_in(index.damage)}")
         import_rerun()
         path = index.files[0].parent / VIEW_FILE
-        key = _key(index.files, window, wanted)
+        key = _key(index, window, wanted)
         if _key_of(path) == key:
             return View(path, False, list(index.damage))
         return View(path, True, _make(_Source(index, run, window, wanted), path, key))
@@ -202,7 +202,7 @@ def import_rerun() -> ModuleType:
     return rerun
 
 
-def _key(bag: list[Path], window: tuple[float, float] | None, wanted: Sequence[int] | str | None) -> str:
+def _key(bag: OpenedBags, window: tuple[float, float] | None, wanted: Sequence[int] | str | None) -> str:
     """Return a key that changes with everything the file depends on: bag, report, catalogue, the code that makes it, choices."""
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window} {wanted}".encode())
@@ -211,7 +211,9 @@ def _key(bag: list[Path], window: tuple[float, float] | None, wanted: Sequence[i
         path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py")
     )
     rigs = sorted((package / "rigs").glob("*/rig.yaml"))  # the page of the run names what differs from them
-    for path in (*bag, bag[0].parent / REPORT_FILE, *sources, *rigs):
+    for file, piece in zip(bag.files, bag.pieces, strict=True):
+        digest.update(file.name.encode() + piece.digest())
+    for path in (bag.files[0].parent / REPORT_FILE, *sources, *rigs):
         digest.update(path.name.encode())
         if path.exists():
             with open(path, "rb") as file:
