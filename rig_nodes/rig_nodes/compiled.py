@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 INLINED = {**INNER, "forceinline": True}
 _records: dict = {}  # record types that were made, each with itself as the key
-FORM = 1  # of what is kept in the cache folder beyond what numba itself keeps (_with_late_bitcode)
 _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
 
 
@@ -168,7 +167,7 @@ def sources_key() -> str:
 def cache_key() -> str:
     """Return a key of everything that decides the machine code."""
     key, package = _sources(), Path(__file__).resolve().parent
-    key.update(f"{FORM} {version_of('numba')} {version_of('numpy')} {platform.python_version()} {_processor()}".encode())
+    key.update(f"{version_of('numba')} {version_of('numpy')} {platform.python_version()} {_processor()}".encode())
     # numba finds its files by the source's path too, so a second checkout gets a folder of its own
     key.update(str(package).encode())
     return key.hexdigest()[:16]
@@ -266,55 +265,7 @@ def _with_late_extensions(dispatcher: ModuleType) -> None:
         kind._compilation_chain_init_hook = lambda self: None
 
 
-def _with_late_bitcode(codegen: ModuleType) -> None:
-    """Have LLVM read of a function in numba's cache only the machine code, and its own form of the function when it is needed.
-
-    That form, bitcode, is needed where another function is compiled that calls this one. To read that of a step of the driveline
-    and of the engine's loop takes 0.05 s of processor time and 20 MB. Beside it the cache has the names that it defines, which
-    numba must know.
-    """
-    library = getattr(codegen, "CPUCodeLibrary", None)
-    if not _has(library, "serialize_using_object_code", "_unserialize", "_get_module_for_linking", "_finalize_final_module"):
-        return
-    serialize, unserialize, link = (
-        library.serialize_using_object_code,
-        library._unserialize.__func__,
-        library._get_module_for_linking,
-    )
-
-    def with_names(self: Any) -> tuple:
-        name, kind, data = serialize(self)
-        module = self._get_module_for_linking()
-        defined = [one.name for group in (module.functions, module.global_variables) for one in group if not one.is_declaration]
-        return name, kind, (*data, defined)
-
-    def machine_code(kind: Any, made: Any, state: tuple) -> Any:
-        name, form, data = state
-        if form != "object" or len(data) == 2:  # as numba itself keeps it
-            return unserialize(kind, made, state)
-        code, bitcode, defined = data
-        self = made.create_library(name)
-        self.enable_object_caching()
-        self._set_compiled_object(code)
-        self._finalize_final_module()
-        self._late = bitcode
-        made._engine._defined_symbols.update(defined)
-        return self
-
-    def linked(self: Any) -> Any:
-        if self._shared_module is None and (bitcode := self.__dict__.pop("_late", None)):
-            self._shared_module = codegen.ll.parse_bitcode(bitcode)
-        return link(self)
-
-    library.serialize_using_object_code, library._get_module_for_linking = with_names, linked
-    library._unserialize = classmethod(machine_code)
-
-
-_CHANGES = {
-    "numba.core.caching": _without_compiler,
-    "numba.core.codegen": _with_late_bitcode,
-    "numba.core.dispatcher": _with_late_extensions,
-}
+_CHANGES = {"numba.core.caching": _without_compiler, "numba.core.dispatcher": _with_late_extensions}
 
 
 def use_kernel_cache() -> None:
