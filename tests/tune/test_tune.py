@@ -69,7 +69,7 @@ def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
     run = record(config, load_sequence("grid_point", {"speed": "1500 rpm", "load_up": "80 Nm", "load_down": "80 Nm"}))
     for way, row in zip(WAYS, shifts(run.recording)[-2:]):
         assert quick[way].valid
-        # the tuner waits for less long before the shift, so that S2's line has run empty a little less: 0.5 cm3 are 6 ms
+        # the sequence waits a little longer before the shift, in which the piston of the open clutch goes back further
         assert quick[way].time == pytest.approx(row["t_c_s"], abs=0.012)
         assert quick[way].t_dt == pytest.approx(row["t_dt_s"], abs=0.014)
         assert quick[way].peak == pytest.approx(row["input_torque_max_nm"], abs=3.0)
@@ -225,14 +225,14 @@ def test_settings_that_are_out_of_reach_are_tried_no_further(config):
     task = Task(
         (config,), (Point("I-II", 1500.0 * RPM, 80.0), Point("I-II", 1200.0 * RPM, 60.0)), config.alfa46, ("peak", "time"), (), 1.0
     )
-    slow = {**space.values_of(config.alfa46, "I-II", transmission_of(config)), "P2.gap": 245}  # engages 40 ms later
+    slow = {**space.values_of(config.alfa46, "I-II", transmission_of(config)), "P2.gap": 350}  # the ramp begins 145 ms later
     whole = tried(config, task, slow)
     assert whole["whole"] and whole["tried"] == 2
     assert whole["excess"] >= max(whole["objectives"]) - 1.0 > 0.01
     assert tried(config, task, slow, cut=0.0)["tried"] == 1
-    assert tried(config, task, slow, best=[[0.9, 0.9]])["tried"] == 2  # it must be known how far it misses
+    assert tried(config, task, slow, best=[[0.8, 0.9]])["tried"] == 2  # it must be known how far it misses
     loose = replace(task, limit=None, bounds=(("dip", 0.5),))
-    assert tried(config, loose, slow, best=[[0.9, 0.9]], cut=0.0)["tried"] == 1
+    assert tried(config, loose, slow, best=[[0.8, 0.9]], cut=0.0)["tried"] == 1
     assert tried(config, loose, slow, best=[[0.9, 2.0]], cut=0.0)["tried"] == 2
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..alfa46.law import OFF, OUTPUTS, current_loop, law_step
 from ..clocks import TICK_SAMPLES
-from ..compiled import njit
+from ..compiled import INLINED, INNER, njit
 from ..instruments import transducers
 from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
@@ -32,7 +32,7 @@ COMMAND = 2 + 2 * OUTPUTS  # numbers of a row of the law's commands
 EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def true_row(numbers: Floats, shown: Record) -> bool:
     """Write the values at the end of a step to the row of ``shown``; return False where one is not a finite number.
 
@@ -60,7 +60,7 @@ def true_row(numbers: Floats, shown: Record) -> bool:
     return nothing == 0.0
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def measure(index: int, h: float, world: Record, shown: Record) -> None:
     """Turn a true logger row into the row that transducers, encoders and converter show.
 
@@ -83,7 +83,7 @@ def measure(index: int, h: float, world: Record, shown: Record) -> None:
         transducers.show(shown, index)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def put_row(log: Floats, place: int, shown: Record) -> None:
     """Write the shown values to a row of the ring."""
     count = shown.source.shape[0]
@@ -93,7 +93,7 @@ def put_row(log: Floats, place: int, shown: Record) -> None:
         log[place, count + c] = shown.untouched[c]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def put_command(commands: Floats, place: int, outputs: Record, state: Record) -> None:
     """Write the law's command to a row of the ring: gear, 1 while it shifts, duty of each output, setpoint of each output [A]."""
     commands[place, 0] = state.gear
@@ -104,7 +104,7 @@ def put_command(commands: Floats, place: int, outputs: Record, state: Record) ->
         commands[place, 2 + count + k] = outputs[k].setpoint
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def put_moment(moments: Ints, capacities: Floats, place: int, moved: Ints, world: Record) -> None:
     """Write the present state to a row of the rings."""
     for i in range(moments.shape[1]):
@@ -113,7 +113,7 @@ def put_moment(moments: Ints, capacities: Floats, place: int, moved: Ints, world
         capacities[place, f] = world.driveline.cap[KIN1, f]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def power_stage(row: Floats, world: Record, outputs: Record, config: Record) -> None:
     """Run the plant's current driver for controllers that return setpoints: the current loop of the Alfa46 for each output.
 
@@ -158,11 +158,11 @@ def first_row(
     measure(int(0), h, worlds[0], shown)  # int(): a literal would make numba compile the function once more
     for e in range(shown.encoder.shape[0]):
         counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
-    put_row(log, 0, shown)
+    put_row(log, int(0), shown)
     transducers.give(shown, state)
 
 
-@njit(cache=True, error_model="numpy", forceinline=False)
+@njit(**INNER)
 def put_back(world: Record, moved: Ints, kept: Ints) -> None:
     """Restore the state at the sample's beginning, and copy the state that is given up into ``kept``."""
     for i in range(kept.shape[1]):

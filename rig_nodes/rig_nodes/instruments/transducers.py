@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..compiled import njit, one_record
+from ..compiled import INLINED, INNER, njit, one_record
 from .noise import noise_at
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ def logged(value: float, c: int, table: Floats) -> float:
     return round(value / quantum) * quantum if quantum > 0.0 else value
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def take(shown: Record, table: Floats, keys: npt.NDArray[np.uint64], state: Floats) -> None:
     """Copy the arrays of testbench.gauges into a record of :func:`shown_dtype`."""
     shown.pickup = shown.noisy = 0.0
@@ -200,14 +200,14 @@ def take(shown: Record, table: Floats, keys: npt.NDArray[np.uint64], state: Floa
             shown.noisy = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def give(shown: Record, state: Floats) -> None:
     """Copy the states of the transducers back into the array of testbench.gauges."""
     for c in range(shown.source.shape[0]):
         state[c] = shown.angle[c] if shown.table[STEP, c] > 0.0 else shown.state[c]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def encode(shown: Record, c: int, index: int) -> None:
     """Apply :func:`encoder` to a channel of a record of :func:`shown_dtype`, if the channel has an encoder."""
     table = shown.table
@@ -221,7 +221,7 @@ def encode(shown: Record, c: int, index: int) -> None:
         shown.counted[c] = count
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(**INLINED)
 def show(shown: Record, index: int) -> None:
     """Replace the true values in a record of :func:`shown_dtype` by what analog transducers and converter show.
 

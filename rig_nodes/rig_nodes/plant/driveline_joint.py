@@ -145,13 +145,13 @@ def limited(f: int, cap: Floats, ocand: int, work: Floats) -> bool:
 
 
 @njit(**INNER)
-def jammed(minv: Floats, w: Floats, loss: Floats, mode: Ints | Floats, first: int, op: int, fall: int, work: Floats) -> int:
+def jammed(minv: Floats, w: Floats, loss: Floats, state: int, op: int, fall: int, work: Floats) -> int:
     """Return the element that jams where the losses have no solution, or -1 where no loss is steep enough for that.
 
     A loss that grows by at least as much as it takes from the torque on which it depends leaves no torque at which its mesh can go
     on. A mesh whose speed motions prescribe through what is stuck does not jam, because these go on whatever the torque. The modes
-    stand in ``mode`` from ``first`` on, P of the stuck elements in the work buffer at ``op``, and the decrease of each torque by
-    each loss at ``fall``.
+    stand in the work buffer at ``state``, P of the stuck elements at ``op``, and the decrease of each torque by each loss at
+    ``fall``.
     """
     noinline()
     count, n = loss.shape[0], w.shape[1]
@@ -162,7 +162,7 @@ def jammed(minv: Floats, w: Floats, loss: Floats, mode: Ints | Floats, first: in
         driven = driven or minv[j, j] == HELD
     for k in range(count):
         on = int(loss[k, ON])
-        if brakes(loss[k, FACTOR], mode[first + on]) != 0.0:
+        if brakes(loss[k, FACTOR], work[state + on]) != 0.0:
             gain, free, alone = 0.0, 0.0, 0.0
             for other in range(count):
                 gain += loss[k, SHARE] * abs(work[fall + k * count + other])
@@ -396,7 +396,7 @@ def resolve(
             solved = solve_losses(loss, v, work, oy, os, at.newton)
             jams = int(-1)
             if it > 3 * m or not solved:
-                jams = jammed(minv, w, loss, work, ost, op, os, work)
+                jams = jammed(minv, w, loss, ost, op, os, work)
                 if jams >= 0 and work[ocand + jams] == 0.0:
                     steep = jams
             if not solved:
@@ -416,8 +416,8 @@ def resolve(
                     continue
             for k in range(losses):
                 loss[k, LAST] = loss[k, NEXT]
-            put_losses(loss, cap, int(0), LAST)
-            put_losses(loss, cap, int(1), LAST)
+            put_losses(loss, cap, int(0), int(LAST))
+            put_losses(loss, cap, int(1), int(LAST))
             for k in range(losses):
                 on = int(loss[k, ON])
                 torque = brakes(loss[k, FACTOR], work[ost + on]) * loss[k, LAST]

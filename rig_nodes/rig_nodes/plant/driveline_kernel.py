@@ -258,8 +258,8 @@ def driveline_step(
     for k in range(loss.shape[0]):
         work[olossy + int(loss[k, OWN])] = 1.0
         loss[k, BEFORE] = loss[k, LAST]
-    put_losses(loss, cap, int(0), LAST)
-    put_losses(loss, cap, int(1), LAST)
+    put_losses(loss, cap, int(0), int(LAST))
+    put_losses(loss, cap, int(1), int(LAST))
     work[FIRST] = 0.0
     made = 0
     joint = False
@@ -302,7 +302,13 @@ def driveline_step(
     passes = 0
     stalls = 0
     undecided = 0
+    jams = int(-1)  # element of a mesh that jams at this moment
     while True:
+        if jams >= 0:
+            # the only call of stop, as each has to pass all these arrays on
+            made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
+            jams = int(-1)
+            joint = True
         if joint:
             for f in range(m):
                 if abs(mode[f]) >= 2:
@@ -318,7 +324,7 @@ def driveline_step(
             capped = count[N_CAPPED]
             decided = resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
             if decided < 0:
-                made += stop(t + tl, -1 - decided, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
+                jams = -1 - decided
                 continue
             made += decided
             joint = False
@@ -333,8 +339,8 @@ def driveline_step(
         if left <= 0.0:
             break
         # forces at the start of the sub-step; put_losses sets the capacities under losses at both ends
-        put_losses(loss, cap, int(0), LAST)
-        put_losses(loss, cap, int(1), LAST)
+        put_losses(loss, cap, int(0), int(LAST))
+        put_losses(loss, cap, int(1), int(LAST))
         pattern = 1.0
         bit = 1.0
         for j in range(n):
@@ -389,7 +395,6 @@ def driveline_step(
         above = left
         tries = 0
         missed = False
-        jams = int(-1)
         shorter = False
         while True:
             if stale(d, pattern, cap, work):
@@ -422,7 +427,10 @@ def driveline_step(
             if loss.shape[0] > 0:
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
                     # a mesh jams in this sub-step; halve it until it ends just before that
-                    jams = jammed(minv, w, loss, mode, int(0), op, at.fall, work) if watch else int(-1)
+                    if watch:
+                        for f in range(m):
+                            work[ost + f] = mode[f]
+                        jams = jammed(minv, w, loss, ost, op, at.fall, work)
                     if jams >= 0:
                         if d <= JAM * h:
                             break
@@ -433,7 +441,7 @@ def driveline_step(
                         jams = int(-1)
                         continue
                     count[N_CAPPED] += 1
-                put_losses(loss, cap, int(1), NEXT)
+                put_losses(loss, cap, int(1), int(NEXT))
                 for k in range(loss.shape[0]):
                     f = int(loss[k, ON])
                     torque = brakes(loss[k, FACTOR], mode[f]) * loss[k, NEXT]
@@ -557,8 +565,6 @@ def driveline_step(
                     break
                 d = again if below < again < above else 0.5 * (below + above)
         if jams >= 0:
-            made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
-            joint = True
             continue
         if d > 0.0:
             if 0.0 <= work[FIRST] <= 1e-9 * h:

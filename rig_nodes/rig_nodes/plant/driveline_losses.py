@@ -39,21 +39,25 @@ def loss_width(n: int, m: int) -> int:
 def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
     """Set the capacities at one end (0 or 1) of the elements that losses own to BASE plus the losses in ``column``.
 
-    ``column`` is LAST or NEXT, or -1 for BASE alone.
+    ``column`` is LAST or NEXT, or -1 for BASE alone. What is inlined is only the question whether there are losses, as this is
+    called in a dozen places.
     """
+    if loss.shape[0] > 0:
+        put_all_losses(loss, cap, end, column)
+
+
+@njit(**INNER)
+def put_all_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
+    """Do the work of :func:`put_losses` where there are losses."""
+    noinline()
     for k in range(loss.shape[0]):
-        put_loss(loss, cap, end, column, int(loss[k, OWN]), k)
-
-
-@njit(**INLINED)
-def put_loss(loss: Floats, cap: Floats, end: int, column: int, own: int, k: int) -> None:
-    """Do the work of :func:`put_losses` for loss k, whose own element is known."""
-    torque = loss[k, BASE]
-    if column >= 0:
-        for other in range(loss.shape[0]):
-            if loss[other, ON] == own:
-                torque += loss[other, FACTOR] * loss[other, column]
-    put_capacity(cap, end, own, torque)
+        own = int(loss[k, OWN])
+        torque = loss[k, BASE]
+        if column >= 0:
+            for other in range(loss.shape[0]):
+                if loss[other, ON] == own:
+                    torque += loss[other, FACTOR] * loss[other, column]
+        put_capacity(cap, end, own, torque)
 
 
 @njit(**INLINED)
@@ -64,8 +68,8 @@ def put_foretold(loss: Floats, cap: Floats, own: int, k: int) -> None:
         if loss[other, ON] == own:
             torque0 += loss[other, FACTOR] * loss[other, LAST]
             torque1 += loss[other, FACTOR] * loss[other, NEXT]
-    put_capacity(cap, 0, own, torque0)
-    put_capacity(cap, 1, own, torque1)
+    put_capacity(cap, int(0), own, torque0)
+    put_capacity(cap, int(1), own, torque1)
 
 
 @njit(**INLINED)

@@ -701,7 +701,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
                 by_law[TORQUE_, k], by_law[SLOPE, k] = start, rise
         for k in range(losses):
             loss[k, NEXT] = loss[k, LAST]
-        put_losses(loss, cc, int(0), LAST)
+        put_losses(loss, cc, int(0), int(LAST))
         put_losses(loss, cc, int(1), int(-1))
         # the matrix, where a slope has changed
         same = before and not heavy
@@ -758,7 +758,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
                 work[at_.torque1 + f] = by_element[TORQUE1, f]
             if not end_losses(h, w, sh, kc_now, cc, loss, v, mode, work):
                 return int(0)
-            put_losses(loss, cc, int(1), NEXT)
+            put_losses(loss, cc, int(1), int(NEXT))
             for k in range(losses):
                 f = int(loss[k, ON])
                 more = brakes(loss[k, PER_LOSS], mode[f]) * loss[k, NEXT]
@@ -882,7 +882,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
     for k in range(losses):
         loss[k, BEFORE] = loss[k, LAST]
         loss[k, LAST] = loss[k, NEXT]
-    put_losses(loss, cap, int(1), LAST)
+    put_losses(loss, cap, int(1), int(LAST))
     for j in range(n):
         turned = h * (v[j] + 0.5 * by_speed[DV, j])
         e_in[j] += 0.5 * (q_now[0, j] + q_now[1, j]) * turned

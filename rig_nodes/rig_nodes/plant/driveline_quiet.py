@@ -120,7 +120,7 @@ def quiet_step(h: float, line: Record) -> bool:
         elif mo != OPEN:
             return False
         bit *= 2.0
-        torque = borne(cap, f, mo, 0)
+        torque = borne(cap, f, mo, int(0))
         slip0[f] = slip
         torque0[f] = torque
         force = add(force, -(torque + cap[VISC, f] * slip), along)
@@ -143,7 +143,7 @@ def quiet_step(h: float, line: Record) -> bool:
     change = add(vector(q, n, v), -1.0, vector(q, 0, v))
     for f in range(m):
         if mode[f] != STUCK:
-            torque1[f] = borne(cap, f, mode[f], 1)
+            torque1[f] = borne(cap, f, mode[f], int(1))
             change = add(change, torque0[f] - torque1[f], vector(w, f * n, v))
     for a in range(s):
         change = add(change, -kc[0, a] * h * rate[a], vector(sh, a * n, v))
