@@ -121,7 +121,8 @@ def test_legends_and_numbers_are_written(tabs, tab, title, names):
         assert not any(legend_text(other, PAGES.colour(name)) for other in without), "a legend that is off"
     ground = int(np.median(image))
     assert (image[-18:].max(axis=2) > ground + 60).sum() > 20, "no times below"
-    assert (image[:-18, :26].max(axis=2) > ground + 60).sum() > 5, "no values at the left"
+    # the viewer writes them the fainter the denser they stand
+    assert (image[:-18, :26].max(axis=2) > ground + 30).sum() > 20, "no values at the left"
 
 
 def test_a_peak_of_some_milliseconds_is_drawn_in_a_plot_of_the_whole_run(tabs):
@@ -152,7 +153,8 @@ def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, recorded):
         assert until < len(bar) - 4, f"{name} ends as {states[last]}"
         for number, label in states.items():
             expected = float((before == number).mean())
-            assert of_state(bar[:until], name, label).mean() == pytest.approx(expected, abs=0.015), (name, label)
+            # the bar has some 180 pixels, and a state that lasts for less than one, as none within a shift, can be missing
+            assert of_state(bar[:until], name, label).mean() == pytest.approx(expected, abs=0.02), (name, label)
             if expected > 0.01:
                 checked.add((name, label))
     assert {("gear", "I"), ("gear", "II"), ("s1_mode", "open"), ("s1_mode", "locked"), ("rig_state", "running")} <= checked
