@@ -101,8 +101,8 @@ def test_a_gear_whose_clutch_slips_names_it():
 
 def test_errors_are_those_of_the_clutch_that_is_let_go():
     by_brake, by_clutch = (uncertainty(only(ThreeSpeedShift(*way).recording()), INSTRUMENTS, BOX) for way in ((1, 2), (2, 1)))
-    # B1's transducer has twice the range of C2's, and its error over 0.5 MPa/s adds to that of the overlap
-    assert by_brake["overlap_s"] - by_clutch["overlap_s"] == pytest.approx((20e3 - 10e3) / 0.5e6)
+    # B1's transducer has twice the range of C2's, and its error over 70 kPa/s adds to that of the overlap
+    assert by_brake["overlap_s"] - by_clutch["overlap_s"] == pytest.approx((20e3 - 10e3) / 70e3)
 
 
 def test_the_plants_states_are_read_of_every_clutch():

@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from itertools import product
 
 import pytest
 
 from rig_nodes.analysis.engagement import KEYS as ENGAGEMENT_KEYS
-from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.metrics import KEYS, shifts
 from rig_nodes.analysis.uncertainty import (
     Instrument,
     coast_down_uncertainty,
@@ -20,6 +22,8 @@ from rig_nodes.analysis.uncertainty import (
     uncertainty,
 )
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.record import record
+from rig_nodes.testbench.sequence import load_sequence
 
 ROW = dict.fromkeys(KEYS) | {
     "from_gear": 1,
@@ -103,6 +107,15 @@ def test_of_two_torque_meters_with_errors_of_their_own_the_worse_counts(tmp_path
     found = instruments_of(load_rig(tmp_path).as_dict())
     assert found["torque"].error == pytest.approx(5.01)
     assert found["speed"].error == pytest.approx(4 * 2 * math.pi / 60)
+
+
+def test_a_pressure_that_reads_wrong_by_all_that_it_may_moves_the_overlap_by_no_more_than_is_said():
+    run = record(load_rig("hydmag", {"effects.transducers": "off"}), load_sequence("grid_point")).recording
+    true, used = shifts(run), instruments_of(None)
+    for name, sign in product(("p1", "p2"), (1.0, -1.0)):
+        channels = run.channels | {name: run.channels[name] + sign * used[name].error}
+        for row, read in zip(true, shifts(dataclasses.replace(run, channels=channels)), strict=True):
+            assert abs(read["overlap_s"] - row["overlap_s"]) < uncertainty(row)["overlap_s"]
 
 
 def test_a_sample_of_a_slower_logger_counts_as_such():

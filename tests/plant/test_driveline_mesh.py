@@ -85,15 +85,21 @@ def test_a_self_locking_mesh_holds_its_load_until_it_is_driven_down(efficiency, 
     assert down.speed("b")[-1] < 0.0 and closes(down)
 
 
-@pytest.mark.parametrize("step", [0.05, 2e-3])
-def test_a_self_locking_mesh_jams_at_once_when_a_heavy_wheel_drives_it_at_speed(step):
-    """With J_a < -back J_b R^2 no torque of the teeth slows both sides down, so that an impulse stops them."""
+def light_worm_behind_a_clutch():
+    """Returns a self-locking mesh that its own heavy wheel drives, with a further wheel behind a clutch."""
     d = Driveline()
     d.inertia("a", 0.001, speed=10.0)
     d.inertia("b", 1.0)
     d.inertia("c", 1.0, speed=10.0)
     d.mesh("m", "a", "b", 1.0, 0.5, -0.5)
     d.clutch("c1", "b", "c")
+    return d
+
+
+@pytest.mark.parametrize("step", [0.05, 2e-3])
+def test_a_self_locking_mesh_jams_at_once_when_a_heavy_wheel_drives_it_at_speed(step):
+    """With J_a < -back J_b R^2 no torque of the teeth slows both sides down, so that an impulse stops them."""
+    d = light_worm_behind_a_clutch()
     r = run(d.build(), 0.5, step, {"b": 5.0, "c1": 3.0})
     assert r.capped == 0 and [(e.element, e.kind) for e in r.events if e.element == "m loss"][-1] == ("m loss", "lock")
     assert np.abs(r.speeds[1:, :2]).max() < 1e-20 and np.abs(r.residual()).max() < 1e-12 * r.stored[0]
@@ -119,12 +125,7 @@ def test_a_load_that_turns_round_jams_the_mesh_when_it_begins_to_drive():
 
 @pytest.mark.parametrize("step", [0.05, 2e-3])
 def test_a_mesh_jams_beside_a_motion_that_does_not_prescribe_its_speed(step):
-    d = Driveline()
-    d.inertia("a", 0.001, speed=10.0)
-    d.inertia("b", 1.0)
-    d.inertia("c", 1.0, speed=10.0)
-    d.mesh("m", "a", "b", 1.0, 0.5, -0.5)
-    d.clutch("c1", "b", "c")
+    d = light_worm_behind_a_clutch()
     d.motion("held", "c")
     r = run(d.build(), 0.5, step, {"b": 5.0, "c1": 3.0, "held": lambda t: 10.0 + 20.0 * t})
     assert r.capped == 0 and [e.kind for e in r.events if e.element == "m loss"] == ["close", "lock"]

@@ -25,6 +25,7 @@ from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
 from ..testbench.rig_base import Tripped
 from ..transmission import NEUTRAL, Transmission
+from ..validation.calibration_rows import PAUSE
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
@@ -34,7 +35,6 @@ LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order; the longer one is used wh
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
 LOAD_WITHIN = 1.0  # Nm within which the output's torque is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
-PAUSE = 8.0  # s in the gear before the first shift from it, as in the sequences: the piston of the open clutch returns
 OPEN = 1.0  # times its kiss pressure: a released clutch has less than this when the shift is over
 # reasons that do not make a shift invalid: t_o is no objective, and a dip down to standstill counts in the objective dip
 NO_MATTER = ("did not settle at", "had no time to settle", "the output stood still")
@@ -229,7 +229,7 @@ class Bench:
                 self._go(1.5)
                 while rig.shifting:
                     self._go(0.1)
-            self._go(PAUSE)
+            self._go(PAUSE * SAMPLE)  # the piston of the open clutch returns
             self._standing[gear] = rig.snapshot()
         return self._standing[gear]
 

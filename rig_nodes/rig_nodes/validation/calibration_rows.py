@@ -157,8 +157,7 @@ def piece_shares(target: Target, length: int) -> np.ndarray:
     (length,) array of float
         Shares; their sum is 1.
     """
-    t = SAMPLE * np.arange(length)
-    piece = np.array([np.searchsorted([high for _, high, _ in target.pieces], at) for at in t])
+    piece = np.searchsorted([high for _, high, _ in target.pieces], SAMPLE * np.arange(length))
     return 1.0 / (np.bincount(piece)[piece] * len(np.unique(piece)))
 
 
@@ -251,10 +250,10 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
         left = fall[over : over + RELEASED]
         level = float(np.sqrt(np.mean(left**2)))
         out.append(Miss(f"{falling.id}: end", level, level / NO_LEVEL, tuple(left / NO_LEVEL / np.sqrt(len(left)))))
-    line = off_the_line(rising, distances(rising, rise, first))
+    of_rise, of_fall = distances(rising, rise, first), distances(falling, fall, fallen)
+    line = off_the_line(rising, of_rise)
     out.append(Miss(f"{rising.id}: line", line, max(0.0, line / LINE_ERROR - 0.5)))
-    for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
-        apart = distances(row, p, start)
+    for row, apart in ((rising, of_rise), (falling, of_fall)):
         parts = apart * np.sqrt(piece_shares(row, len(apart)))
         miss = float(np.sqrt(np.sum(parts**2)))
         out.append(Miss(row.id, miss, miss / row.tolerance, tuple(parts / row.tolerance)))
