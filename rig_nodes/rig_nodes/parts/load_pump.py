@@ -110,7 +110,9 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     float
         Setting of the relief valve [Pa].
     """
-    return max(0.0, torque - load.mechanical_loss) / (load.displacement * relief_factor(speed))
+    return max(0.0, torque - load.mechanical_loss) / (
+        load.displacement * relief_factor.py_func(speed)
+    )  # to load the compiled one takes 3 ms
 
 
 @njit(**INLINED)

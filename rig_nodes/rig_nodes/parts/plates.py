@@ -10,6 +10,7 @@ and drag themselves are in plant.friction.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import exp, expm1
 from typing import TYPE_CHECKING
 
@@ -112,6 +113,7 @@ class PackFriction:
     drag_model: str = choice("Model of the viscous drag of the open pack", *DRAG_MODELS)
 
 
+@lru_cache(maxsize=32)  # packs of a rig are alike, and every run of a campaign asks again
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
     """Return the torque per clamp force of the whole pack by a model of chapter 6.
 

@@ -44,6 +44,8 @@ from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, 
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints, Record
 
+EVENT, DONE, CORRECTED = 0, 1, 2  # outcomes of attempt
+ATTEMPTS = 5  # at a step with losses, each nearer by their slope, 0.3 at most of HydmAG's
 NEAR = 1e-9  # Nm, as FORETOLD, where stuck elements share a torque: how they do depends on the loss itself
 
 
@@ -73,13 +75,13 @@ def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def quiet_step(h: float, line: Record) -> bool:
-    """Take a step like `driveline_step` on a driveline's record (engine.world.driveline_dtype) if no event can happen in it.
+def attempt(h: float, line: Record, before: int) -> int:
+    """Take the step of :func:`quiet_step` with predicted losses by torque, or with those that the attempts ``before`` corrected.
 
-    Returns True when the step is done. Returns False when something may happen: a change of mode, a root, a limit, another set of
-    stuck elements than in the last step, or a loss by torque that does not continue its course. Then nothing has changed, and
-    `driveline_step` has to be called; it solves the losses that are predicted here. Where stuck elements share a torque with one
-    that bears its limit, as brakes of a shaft at rest do, this one keeps its mode if it would be beyond its limit by sticking too.
+    Returns DONE; EVENT when something may happen, a change of mode, a root, a limit, or another set of stuck elements than in the
+    last step; or CORRECTED when a loss is another than was predicted. Then nothing has changed but this prediction. Where stuck
+    elements share a torque with one that bears its limit, as brakes of a shaft at rest do, this one keeps its mode if it would be
+    beyond its limit by sticking too.
 
     The compiler knows the sizes of the driveline from the type of the record, and which elements the losses own.
     """
@@ -92,7 +94,8 @@ def quiet_step(h: float, line: Record) -> bool:
     slip0, slip1, torque0, torque1, rate = room(mode), room(mode), room(mode), room(mode), room(twist)
     speed = vector(v, 0, v)
     force = vector(q, 0, v)
-    foretell_losses(loss)
+    if before == 0:
+        foretell_losses(loss)
     for k in range(loss.shape[0]):
         put_foretold(loss, cap, own[k], k)
     vmax = 0.0
@@ -116,16 +119,16 @@ def quiet_step(h: float, line: Record) -> bool:
             elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
                 shared = True
             elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
-                return False
+                return EVENT
         elif mo != OPEN:
-            return False
+            return EVENT
         bit *= 2.0
         torque = borne(cap, f, mo, int(0))
         slip0[f] = slip
         torque0[f] = torque
         force = add(force, -(torque + cap[VISC, f] * slip), along)
     if work[0] != pattern:
-        return False
+        return EVENT
     if stale(h, pattern, cap, work):
         implicit(h, w, sh, kc, cap, work)
     # acceleration at the start, without what is implicit
@@ -138,7 +141,7 @@ def quiet_step(h: float, line: Record) -> bool:
             if mode[f] == LOCKED_HIGH or mode[f] == LOCKED_LOW:
                 over = beyond(torque0[f], mode[f], if_stuck(f, mode, int(0), torque0, int(0), w, orr, work))
                 if not over > 0.0:
-                    return False
+                    return EVENT
         speed = held(speed, mode, w, work, orr, v)  # as where such modes are decided
     change = add(vector(q, n, v), -1.0, vector(q, 0, v))
     for f in range(m):
@@ -164,26 +167,28 @@ def quiet_step(h: float, line: Record) -> bool:
             l1 = torque1[f] = dot(vector(work, orr + f * n, v), end)
             lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
             if max(cap[HI1, f], cap[KIN1, f]) - l1 < -lim or max(cap[HI0, f], cap[KIN0, f]) - l0 < -4.0 * lim:
-                return False
+                return EVENT
             if l1 - min(cap[LO1, f], -cap[KIN1, f]) < -lim or l0 - min(cap[LO0, f], -cap[KIN0, f]) < -4.0 * lim:
-                return False
+                return EVENT
         elif mo == FORWARD or mo == BACKWARD:
             y0 = mo * slip0[f]
             speeding = mo * dot(vector(w, f * n, v), accel)
             if not (y0 > tol and mo * slip1[f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
-                return False
+                return EVENT
     if loss.shape[0] > 0:
         near = NEAR if shared else FORETOLD
         # accelerations at the end, by the trapezoidal rule
         gained = add(scaled(2.0 / h, dv), -1.0, accel)
+        met = True
         for k in range(loss.shape[0]):
             torque = dot(vector(loss, k * loss.shape[1] + WEIGHTS + m, v), gained)
             for f in range(m):
                 torque += loss[k, WEIGHTS + f] * torque1[f]
             asked = loss_at(loss, k, torque, v[int(loss[k, WAY])])
-            if not abs(asked - loss[k, NEXT]) <= near:
-                return False
+            met = met and abs(asked - loss[k, NEXT]) <= near
             loss[k, NEXT] = asked
+        if not met:
+            return CORRECTED
         for k in range(loss.shape[0]):
             loss[k, BEFORE] = loss[k, LAST]
             loss[k, LAST] = loss[k, NEXT]
@@ -210,4 +215,18 @@ def quiet_step(h: float, line: Record) -> bool:
         shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate[a] + gain)
     speed = add(speed, 1.0, dv)
     put(v, 0, held(speed, mode, w, work, orr, v) if stuck else speed)
-    return True
+    return DONE
+
+
+@njit(**INLINED)
+def quiet_step(h: float, line: Record) -> bool:
+    """Take a step like `driveline_step` on a driveline's record (engine.world.driveline_dtype) if no event can happen in it.
+
+    Returns True when the step is done. Returns False when something may happen, or when a loss by torque is not met at the last
+    attempt. Then nothing has changed, and `driveline_step` has to be called; it solves the losses that are predicted here.
+    """
+    how, before = CORRECTED, 0
+    while how == CORRECTED and before < ATTEMPTS:  # a loop, so that the compiled step is there once
+        how = attempt(h, line, before)
+        before += 1
+    return how == DONE
