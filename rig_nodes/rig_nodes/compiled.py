@@ -184,15 +184,15 @@ def _processor() -> str:
 class _OfNumba:
     """Finder of modules that sets numba's cache folder when numba is loaded, and keeps it from loading what nothing here uses.
 
-    That would take a quarter of a second. numba asks for ``coverage`` only to learn whether it measures this process, for scipy's
-    BLAS for products of matrices, and for ``yaml`` to read settings from a file of its own. It does without each of them; what is
-    loaded already it finds as ever.
+    That would take a quarter of a second. numba asks for ``coverage`` only to learn whether it measures this process, for scipy to
+    learn whether it is too old and for its BLAS for products of matrices, and for ``yaml`` to read settings from a file of its own.
+    It does without each of them; what is loaded already it finds as ever.
     """
 
     asks: ClassVar = {
-        "coverage": "numba.misc.coverage_support",
-        "yaml": "numba.core.config",
-        "scipy": "numba.np.arraymath",
+        "coverage": ("numba.misc.coverage_support",),
+        "yaml": ("numba.core.config",),
+        "scipy": ("numba", "numba.np.arraymath"),
     }  # package -> who asks as it is loaded
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: object = None) -> ModuleSpec | None:
@@ -201,8 +201,8 @@ class _OfNumba:
             _set_folder()
         if change := _CHANGES.get(fullname):
             return _changed(PathFinder.find_spec(fullname, path), change)
-        asking = sys.modules.get(self.asks.get(fullname.partition(".")[0], ""))
-        if getattr(getattr(asking, "__spec__", None), "_initializing", False):
+        asking = (sys.modules.get(name) for name in self.asks.get(fullname.partition(".")[0], ()))
+        if any(getattr(getattr(module, "__spec__", None), "_initializing", False) for module in asking):
             raise ModuleNotFoundError(f"{fullname} is left out while numba is loaded", name=fullname)
         return None
 

@@ -5,6 +5,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -125,4 +126,7 @@ def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):
     done = rig_command("simulate", str(SHORT), "--out", str(small_disk / "run"))
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert done.stderr.startswith(f"rig: {small_disk / 'run' / 'short_0.mcap'} cannot be written (disk full); what was recorded")
-    assert Bag(small_disk / "run", recover=True).counts["/instruments/controller"] > 100
+    bag = Bag(small_disk / "run", recover=True)
+    assert bag.counts["/instruments/controller"] > 100
+    said = float(re.search(r"up to ([\d.]+) s stays readable", done.stderr)[1])
+    assert max(time for topic in bag.counts for time, _ in bag.messages(topic)) / 1e9 == pytest.approx(said, abs=2e-3)

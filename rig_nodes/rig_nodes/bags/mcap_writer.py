@@ -6,7 +6,8 @@
 The bag writer uses it. Most of a run's messages are some hundred bytes long; for those, the library's writing record by
 record and field by field costs more than the rest of recording. Here single messages of a chunk are put together when it is
 closed, all heads and all index entries at once; many messages of a channel come as an array and are laid into place at
-once. The library's record classes write everything except messages.
+once. A closed chunk is packed by a thread while the next one is gathered. The library's record classes write everything except
+messages.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ import itertools
 import struct
 import zlib
 from array import array
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -29,6 +31,7 @@ from mcap.records import Channel, DataEnd, Footer, Header, McapRecord, Metadata,
 from .mcap_file import MAGIC
 
 COMPRESSION = b"zstd"
+MOST_PACKING = 16  # closed chunks that wait for the thread that packs them
 _MESSAGE = np.dtype(
     [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("logged", "<u8"), ("published", "<u8")]
 )
@@ -61,6 +64,9 @@ class McapWriter:
         self._file, self._chunk_bytes = file, chunk_bytes
         self._compression = COMPRESSION if packed else b""
         self._compress = zstandard.ZstdCompressor().compress if packed else bytes
+        self._packer = ThreadPoolExecutor(1)  # packs and sums without Python's lock
+        # closed chunks that are being packed: packed bytes and CRC, size, index
+        self._packing: deque[tuple[Future[tuple[bytes, int]], int, Index]] = deque()
         self._data_crc = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -123,23 +129,32 @@ class McapWriter:
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Store named texts outside the chunks."""
-        record, offset = _bytes(Metadata(name=name, metadata=values)), self._file.tell()
+        record, offset = _bytes(Metadata(name=name, metadata=values)), self.size
         self._metadata.append(MetadataIndex(offset=offset, length=len(record), name=name))
         self._write(record)
 
     @property
+    def last(self) -> int:
+        """Last time of the messages whose chunks are in the file [ns], 0 before the first."""
+        return self._last
+
+    @property
     def size(self) -> int:
-        """Bytes of the file so far, without the chunk in progress."""
+        """Bytes of the file so far, with all closed chunks."""
+        self._put_chunks()
         return self._file.tell()
 
     def flush(self) -> None:
         """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
         self.end_chunk()
+        self._put_chunks()
         self._file.flush()
 
     def finish(self) -> None:
         """Write the end of the file: summary, indices and magic."""
         self.end_chunk()
+        self._put_chunks()
+        self._packer.shutdown()
         self._write(_bytes(DataEnd(self._data_crc)))
         start, data, groups = self._file.tell(), bytearray(), []
         for opcode, part in (
@@ -213,9 +228,26 @@ class McapWriter:
             return
         index = self._index or self._index_of_parts()
         content = self._parts[0][0] if len(self._parts) == 1 else b"".join([part[0] for part in self._parts])
-        packed, compression, size = self._compress(content), self._compression, len(content)
+        self._packing.append((self._packer.submit(self._pack, content), len(content), index))
+        self._begin_chunk()
+        while self._packing and (self._packing[0][0].done() or len(self._packing) > MOST_PACKING):
+            self._put_chunk()
+
+    def _pack(self, content: bytes | memoryview) -> tuple[bytes, int]:
+        """Return a chunk's content as the file holds it, and its CRC."""
+        return self._compress(content), zlib.crc32(content)
+
+    def _put_chunks(self) -> None:
+        """Write all closed chunks."""
+        while self._packing:
+            self._put_chunk()
+
+    def _put_chunk(self) -> None:
+        """Write the first of the closed chunks, as soon as it is packed."""
+        packing, size, index = self._packing.popleft()
+        (packed, crc), compression = packing.result(), self._compression
         length = _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed)
-        head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, zlib.crc32(content), len(compression))
+        head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, crc, len(compression))
         at = self._file.tell()
         indices_at = at + 9 + length
         self._write(b"".join([head, compression, _PACKED.pack(len(packed)), packed, index.records]))
@@ -236,7 +268,6 @@ class McapWriter:
         )
         self._chunks += table.tobytes() + _INDICES.pack(len(index.records), len(compression)) + compression
         self._chunks += _SIZES.pack(len(packed), size)
-        self._begin_chunk()
 
     def _index_of_parts(self) -> Index:
         begins, begin = [], 0  # of each record

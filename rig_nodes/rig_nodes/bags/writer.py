@@ -270,6 +270,7 @@ class BagWriter:
             records = content[at[k] : int(starts[k + 1])]
             self._guard(self._writer.add_records, records, of[begin:end], times[begin:end], ends[begin:end] - at[k], each[k])
         self._guard(self._file.flush)
+        self._kept = self._writer.last
         self._first, self._last = min(self._first, int(times.min())), max(self._last, int(times.max()))
 
     def _store_each(self, columns: Sequence[Column], order: Sequence[int], times: Sequence[int]) -> None:
@@ -293,7 +294,10 @@ class BagWriter:
         if self._flush_at is None:
             self._first = self._last = log_time_ns
         else:
-            self._guard(self._writer.flush if hand_over else self._writer.end_chunk)
+            if hand_over:
+                self._hand_over()
+            else:
+                self._guard(self._writer.end_chunk)
             if self._split or self._full(log_time_ns):
                 self._guard(self._next)
                 self._first = self._last = log_time_ns
@@ -355,7 +359,11 @@ class BagWriter:
     def flush(self) -> None:
         """Close the chunk in progress and hand all data to the operating system."""
         self._writable()
+        self._hand_over()
+
+    def _hand_over(self) -> None:
         self._guard(self._writer.flush)
+        self._kept = self._writer.last
 
     def close(self) -> None:
         """Write the end of the file and metadata.yaml; a second call does nothing.
@@ -392,9 +400,7 @@ class BagWriter:
             raise self._fail(error) from None
 
     def _fail(self, error: OSError) -> RigError:
-        failure = not_written(
-            self.path, error, f"what was recorded up to {self._last / 1e9:.3f} s stays readable, but for up to 100 ms before that"
-        )
+        failure = not_written(self.path, error, f"what was recorded up to {self._kept / 1e9:.3f} s stays readable")
         self._failure = type(failure), str(failure)
         with suppress(OSError):
             self._file.close()
@@ -407,6 +413,7 @@ class BagWriter:
         self._schemas: dict[str, int] = {}
         self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
+        self._kept = 0  # ns, up to which everything is handed to the operating system
         self._file = open(self.path, "xb", buffering=BUFFER)
 
     def _begin(self) -> McapWriter:
