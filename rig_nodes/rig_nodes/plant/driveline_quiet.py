@@ -225,7 +225,7 @@ def quiet_step(h: float, line: Record) -> bool:
     Returns True when the step is done. Returns False when something may happen, or when a loss by torque is not met at the last
     attempt. Then nothing has changed, and `driveline_step` has to be called; it solves the losses that are predicted here.
     """
-    how, before = CORRECTED, 0
+    how, before = CORRECTED, int(0)  # int(): a literal would make numba compile the step once more
     while how == CORRECTED and before < ATTEMPTS:  # a loop, so that the compiled step is there once
         how = attempt(h, line, before)
         before += 1
