@@ -422,7 +422,8 @@ class Driveline:
         table : pair of sequences of float, optional
             Twists [rad] and torques [Nm] in place of a stiffness. Beyond its ends the table goes on in a straight line.
         backlash : float
-            Angle from contact to contact [rad]. Its middle is at twist 0, and there is neither torque nor damping within it.
+            Angle from contact to contact [rad]. Its middle is at twist 0, and there is neither torque nor damping within it. A
+            contact pushes and never pulls.
         hysteresis : sequence of (float, float)
             Springs in parallel with the shaft, each (stiffness [Nm/rad], torque [Nm]), each of which slides at its torque.
 

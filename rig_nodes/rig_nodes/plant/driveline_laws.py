@@ -208,6 +208,47 @@ def in_contact(gap: float, x: float, dx: float) -> float:
 
 
 @njit(**INNER)
+def contact_damping(damping: float, gap: float, x: float, dx: float, push: float, slope: float, rate: float) -> float:
+    """Return the damping of a shaft over the way from x to x + dx, where the contact at an end of its gap only pushes.
+
+    On the way back to the gap, from where damping would exceed the torque of the spring, there is no torque, as in the Modelica
+    Standard Library's ElastoBacklash2. The spring's energy on the rest of its way is lost.
+
+    Parameters
+    ----------
+    damping, gap : float
+        Damping in contact [Nm s/rad] and half the backlash [rad].
+    x, dx : float
+        Twist at the start, and its way [rad].
+    push, slope : float
+        Torque of the characteristic at the start [Nm], and its mean slope on the way [Nm/rad].
+    rate : float
+        Mean rate of the twist [rad/s].
+
+    Returns
+    -------
+    float
+        The damping [Nm s/rad] whose mean torque over the way is that of the contact.
+    """
+    noinline()
+    found = damping * in_contact(gap, x, dx)
+    if gap == 0.0 or (x + 0.5 * dx) * rate >= 0.0:
+        return found
+    side = 1.0 if x + 0.5 * dx > 0.0 else -1.0
+    first = side * (push + found * rate)
+    last = first + side * slope * dx
+    if first >= 0.0 and last >= 0.0:
+        return found
+    mean = 0.0
+    if first > 0.0:
+        mean = 0.5 * first * first / (first - last)
+    elif last > 0.0:
+        mean = 0.5 * last * last / (last - first)
+    # where the way leaves the contact the line is only the mean of the characteristic
+    return min(found, max(0.0, (side * mean - push - 0.5 * slope * dx) / rate))
+
+
+@njit(**INNER)
 def least_capacity(tables: Tables, k: int, x: float) -> float:
     """Return the least value near x of the table of a capacity that counts: what the rounding of x makes of its pieces is less."""
     noinline()
@@ -498,10 +539,10 @@ def try_step(
                 cc[VISC, f] += mean * slope[k]
             elif kind == SHAFT:
                 torque[k], slope[k] = along(laws.tables, k, x, dx)
+                other[k] = contact_damping(laws.damping[k], laws.gap[k], x, dx, torque[k], slope[k], dx / d)
                 for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
                     torque[k] += own.spring[i]
                     slope[k] += spring_with_friction(laws.springs[i, 0], laws.springs[i, 1], own.spring[i], dx)[0]
-                other[k] = laws.damping[k] * in_contact(laws.gap[k], x, dx)
                 kk[0, slot], kk[1, slot] = slope[k], other[k]
                 twist[slot] = 0.0
                 for j in range(n):
@@ -576,12 +617,13 @@ def try_step(
                     asked = (value(laws.tables, k, a1) - value(laws.tables, k, a0)) / (a1 - a0)
                     error, scale = other[k] * abs((asked - slope[k]) * (a1 - a0)), 1.0 + other[k]
             elif kind == SHAFT:
-                _, asked = along(laws.tables, k, x, dx)
+                first, asked = along(laws.tables, k, x, dx)
+                damped = contact_damping(laws.damping[k], laws.gap[k], x, dx, first, asked, dx / d)
                 for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
                     asked += spring_with_friction(laws.springs[i, 0], laws.springs[i, 1], own.spring[i], dx)[0]
                 rate = product(laws.of[k], v)
                 error = abs((asked - slope[k]) * dx)
-                error += abs((laws.damping[k] * in_contact(laws.gap[k], x, dx) - other[k]) * dx / d)
+                error += abs((damped - other[k]) * dx / d)
                 scale = 1.0 + abs(torque[k]) + abs(asked * dx)
             elif kind == TORQUE:
                 _, asked = along(laws.tables, k, x, dx)
@@ -661,13 +703,15 @@ def try_step(
         elif kind == SHAFT:
             own.work[0] += torque[k] * dx
             own.torque[k] = value(laws.tables, k, x + dx)
+            rate = product(laws.of[k], v)
+            damped = contact_damping(laws.damping[k], laws.gap[k], x + dx, 0.0, own.torque[k], 0.0, rate)
             for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
                 stiffness = laws.springs[i, 0]
                 was = own.spring[i]
                 by, own.spring[i] = spring_with_friction(stiffness, laws.springs[i, 1], was, dx)
                 shaft[E_SHAFT, slot] += (was + 0.5 * by * dx) * dx - 0.5 * (own.spring[i] ** 2 - was**2) / stiffness
                 own.torque[k] += own.spring[i]
-            shaft[TAU, slot] = own.torque[k] + laws.damping[k] * in_contact(laws.gap[k], x + dx, 0.0) * product(laws.of[k], v)
+            shaft[TAU, slot] = own.torque[k] + damped * rate
             twist[slot] = x + dx
         elif kind == TORQUE:
             own.torque[k] = g1 * value(laws.tables, k, x + dx)

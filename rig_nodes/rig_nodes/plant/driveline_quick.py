@@ -56,8 +56,8 @@ from rig_nodes.plant.driveline_laws import (
     MOTION,
     SHAFT,
     TORQUE,
+    contact_damping,
     differ,
-    in_contact,
     mobility_of,
     spring_with_friction,
 )
@@ -678,10 +678,10 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
                 if not by_law[BEGIN, k] <= here + dx <= by_law[END, k]:
                     start, rise = along(tables, k, here, dx)
                 if kind[k] == SHAFT:
+                    by_law[OTHER, k] = contact_damping(damping[k], gap[k], here, dx, start, rise, dx / h)
                     for i in range(first_spring[k], first_spring[k + 1]):
                         start += spring[i]
                         rise += spring_with_friction(springs[i, 0], springs[i, 1], spring[i], dx)[0]
-                    by_law[OTHER, k] = damping[k] * in_contact(gap[k], here, dx)
                     kc_now[0, place], kc_now[1, place] = rise, by_law[OTHER, k]
                     by_slot[LEAD, place] = start
                 else:
@@ -805,11 +805,14 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
                 scale = 1.0 + abs(torque)
                 by_law[SLOPE, k] = w1
             else:
-                asked = by_law[RISE, k] if within else along(tables, k, here, moved)[1]
+                start, asked = by_law[VALUE, k], by_law[RISE, k]
+                if not within:
+                    start, asked = along(tables, k, here, moved)
                 if kind[k] == SHAFT:
+                    damped = contact_damping(damping[k], gap[k], here, moved, start, asked, moved / h)
+                    error = abs((damped - by_law[OTHER, k]) * moved / h)
                     for i in range(first_spring[k], first_spring[k + 1]):
                         asked += spring_with_friction(springs[i, 0], springs[i, 1], spring[i], moved)[0]
-                    error = abs((damping[k] * in_contact(gap[k], here, moved) - by_law[OTHER, k]) * moved / h)
                 error += abs(asked * moved - by_law[SLOPE, k] * (dx if slot[k] < 0 and losses > 0 else moved))
                 scale = 1.0 + abs(by_law[TORQUE_, k]) + abs(asked * moved)
             met = met and error <= CLOSE * scale
@@ -934,12 +937,13 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
             way[k] = dx / h
         push = 0.0
         if kind[k] == SHAFT:
+            damped = contact_damping(damping[k], gap[k], here, 0.0, now, 0.0, turned)
             for i in range(first_spring[k], first_spring[k + 1]):
                 stiffness, was = springs[i, 0], spring[i]
                 by, spring[i] = spring_with_friction(stiffness, springs[i, 1], was, dx)
                 shaft[E_SHAFT, place] += (was + 0.5 * by * dx) * dx - 0.5 * (spring[i] ** 2 - was**2) / stiffness
                 now += spring[i]
-            shaft[TAU, place] = now + damping[k] * in_contact(gap[k], here, 0.0) * turned
+            shaft[TAU, place] = now + damped * turned
             twist[place] = here
         elif kind[k] == TORQUE:
             push = now = by_input[1, factor[k]] * now
