@@ -36,6 +36,29 @@ def test_two_clutches_between_the_same_bodies_are_one_of_both_their_capacities()
     assert closes(r) and "break" in [e.kind for e in r.events]
 
 
+@pytest.mark.parametrize("kind", ["clutches", "shafts"])
+def test_a_body_of_a_billionth_of_its_neighbours_inertia_acts_as_none_between_two_in_series(kind):
+    """Two clutches in series are the weaker one, two springs one whose compliance is the sum of theirs."""
+    series, one, inputs, other = Driveline(), Driveline(), {"a": lambda t: 20.0 * math.sin(5.0 * t)}, {}
+    for d in (series, one):
+        d.inertia("a", 0.7, speed=90.0)
+        d.inertia("b", 0.3)
+    series.inertia("between", 0.3e-9)
+    if kind == "clutches":
+        series.clutch("first", "a", "between")
+        series.clutch("second", "between", "b")
+        one.clutch("both", "a", "b")
+        inputs |= {"first": ([0.0, 0.5, 0.5, 2.0], [40.0, 40.0, 15.0, 15.0]), "second": 30.0}
+        other = {"both": ([0.0, 0.5, 0.5, 2.0], [30.0, 30.0, 15.0, 15.0])}
+    else:
+        series.shaft("first", "a", "between", stiffness=1000.0)
+        series.shaft("second", "between", "b", stiffness=3000.0)
+        one.shaft("both", "a", "b", stiffness=750.0)
+    r = run(series.build(), 2.0, 1e-3, inputs)
+    whole = run(one.build(), 2.0, 1e-3, {"a": inputs["a"], **other})
+    assert r.speeds[:, :2] == pytest.approx(whole.speeds, abs=1e-6 * 90.0) and closes(r)
+
+
 def test_three_clutches_in_a_ring_share_what_they_carry():
     d = Driveline()
     for name, j, speed in (("a", 0.5, 30.0), ("b", 0.4, 10.0), ("c", 0.3, -20.0)):

@@ -173,5 +173,5 @@ def _moves_inertia(inertia: Mapping[str, float], free: Sequence[str], t: Floats)
     name = list(inertia)[int(np.argmax(np.abs(t @ alone)))]
     raise RigError(
         f"driveline: body '{name}' has no inertia, and no gears or relations tie it to bodies that have some; "
-        "give it an inertia or tie it to one; two shafts that meet there are one shaft, 1 / stiffness the sum of theirs"
+        "tie it to one or give it an inertia; a billionth of its neighbours' acts as none"
     )
