@@ -55,13 +55,13 @@ def printable(text: object, kept: str = "") -> str:
 
 
 def brief(value: object) -> str:
-    """Return a value from a file as text, shortened when it is long, so that an error does not contain a whole file."""
+    """Return a value as text on one line, shortened when it is long, so that an error does not contain a whole file or array."""
     from reprlib import Repr
 
     short = Repr()
     short.maxstring = short.maxother = 60
     short.maxdict, short.maxlevel = 4, 3
-    return short.repr(value)
+    return " ".join(line.strip() for line in short.repr(value).splitlines())
 
 
 class BagError(RigError):

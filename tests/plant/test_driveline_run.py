@@ -12,6 +12,7 @@ import pytest
 
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.plant.driveline_run import Run, run
 
 K = 2.5  # teeth of a set's ring over those of its sun
@@ -196,6 +197,8 @@ def test_a_table_finer_than_the_step_keeps_its_impulse():
         (lambda s: run(s, -1.0, 0.1), "end time -1.0 s"),
         (lambda s: Run(s, 0.1).to(math.inf), "end time inf s"),
         (lambda s: Run(s, 0.1, {"c": "much"}), "input 'c' is 'much'; a number, a function of time or a table"),
+        (lambda s: Run(s, 0.1, {"c": np.zeros((3, 3))}), "input 'c' is array.* a number, a function of time or a table"),
+        (lambda s: modes(s, locked=np.zeros((2, 2))), "locked is array.* a list of names"),
         (lambda s: Run(s, 0.1, {"c": ([0.0, 1.0], [1.0, math.nan])}), "table for 'c' is not finite"),
         (lambda s: Run(s, 0.1, {"c": ([1.0, 0.0], [1.0, 2.0])}), "times not falling"),
         (lambda s: Run(s, 0.1, controller=lambda now: {"d": 1.0}).step(), "no input 'd'; inputs are: a, b, c"),

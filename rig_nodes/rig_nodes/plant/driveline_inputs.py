@@ -36,7 +36,8 @@ class _Number:
             self.value = float(value)
         except (TypeError, ValueError):
             raise RigError(
-                f"driveline: the input '{name}' is {value!r}; a number, a function of time or a table (times, values) is needed"
+                f"driveline: the input '{name}' is {brief(value)}; "
+                "a number, a function of time or a table (times, values) is needed"
             ) from None
 
     def ends(self, t: Floats, step: float, stops: Floats) -> Floats:

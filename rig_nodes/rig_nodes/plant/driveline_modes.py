@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from rig_nodes.errors import RigError
+from rig_nodes.errors import RigError, brief
 from rig_nodes.plant.driveline import System, check_built
 from rig_nodes.plant.driveline_laws import INERTIA, MOTION, TORQUE
 from rig_nodes.plant.driveline_tables import slope_at, value_at
@@ -236,8 +236,8 @@ class _Found:
 def _found(system: System, locked: Sequence[str]) -> _Found | None:
     """The matrices and modes with these elements locked; None when nothing can turn. RigError as of :func:`modes`."""
     check_built(system)
-    if isinstance(locked, str):
-        raise RigError(f"driveline: locked is {locked!r}; a list of names is needed")
+    if isinstance(locked, str) or not all(isinstance(name, str) for name in locked):
+        raise RigError(f"driveline: locked is {brief(locked)}; a list of names is needed")
     for name in locked:
         if name not in system.elements:
             raise RigError(f"driveline: there is no friction element '{name}'; there are: {', '.join(system.elements) or 'none'}")
