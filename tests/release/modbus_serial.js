@@ -1,11 +1,11 @@
 // Copyright 2026 Virtual rig maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Release check of the Modbus plug with another client library: the law of the templates by npm's modbus-serial.
+// Release check of the Modbus plug with another client library: it runs the law of the templates with npm's modbus-serial.
 //
 //     npm install modbus-serial && NODE_PATH=node_modules node tests/release/modbus_serial.js 5020
 //
-// It looks for the rig, answers it until it goes, and ends. See docs/how_to/release.md.
+// It waits for a rig, answers it until that ends, and then ends itself. See docs/how_to/release.md.
 
 const ModbusRTU = require("modbus-serial");
 

@@ -61,11 +61,10 @@ judged, the worst one is shown with its place.
 Only two bases are facts of their own: **calibrated** rows may be fitted, **predicted** ones must come out by
 themselves. **Implied** rows follow from such a row or repeat one, rows of **consistency** come out by construction,
 because the rig was given what they say; both are judged, and counted apart. Rows for **information** cannot be
-judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not
-all predicted rows are untouched: the form of the friction law and that Annex D's losses by torque are left out were
-decided with them in view, and so were some assumptions (that the plates stick in their splines when clamp force is
-taken off; that chapter 9's output speed is bounded; the drive's tuning); see "Calibration" in
-[physics.md](../background/physics.md).
+judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all predicted
+rows are untouched. The form of the friction law, the omission of Annex D's losses by torque and some assumptions were decided with
+them in view (that the plates stick in their splines when clamp force is taken off; that chapter 9's output speed is bounded; the
+drive's tuning); see "Calibration" in [physics.md](../background/physics.md).
 
 The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](../how_to/benches.md)). Its
 packs follow the thesis's model with stated friction ([friction_models.md](../background/friction_models.md)): k_kor

@@ -5,8 +5,8 @@
 
 /* The outputs, transducers and gears of the rig hydmag by name, for rig_controller.h.
  *
- * Made by ./rig export record --rig hydmag; make it anew rather than change it: a controller that is
- * compiled with it is taken by a rig with the same names, units and order only.
+ * ./rig export record --rig hydmag writes this file; write it again rather than change it. A controller
+ * that is compiled with it runs only on a rig that has the same names and units in the same order.
  */
 #ifndef RIG_RECORD_H
 #define RIG_RECORD_H

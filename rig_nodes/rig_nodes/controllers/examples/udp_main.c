@@ -5,7 +5,7 @@
 
 /* A program that runs the controller it is linked with (rig_controller.h) for the rig, over UDP, until Ctrl-C.
  *
- *   ./my_controller                                             (in one terminal; ADDRESS PORT behind it name another rig)
+ *   ./my_controller                                             (in one terminal; ADDRESS PORT behind it choose another rig)
  *   ./rig simulate demo --controller udp:9002 --level current   (in another terminal, started before or after)
  *
  * --level says whether the controller commands currents or duties. Compile this file together with your controller, with

@@ -23,9 +23,9 @@ extern "C" {
 #endif
 
 #define RIG_CONTROLLER_ABI 2u     /* raised with each change of this file that breaks libraries compiled before; a new
-                                   * optional function does not, because an older rig never calls it */
+                                   * optional function breaks none, because an older rig never calls it */
 #define RIG_CONTROLLER_TEXT 128   /* bytes of a message, its closing zero included */
-#define RIG_CONTROLLER_RECORD NULL /* NULL: for any rig, by the names in rig_controller_info; rig_record.h sets another */
+#define RIG_CONTROLLER_RECORD NULL /* NULL: runs on any rig, by the names in rig_controller_info; rig_record.h replaces it */
 
 /* What a command means. A library that can work at both levels names both, joined by |. */
 #define RIG_LEVEL_DUTY 1u         /* command: duty of the coil, 0 to 1; the controller closes the current loop */
@@ -71,7 +71,7 @@ typedef struct rig_controller_info {
   uint32_t parameter_count;
   char message[RIG_CONTROLLER_TEXT]; /* create may write here why it failed */
   const char *record;             /* RIG_CONTROLLER_RECORD of the rig */
-  const char *const *outputs;     /* their names, in the order of current, command and setpoint */
+  const char *const *outputs;     /* names of the outputs, in the order of current, command and setpoint */
   const rig_transducer *transducers; /* in the order of measured */
   const rig_gear *gears;          /* gears that may be ordered */
   uint32_t output_count;
@@ -95,7 +95,7 @@ typedef struct rig_controller_outputs {
   uint32_t gear;                  /* gear taken last */
   uint32_t shifting;              /* not 0: a shift is still running */
   double *command;                /* write one for each output here */
-  double *setpoint;               /* current asked for, one for each output [A], for display; not read at level current */
+  double *setpoint;               /* current setpoint of each output [A], for display; not read at level current */
   char message[RIG_CONTROLLER_TEXT]; /* why the status is not RIG_OK */
 } rig_controller_outputs;
 
@@ -116,7 +116,7 @@ typedef struct rig_controller_outputs {
       RIG_CONTROLLER_RECORD};                                                         \
   return &description
 
-/* Returns what the library was made for; the pointer must stay valid. */
+/* Returns the description of the library; the pointer must stay valid. */
 RIG_EXPORT const rig_controller_abi_info *rig_controller_abi(void);
 
 /* Makes a new controller and stores it in *instance; a status other than RIG_OK refuses the run. Only info->message may be
@@ -130,8 +130,9 @@ RIG_EXPORT int rig_controller_step(void *instance, const rig_controller_inputs *
 /* Frees a controller that create made. */
 RIG_EXPORT void rig_controller_destroy(void *instance);
 
-/* Optional, both or none: further transducers. It returns their names (e.g. "M_wej", "p_p", `./rig list signals` has them), with
- * NULL behind the last; the pointers stay valid. Before each step the rig brings their SI values, in the same order. */
+/* Optional, both or none: further transducers. The first function returns their names (e.g. "M_wej", "p_p"; `./rig list signals`
+ * prints all), with NULL behind the last; the pointers stay valid. Before each step the rig calls the second one with their SI
+ * values, in the same order. */
 RIG_EXPORT const char *const *rig_controller_wants(void);
 RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint32_t count);
 
@@ -141,9 +142,9 @@ RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint
 RIG_EXPORT const char *const *rig_controller_signals(void);
 RIG_EXPORT void rig_controller_signal_values(void *instance, double *values, uint32_t count);
 
-/* Optional, both or none: settings of the controller's own, which a sequence or a person may change while it runs.
+/* Optional, both or none: settings of the controller's own, which a sequence or a person may change during a run.
  * Names of letters, digits and underscores with their first values, and a NULL name behind the last; the pointer stays
- * valid. Before each step the rig brings the values as they are then, in the same order. */
+ * valid. Before each step the rig calls the second function with the present values, in the same order. */
 RIG_EXPORT const rig_parameter *rig_controller_settings(void);
 RIG_EXPORT void rig_controller_set(void *instance, const double *values, uint32_t count);
 

@@ -3,8 +3,8 @@
 
 // A shift controller behind rig_controller.h as a ROS 2 node: the controller's side of docs/how_to/ros_controller.md in C++.
 //
-// Link it with the functions of rig_controller.h and call rig_ros::serve; examples/ros_cpp is all of a package. A node
-// with more to do than that makes a rig_ros::Node and spins it as it likes.
+// Link it with the functions of rig_controller.h and call rig_ros::serve; examples/ros_cpp is a whole package. A program with other
+// work to do makes a rig_ros::Node and spins it itself.
 #ifndef RIG_ROS_HPP
 #define RIG_ROS_HPP
 
@@ -27,13 +27,13 @@ class Node : public rclcpp::Node {
     const rclcpp::QoS lasting = rclcpp::QoS(1).transient_local();
     ready_ = create_publisher<ControllerReady>("/" + topics + "/ready", lasting);
     answer_ = create_publisher<ControllerAnswer>("/" + topics + "/answer", rclcpp::QoS(1));
-    // best effort: the rig asks again for a lost answer, and an acknowledgement of each step would cost a third of it
+    // best effort: the rig asks again for a lost answer, and acknowledging each step would take a third of its time
     step_ = create_subscription<ControllerStep>("/" + topics + "/step", rclcpp::QoS(1).best_effort(),
                                                 [this](const ControllerStep &step) {
                                                   if (const ControllerAnswer *answer = box_.step(step))
                                                     answer_->publish(*answer);
                                                 });
-    // a reader's depth is for all writers together: one rig's goodbye must not displace the next one's start
+    // the depth of a reader counts the messages of all writers: the end of one rig's run must not displace the start of the next
     const rclcpp::QoS from_many = rclcpp::QoS(10).transient_local();
     start_ = create_subscription<ControllerStart>("/" + topics + "/start", from_many,
                                                   [this](const ControllerStart &start) {
@@ -41,7 +41,7 @@ class Node : public rclcpp::Node {
                                                   });
   }
 
-  // Say goodbye when a run is on, and wait until that is heard.
+  // Report the end of this controller when a run is on, and wait until the rig has received the report.
   void leave(const std::string &why) {
     if (const auto said = box_.leave(why)) {
       ready_->publish(*said);
@@ -59,7 +59,8 @@ class Node : public rclcpp::Node {
 
 inline volatile std::sig_atomic_t stopped = 0;  // number of the signal that asked for the end
 
-// Answer rigs in any order until Ctrl-C. The first argument that is not for ROS is the NAME of ros:NAME. The exit code.
+// Answer the rig until Ctrl-C, and return the exit code. Rig and node may start in any order. The first argument that is not for
+// ROS is the NAME of ros:NAME.
 inline int serve(int count, char **arguments) {
   const std::vector<std::string> words = rclcpp::remove_ros_arguments(count, arguments);
   rclcpp::init(count, arguments, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);

@@ -1,10 +1,10 @@
 // Copyright 2026 Virtual rig maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out.
+// Connects a controller of rig_controller.h with the rig's ROS 2 messages: it takes one message and returns one.
 //
-// Used by rig_ros.hpp, which is the node around it (docs/how_to/ros_controller.md); rclcpp is not needed here. Nothing here
-// computes: each step is brought to rig_controller_step once, and a step that comes again gets the same answer again.
+// rig_ros.hpp, the node around it, uses it (docs/how_to/ros_controller.md); it needs no rclcpp itself. It computes nothing:
+// it passes each step to rig_controller_step once, and answers a step that comes again with the same answer.
 #ifndef RIG_ROS_BOX_HPP
 #define RIG_ROS_BOX_HPP
 
@@ -40,7 +40,7 @@ using rig_msgs::msg::ControllerStart;
 using rig_msgs::msg::ControllerStep;
 using Names = std::vector<std::string>;
 
-// A controller's own names; none when it has but one function of the pair.
+// A controller's own names; none when it has only one function of the pair.
 inline Names names_of(const char *const *(*list)(), bool values) {
   Names out;
   if (list && values)
@@ -66,9 +66,9 @@ class Box {
   Box(const Box &) = delete;
   Box &operator=(const Box &) = delete;
 
-  // A run begins or is over; what to say to that.
+  // A run begins or is over; returns the message to send, if any.
   std::optional<ControllerReady> start(const ControllerStart &start) {
-    if (start.over && start.session != start_.session) return std::nullopt;  // the goodbye of a rig before
+    if (start.over && start.session != start_.session) return std::nullopt;  // the end of an earlier run
     end();
     if (start.over) return std::nullopt;
     start_ = start;
@@ -121,14 +121,14 @@ class Box {
     return ready(ControllerReady::READY, "");
   }
 
-  // A sample; its answer, or nothing for a step that is not this controller's. The answer stays until the next one.
+  // Returns the answer to a step, or null when the step is for another controller. The answer is valid until the next step.
   const ControllerAnswer *step(const ControllerStep &step) {
     if (!running_ || step.session != start_.session || (step.controller && step.controller != number_)) return nullptr;
     if (step.seq > answer_.seq) compute(step);
     return step.seq == answer_.seq ? &answer_ : nullptr;
   }
 
-  // What to say when this controller ends; nothing when no run is on.
+  // Returns the message to send when this controller ends; nothing when no run is on.
   std::optional<ControllerReady> leave(const std::string &why) {
     if (!running_) return std::nullopt;
     end();
@@ -140,14 +140,14 @@ class Box {
     return std::find(names.begin(), names.end(), name) != names.end();
   }
 
-  // Why the run cannot be: the first of the controller's own names that the rig does not have; else nothing.
+  // Returns why the run is refused: the first of the controller's own names that the rig does not have; empty without one.
   static std::string lacking(const Names &own, const Names &of_the_rig, const char *option, const char *more = "") {
     for (const std::string &name : own)
       if (!has(of_the_rig, name)) return "it needs " + name + "; start the rig with ros:NAME?" + option + name + more;
     return "";
   }
 
-  // The values of names, each of which is among those that the values belong to.
+  // Returns the values of `names`, all of which are among the names `of` that `values` belong to.
   static std::vector<double> picked(const Names &names, const Names &of, const std::vector<double> &values) {
     std::vector<double> out;
     for (const std::string &name : names)
@@ -214,7 +214,7 @@ class Box {
     running_ = false;
   }
 
-  const uint32_t number_;  // tells this controller from others on the same topics
+  const uint32_t number_;  // distinguishes this controller from others on the same topics
   const Names wants_, signals_, settings_;
   ControllerStart start_;
   ControllerAnswer answer_;

@@ -3,8 +3,8 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Makes a shift controller (rig_controller.h) of code that Simulink Coder or Embedded Coder has generated, with the functions
- * MODEL_initialize, MODEL_step and MODEL_terminate and the global rtU and rtY.
+/* Makes a shift controller (rig_controller.h) from code that Simulink Coder or Embedded Coder has generated, with the functions
+ * MODEL_initialize, MODEL_step and MODEL_terminate and the global structures rtU and rtY.
  *
  * Write one file rig_shim.c, or rig_shim.cpp for C++ code, beside the generated files or their folders
  * (`./rig controller new simulink DIR` writes one):
@@ -26,7 +26,7 @@
  *                        model makes a step in each sample. A slower model keeps its outputs between its steps.
  *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument;
  *                        defined as nothing where the code has no such function.
- *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): an error unless it is NULL.
+ *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): NULL is no error.
  *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0]
  *                        and rig_wanted[1]
  *   RIG_SIGNALS          names of the model's own signals that are to be recorded, e.g. "slip", "state"; then one more

@@ -5,7 +5,7 @@
 
 /* The controller's side of the UDP protocol (docs/how_to/udp.md), in C, for a shift controller of rig_controller.h.
  *
- * It needs a POSIX system with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with
+ * It needs a POSIX system with little-endian numbers and a compiler that supports weak symbols (gcc, clang). Link it with
  * your functions of rig_controller.h and call rig_udp_serve; examples/udp_main.c is a whole program. This file computes
  * nothing: it fetches the parameters, passes each sample to rig_controller_step once, and repeats the same answer when
  * the sample comes again.
@@ -35,7 +35,7 @@
 #define RIG_UDP_MOST 224 /* most numbers behind a sample or an answer */
 #define RIG_UDP_NAMES 256 /* most entries of one of the rig's lists */
 enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_NAME, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE, RIG_OWN };
-/* the rig's lists, by which a frame NAME says what its name is */
+/* the rig's lists of names; a frame NAME gives the list of its name */
 enum { RIG_LIST_SETTINGS, RIG_LIST_OUTPUTS, RIG_LIST_TRANSDUCERS, RIG_LIST_GEARS, RIG_LISTS };
 enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* what the name in a frame OWN is */
 enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
@@ -60,12 +60,12 @@ typedef struct {
       uint64_t sample;
       double time;
       uint32_t gear_request, reserved;
-      double more[RIG_UDP_MOST]; /* currents, transducers, what the controller wants, its settings */
+      double more[RIG_UDP_MOST]; /* currents, transducers, further transducers, settings of the controller */
     } sample;
     struct {
       uint32_t status, gear, shifting, flags;
       char message[RIG_CONTROLLER_TEXT];
-      double more[RIG_UDP_MOST]; /* commands, setpoints, its own signals */
+      double more[RIG_UDP_MOST]; /* commands, setpoints, signals of the controller */
     } answer;
     struct { char message[RIG_CONTROLLER_TEXT]; } bye;
   } body;
@@ -118,7 +118,7 @@ static void rig_udp_hello(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_HELLO, 0);
 }
 
-/* Waits for a frame for at most `ms`; returns 1 with a frame, or 0. What is no frame of this protocol is ignored. */
+/* Waits for a frame for at most `ms`; returns 1 with a frame, or 0. Packets of other forms are ignored. */
 static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms) {
   struct pollfd look = {client->socket, POLLIN, 0};
   while (poll(&look, 1, ms) > 0) {
@@ -147,7 +147,7 @@ static void rig_udp_end(rig_udp_client *client) {
   client->session = 0;
 }
 
-/* Counts what the controller has itself: further transducers, signals, settings. */
+/* Counts the further transducers, the signals and the settings of the controller. */
 static void rig_udp_count(rig_udp_client *client) {
   const char *const *wants = rig_controller_wants && rig_controller_wanted ? rig_controller_wants() : NULL;
   const char *const *signals =

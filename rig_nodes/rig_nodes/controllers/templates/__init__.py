@@ -3,7 +3,7 @@
 
 """Templates of controllers of one's own, each a small law that shifts; written by ``rig controller new``.
 
-A kind is a folder beside this file and, for plugs that need them, files of the rig and of other kinds that go with it.
+A template is a folder beside this file and, for plugs that need them, files of the rig and of other templates.
 """
 
 from __future__ import annotations

@@ -5,12 +5,12 @@
 
 /* A shift controller of rig_controller.h as the model of an FMU: inputs and outputs of the seam, parameters by name.
  *
- * Its step from t to t + 1 ms answers the sample at t: an importer that hands the answer to the rig at t + 1 ms has the
- * seam's one sample of delay. variables.h states where the seam's values are: MODEL_LEVEL, MODEL_LIMIT (current_limit),
- * MODEL_RECORD (rig_record), MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of the rig's
- * record, then MODEL_WANTS further transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting,
- * flags, status, then MODEL_SIGNALS signals of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of
- * its own); and by name MODEL_ID, MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
+ * Its step from t to t + 1 ms answers the sample at t: an importer that passes the answer to the rig at t + 1 ms has the seam's one
+ * sample of delay. variables.h states where these values are: MODEL_LEVEL, MODEL_LIMIT (current_limit), MODEL_RECORD (rig_record),
+ * MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of the rig's record, then MODEL_WANTS further
+ * transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting, flags, status, then MODEL_SIGNALS signals
+ * of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its own); and by name MODEL_ID,
+ * MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
  */
 #include "rig_controller.h"
 
@@ -32,7 +32,7 @@ struct model {
   model_say say;
   void *importer;
   void *controller;
-  int alive; /* there is a controller that destroy has to end */
+  int alive; /* there is a controller, which destroy has to free */
 };
 
 model *model_new(const char *resources, model_values *values, model_say say, void *importer) {

@@ -133,7 +133,7 @@ fmi3Status fmi3DoStep(fmi3Instance it, fmi3Float64 time, fmi3Float64 step, fmi3B
   return *end ? fmi3Warning : (fmi3Status)status;
 }
 
-/* ---- functions for what modelDescription.xml does not offer */
+/* ---- functions of capabilities that modelDescription.xml does not offer */
 
 static fmi3Status not_offered(fmi3Instance it, const char *what) {
   if (it) say(it, MODEL_ERROR, what);

@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* What the functions of FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c) call: one model with its values and functions.
+/* The interface that the functions of FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c) call: one model with its values and functions.
  *
  * An FMU is one of those two files with one model: the rig as a process (rig_process.c) or a shift controller of
  * rig_controller.h (controller_model.c). variables.h is written when the FMU is built; it lists the variables.
@@ -23,7 +23,7 @@ enum { MODEL_OK, MODEL_WARNING, MODEL_DISCARD, MODEL_ERROR, MODEL_FATAL };
 static const char *const MODEL_CATEGORIES[] = {"logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError",
                                                "logStatusFatal"};
 
-/* number[r]: value of the real, integer or boolean r; of a string r, the number of its text. */
+/* number[r]: value of the real, integer or boolean r; for a string r, the number of its text. */
 typedef struct {
   double number[MODEL_COUNT];
   char text[MODEL_TEXTS][MODEL_TEXT];
@@ -64,7 +64,7 @@ typedef struct {
   model_phase phase;
   model_say say;
   void *importer;
-  int fresh;            /* the outputs belong to the parameters as they are */
+  int fresh;            /* the outputs were computed with the present parameters */
   double start, stop;   /* time of the first step and the time that no step may pass [s] */
   unsigned long sample; /* samples since then */
 } instance;
@@ -75,7 +75,7 @@ int instance_set(instance *i, char type, unsigned reference, double value, const
 int instance_set_up(instance *i, double start, double stop);
 int instance_enter(instance *i);
 int instance_leave_initialization(instance *i);
-int instance_step(instance *i, double time, double step); /* MODEL_DISCARD: instance_time() was reached */
+int instance_step(instance *i, double time, double step); /* MODEL_DISCARD: the step ended early, at instance_time() */
 int instance_terminate(instance *i);
 int instance_reset(instance *i);
 void instance_free(instance *i);

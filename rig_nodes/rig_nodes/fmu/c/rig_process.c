@@ -115,7 +115,7 @@ static int ask(model *m, uint32_t what, unsigned samples) {
   m->request.what = what;
   m->request.samples = samples;
   m->request.values = *m->values;
-  if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* a failure is seen at the answer */
+  if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* reading the answer shows a failure */
   status = receive(m);
   if (status <= MODEL_DISCARD) *m->values = m->answer.values;
   return status;

@@ -3,7 +3,7 @@
 
 """A shift controller on a CAN bus: a small law to replace by yours (docs/how_to/can.md of the rig). Ctrl-C ends it.
 
-The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a ramp.
 """
 
 import sys
@@ -29,7 +29,7 @@ rig_currents = database.get_message_by_name("RIG_CURRENTS")
 
 
 class Law:
-    """A small law: the gear that it has taken and the shift that it is in."""
+    """A small law with its present gear and shift."""
 
     gear = old = 0
     since = -10.0  # no shift is running
@@ -55,7 +55,7 @@ def send(bus: can.BusABC, name: str, values: dict[str, float]) -> None:
 
 
 def frames(bus: can.BusABC) -> Iterator[can.Message]:
-    """What comes on the bus; what cannot be read is said the first time, and left out."""
+    """Frames from the bus; one that cannot be read is left out, and the first such one is reported."""
     unread = 0
     while True:
         try:
@@ -71,7 +71,7 @@ def frames(bus: can.BusABC) -> Iterator[can.Message]:
 
 
 def answer(bus: can.BusABC) -> None:
-    """One answer to each sample, run after run."""
+    """Answer each sample, in one run after another."""
     law, request, last, time = None, 0, 0, 0.0
     for frame in frames(bus):
         if frame.arbitration_id == rig_request.frame_id:

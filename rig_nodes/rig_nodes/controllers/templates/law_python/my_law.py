@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The law: current setpoints in steps of 1 ms, from what the wires carry. my_controller.py brings it onto the wires.
+"""The law, to change as you like. Every 1 ms it computes the current setpoints from the inputs that the real controller's wires
+carry; my_controller.py connects it with the rig.
 
-The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a ramp.
 """
 
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ OVERLAP, RELEASE = 0.35, 0.13  # s in which both clutches are on; A of the old o
 
 
 class MyController:
-    """A small law: the gear that it has taken and the shift that it is in."""
+    """A small law with its present gear and shift."""
 
     def initialize(self, info: SimpleNamespace) -> None:
         """A run begins."""

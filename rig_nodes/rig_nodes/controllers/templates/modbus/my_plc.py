@@ -3,7 +3,7 @@
 
 """A shift controller as a Modbus TCP client: a small law to replace by yours (docs/how_to/modbus.md). Ctrl-C ends it.
 
-The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a ramp.
 """
 
 import logging
@@ -18,7 +18,7 @@ OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old
 
 
 class Law:
-    """A small law: the gear that it has taken and the shift that it is in."""
+    """A small law with its present gear and shift."""
 
     gear = old = 0
     since = -10.0  # no shift is running
@@ -37,7 +37,7 @@ class Law:
 
 
 def serve(client: ModbusTcpClient) -> None:
-    """Read a sample and write the answer to the one before, in one request after the other, until the rig goes."""
+    """Until the rig goes, read a sample and write the answer to the one before with each request."""
     law, heartbeat, command, shifting = Law(), 0, [0.0, 0.0, 0.0], False
     while True:
         heartbeat = heartbeat % 65535 + 1
@@ -52,7 +52,7 @@ def serve(client: ModbusTcpClient) -> None:
 
 def main() -> None:
     """Look for the rig, serve it, look for it again: the rig is a server for the time of one run."""
-    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # a rig that is not there yet is not reported
     while True:
         client = ModbusTcpClient("127.0.0.1", port=5020, timeout=0.5, retries=0)
         try:

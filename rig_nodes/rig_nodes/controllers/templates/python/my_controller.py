@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
+"""A shift controller of your own, to change as you like. Every 1 ms it computes the current setpoints from the inputs that the real
+controller's wires carry.
 
-The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a ramp.
 """
 
 from rig_nodes.controllers import ControllerInfo, ControllerInputs, ControllerOutputs
@@ -13,7 +14,7 @@ OVERLAP, RELEASE = 0.35, 0.13  # s in which both clutches are on; A of the old o
 
 
 class MyController:
-    """A small law: the gear that it has taken and the shift that it is in."""
+    """A small law with its present gear and shift."""
 
     levels = ("current",)  # what step returns: setpoints in A; "duty" would be 0 to 1
 

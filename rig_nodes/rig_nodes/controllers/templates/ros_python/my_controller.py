@@ -3,8 +3,8 @@
 
 """A shift controller of your own as a ROS 2 node: the law of my_law.py, answering each sample of the rig.
 
-It needs rig_ros.py beside it, and a Python with rclpy and rig_msgs: the rig's own, or that of a ROS 2 with the rig's
-workspace.
+It needs rig_ros.py beside it, and a Python with rclpy and rig_msgs: the rig's own Python, or the Python of a ROS 2 installation
+with the rig's workspace.
 """
 
 import sys
