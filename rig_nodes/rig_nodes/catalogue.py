@@ -227,7 +227,7 @@ def installed_topics() -> dict[str, Topic]:
 
 
 def _sources() -> bytes:
-    """All that decides the topics of the installed rigs."""
+    """Everything on which the topics of the installed rigs depend."""
     digest = hashlib.sha256()
     for pattern in (
         "catalogue.py",

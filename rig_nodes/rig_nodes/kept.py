@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What was read once and is kept as JSON for later processes: configuration files (config) and message definitions (bags).
+"""Content that was read once and is kept as JSON for later processes: configuration files (config), message definitions (bags).
 
-Nothing that is kept can do more than be wrong, and only for who can write to the user's own folder.
+Kept content is never executed: at worst it is wrong, and only someone who can write to the user's own folder can make it so.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def kept_folder(what: str) -> Path:
-    """Return the folder in which contents of a kind are kept; it need not exist."""
+    """Return the folder of this name in which content is kept; it need not exist."""
     return cache_root().parent / what
 
 
@@ -34,7 +34,7 @@ def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any]
     path : Path
         The file.
     about : bytes
-        All that decides the content but what ``fits`` looks at.
+        Everything on which the content depends except what ``fits`` checks.
     make : callable
         Returns the content, which JSON can hold.
     fits : callable, optional
@@ -48,7 +48,7 @@ def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any]
     with suppress(OSError):
         if own_folder(path.parent):
             key, _, body = path.read_bytes().partition(b"\n")
-            if key == _key(about, body) and fits(content := json.loads(body)):  # otherwise it is damaged or of another time
+            if key == _key(about, body) and fits(content := json.loads(body)):  # otherwise it is damaged or outdated
                 return content
     content = make()
     with suppress(OSError):  # without a folder that can be written, it is made each time

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Versions of installed packages, by which what is kept between processes is known to be of another time.
+"""Versions of installed packages, by which content that is kept between processes is recognised as outdated.
 
-compiled, config and bags use it, at every start of what computes or reads a run.
+compiled, config and bags use it, at every start of a command that computes or reads a run.
 """
 
 from __future__ import annotations

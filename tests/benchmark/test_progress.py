@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who waits for a rig that is compiled sees that it goes on, and for how long."""
+"""Somebody who waits while a rig is compiled sees that it goes on, and for how long."""
 
 import io
 import re
@@ -15,7 +15,7 @@ from rig_nodes.cli.main import main
 
 
 class Terminal(io.StringIO):
-    """A terminal that tells when so many lines of a text were written to it."""
+    """A terminal that reports when so many lines of a text were written to it."""
 
     def __init__(self, text, times):
         super().__init__()

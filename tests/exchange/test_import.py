@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of loggers become runs: twelve laboratories' files lie on the simulated shift, and twelve broken ones are told why."""
+"""Files of loggers become runs: those of twelve laboratories lie on the simulated shift, and twelve broken ones are refused."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class User(Client):
         return self._topics[topic]
 
     def forget(self):
-        """Ends what one test has subscribed to: with all topics a busy machine is never done with old messages."""
+        """Ends what one test has subscribed to: with all topics a busy machine never gets through the old messages."""
         always = [self._heard.pop(0) for _ in ALWAYS]
         super().forget()
         self._heard, self._topics = always, {topic: self._topics[topic] for topic in ALWAYS}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag that is made in blocks holds what a listener hears who gets every message at once, in the same order and bit for bit."""
+"""A bag that is made in blocks holds the messages that a listener would receive one by one, in the same order and bit for bit."""
 
 import numpy as np
 import pytest

@@ -23,7 +23,7 @@ from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, sprin
 if TYPE_CHECKING:
     from ..bags.reader import Bag
 
-OF_A_RUN = "run"  # what a result is of that is not of a single shift, device or model
+OF_A_RUN = "run"  # place of a result that does not belong to a single shift, device or model
 TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, at which the springs' line is given
 
 
@@ -84,7 +84,7 @@ def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels:
 
 
 def bench_numbers(found: Mapping) -> list[tuple[str, str, str, str, int, float]]:
-    """Return the results of a bench as (key, name, what it is of, unit, digits, value): k_kor of each model, the lines' numbers."""
+    """Return the results of a bench as (key, name, place, unit, digits, value): k_kor of each model, the lines' numbers."""
     numbers = []
     if line := found.get("line"):
         numbers += [("k_kor", "k_kor", model, "-", 3, value) for model, value in line["k_kor"].items()]

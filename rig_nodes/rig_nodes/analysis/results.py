@@ -45,7 +45,7 @@ class Result:
     name : str
         Its name for people.
     place : str
-        What it is of: a shift with its time, a valve, a friction model, or the run.
+        To what it belongs: a shift with its time, a valve, a friction model, or the run.
     kind : str
         What results of several runs have in common: the way of a shift, such as ``I-II``, else the place.
     unit : str

@@ -249,7 +249,7 @@ def _kept(ros_type: str) -> dict:
 
 @lru_cache(maxsize=1)
 def _reader() -> bytes:
-    """What decides the content that is kept in addition to the files of the messages."""
+    """Everything on which the kept content depends besides the files of the messages."""
     return Path(__file__).read_bytes() + version_of("rosbags").encode()
 
 
@@ -284,7 +284,7 @@ _share = lru_cache(maxsize=64)(get_package_share_directory)
 
 
 def _about(ros_type: str) -> list:
-    """What tells whether the file of an installed type is another one: its path, size and time of change."""
+    """Path, size and time of change of the file of an installed type, by which a changed file is recognised."""
     path = _file_of(ros_type)
     about = path.stat()
     return [str(path), about.st_size, about.st_mtime_ns]

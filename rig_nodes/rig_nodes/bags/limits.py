@@ -21,7 +21,7 @@ FIELDS, DEPTH = 2_000, 32  # of a message with everything it contains; each mess
 LISTS = MIB  # bytes of a message with sequences of messages or texts; for others only the limit of a chunk holds
 JSON, JSON_DEPTH = 8 * MIB, 32  # bytes; nesting levels of lists and objects
 YAML = MIB // 2  # bytes of metadata.yaml, 20 times the size of the project's
-LISTED = 500  # entries of a rig of each kind, such as bodies or devices
+LISTED = 500  # entries of each section of a rig, such as bodies or devices
 PROFILES = 20_000  # characters of a topic's quality of service, enough for 50 publishers
 
 

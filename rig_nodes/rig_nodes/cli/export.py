@@ -150,7 +150,7 @@ _OF_RIGS = {"I": "include", "set": "settings"}
 
 
 def _check_target(what: str, target: Path, sources: list[str]) -> None:
-    """Raise RigError when the file to write is not of this kind, or is another of the user's files."""
+    """Raise RigError when the file to write does not have this form, or is another of the user's files."""
     from ..errors import RigError
 
     endings = SUFFIXES[what]

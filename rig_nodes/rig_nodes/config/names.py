@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a name on the command line means: which file, which kind of rig, for which rig a sequence is written.
+"""What a name on the command line means: which file, which rig, for which rig a sequence is written.
 
 All that loads a rig or a sequence and the launch file use it; no values are read and nothing is computed here. Every error on
 an unknown name is made by :func:`unknown`.

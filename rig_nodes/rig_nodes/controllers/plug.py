@@ -304,7 +304,7 @@ class Plug(ABC):
             outputs = self._answer(inputs)
         except ControllerFailed:
             raise
-        except Exception as error:  # a fault of the plug itself, or of what it speaks with, that it does not know
+        except Exception as error:  # an unforeseen fault of the plug, or of the program that it connects to
             LOG.error("controller %s, sample %d", self.name, sample, exc_info=True)
             self._fail(Status.FATAL, sample, f"the plug could not get its answer: {error_text(error)}")
         try:

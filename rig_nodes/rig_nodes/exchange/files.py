@@ -60,7 +60,7 @@ def pyarrow() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be written: signals, file, the clock of the table [ns] or None for the signals' own, and who hears of progress."""
+    """What is to be written: signals, file, the clock of the table [ns] or None for the signals' own, and the call for progress."""
 
     signals: Signals
     target: Path

@@ -517,7 +517,7 @@ def read_measurement(
     Raises
     ------
     RigError
-        When the file cannot be used, or nobody says of which rig it is.
+        When the file cannot be used, or its rig is not given.
     """
     foreign = read_foreign(path, profile.form if profile else None)
     if profile is None or not profile.columns:

@@ -33,7 +33,7 @@ ROMAN = ("i", "ii", "iii", "iv", "v", "vi")
 
 
 def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str]]:
-    """Return the text of a profile, and the heads of columns that nobody could tell.
+    """Return the text of a profile, and the heads of columns for which no signal was found.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def _inputs(config: RigConfig) -> list[Variable]:
 
 
 def _controller_inputs(config: RigConfig) -> list[Variable]:
-    """Return the gear that is ordered, and the answer of a controller of the importer's."""
+    """Return the gear that is ordered, and the answer of a controller that the importer runs."""
     record = record_of(config)
     outputs, highest = len(record.outputs), max(record.gear_names)
     gear_request = Variable(

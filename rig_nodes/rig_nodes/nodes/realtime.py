@@ -59,7 +59,7 @@ def prefer(priority: int, thread: int = 0) -> bool:
 
 
 def prefer_process(priority: int) -> None:
-    """Call :func:`prefer` for the threads of this process, once its nodes are set up, and for those of DDS but one kind.
+    """Call :func:`prefer` for the threads of this process, once its nodes are set up, and for those of DDS except one group.
 
     If it were called earlier, the work of starting would delay another rig on this machine. The threads that send messages again
     to a slow subscriber (``dds.asyn``, idle otherwise) keep their priority: with the rig's they took the time that the

@@ -97,7 +97,7 @@ class BagOutputs(Outputs):
         """
         rig, sample = self.rig, self.rig.sample
         if self._changes != rig.gauges.changes or self._moments.is_over():
-            # a block tells what is the same in all of its messages once
+            # a block states once what is the same in all of its messages
             self._changes, self._now = rig.gauges.changes, sample - 1
             self.flush()
         elif sample - self._before > LENGTH or sample % LENGTH == 0:

@@ -63,7 +63,7 @@ def run_record(config: RigConfig, sequence: Sequence, seed: int, delay: int = 1)
         "description": sequence.description,
         **chosen,
         "seed": seed,
-        **({} if delay == 1 else {"delay": delay}),  # who runs it again needs it
+        **({} if delay == 1 else {"delay": delay}),  # a re-run needs it
         "versions": {"rig_nodes": __version__},
     }
 

@@ -68,7 +68,7 @@ def balanced_accuracy(rows: Iterable[Row], aside: Sequence[int] = (LEFT_ASIDE,))
     Returns
     -------
     float or None
-        The balanced accuracy; None unless there are series of both kinds.
+        The balanced accuracy; None unless there are series with and series without a hold phase.
     """
     right: dict[str, list[bool]] = {word: [] for word in HOLD_WORDS}
     for row in rows:

@@ -61,7 +61,7 @@ def _within(simulated: float, rows: Sequence[Target]) -> Pieces:
 def _apart(simulated: float, rows: Sequence[Target]) -> Pieces:
     """Just the first row's distance above or below the simulated peak, and within the bounds of the second one.
 
-    The torque meter's error is left to the bounds: which of the two it was must not hang on less than that.
+    The torque meter's error is left to the bounds, because less than that error must not decide which of the two it was.
     """
     reach, (low, high) = _number(rows[0].high), _ends(rows[1:])
     both = tuple((simulated + sign * reach, simulated + sign * reach) for sign in (-1.0, 1.0))

@@ -66,7 +66,7 @@ def frames(bus: can.BusABC) -> Iterator[can.Message]:
                 print(f"my_tcu: {error}; it is left out, as are others like it", file=sys.stderr, flush=True)
             sleep(0.001)
         else:
-            if frame is not None:  # a bus of another kind may return without one
+            if frame is not None:  # another type of bus may return without one
                 yield frame
 
 
