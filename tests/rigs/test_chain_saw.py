@@ -3,6 +3,7 @@
 
 """The chain saw: clutch, chain and wood against their formulas, the paper's numbers, and what its runs show beside them."""
 
+import json
 import re
 import time
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
 from rig_nodes.config.units import UNITS, quantity
 from rig_nodes.errors import RigError
@@ -206,6 +208,20 @@ def test_as_many_turns_slip_as_the_static_condition_says_but_they_lose_a_hundred
         one for one in cells(CALCULATIONS["slips"].table(worn[0])) if one["shoes"] == "worn" and round(one["bar"] / 0.0254) == 15
     )
     assert row["loss"] == pytest.approx(static["slip_work"], rel=0.5)
+
+
+def test_a_calculation_on_a_run_has_the_values_with_which_the_run_was_made(tmp_path, capsys):
+    made = ["--set", "clutch.shoe_mass=41.07 g", "--set", "effects.transducers=off", "--with", "length=500 ms"]
+    assert main(["simulate", "cut", "--rig", "chain_saw", *made, "--out", str(tmp_path / "run")]) == 0
+
+    def carried(*words: str) -> float:
+        capsys.readouterr()
+        assert main(["calculate", "cut", "--run", str(tmp_path / "run"), *words, "--json", "-"]) == 0
+        table = json.loads(capsys.readouterr().out)
+        return dict(zip(table["columns"], table["rows"][0]))["clutch"]
+
+    assert carried() == pytest.approx(8.5, abs=0.4)
+    assert carried("--set", "clutch.shoe_mass=48.15 g") == carried("--rig", "chain_saw") > 1.15 * carried()
 
 
 def test_the_drum_follows_the_engine_in_turns_that_hold_and_lags_in_turns_that_slip(worn):

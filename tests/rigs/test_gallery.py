@@ -4,6 +4,7 @@
 """The choice among the installed rigs: each has a line and a picture, in the terminal and in the documentation."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,14 @@ def test_the_picture_of_a_rig_is_of_its_description(name):
     assert (RIGS_DIR / name / "picture.svg").read_text() == driveline_svg(load_rig(name)), (
         f"run: ./rig check {name} --picture rig_nodes/rig_nodes/rigs/{name}/picture.svg"
     )
+
+
+def test_the_picture_shows_a_mass_on_a_crank_and_boxes_as_wide_as_their_text():
+    picture = driveline_svg(load_rig("frame_saw"))
+    assert ">sash</text>" in picture and ">saw: saw cutting</text>" in picture
+    boxes = re.findall(r'class="part" .*? width="(\d+)".*\n<text[^>]*>(.*?)</text>', driveline_svg(load_rig("hydmag_hydrostatic")))
+    told = {text: int(wide) for wide, text in boxes}
+    assert told["motor: dc motor"] < told["hydrostatic: hydrostatic branch"] >= 31 * 6
 
 
 def test_every_rig_is_listed_with_a_line_and_a_picture_that_exists(capsys):

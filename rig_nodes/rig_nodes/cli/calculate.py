@@ -12,8 +12,8 @@ from ..config.names import DEFAULT_RIG
 if TYPE_CHECKING:
     import argparse
 
-    from ..testbench.calculations import Recorded, Table
-    from ..testbench.configuration import RigConfig
+    from ..bags.reader import Bag
+    from ..testbench.calculations import Table
 
 HELP = "print a calculation of a rig's folder, with its values or on a recording"
 
@@ -21,7 +21,9 @@ HELP = "print a calculation of a rig's folder, with its values or on a recording
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="the calculation; alone: which there are")
-    parser.add_argument("--rig", metavar="NAME", help=f"rig, its folder or .yaml file (default: that of --run, else {DEFAULT_RIG})")
+    parser.add_argument(
+        "--rig", metavar="NAME", help=f"rig, its folder or .yaml file (default: that of --run as it was run, else {DEFAULT_RIG})"
+    )
     parser.add_argument("--run", metavar="RUN", help="folder of a run or its .mcap file, for a calculation on a recording")
     parser.add_argument(
         "--set",
@@ -38,14 +40,15 @@ def main(args: argparse.Namespace) -> int:
     """Print the table, or the list of calculations."""
     from ..config.names import unknown
     from ..errors import RigError
-    from ..testbench.calculations import calculations_of
-    from ..testbench.configuration import load_rig
+    from ..testbench.calculations import calculations_of, of_bag
+    from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings
+    from ..testbench.recorded_rig import config_of_record
     from .json_output import check_json, write_json
 
     check_json(args.json)
-    recording, of_run = (None, None) if args.run is None else _recorded(args.run)
-    rig = args.rig or of_run or DEFAULT_RIG
+    bag = None if args.run is None else _opened(args.run)
+    rig = args.rig or (bag.record.get("name") if bag else None) or DEFAULT_RIG
     known = calculations_of(rig)
     if not known:
         raise RigError(f"the rig '{rig}' has no calculations; write a calculations.py beside its rig.yaml: docs/how_to/rigs.md")
@@ -61,12 +64,16 @@ def main(args: argparse.Namespace) -> int:
     if args.name not in known:
         raise RigError(unknown(f"calculation of '{rig}'", args.name, known))
     wanted = known[args.name]
-    if wanted.of_recording and recording is None:
+    if wanted.of_recording and bag is None:
         raise RigError(f"the calculation {args.name} needs a recording: --run RUN")
-    if recording is not None and not wanted.of_recording:
+    if bag is not None and not wanted.of_recording:
         raise RigError(f"the calculation {args.name} takes no recording; leave out --run")
-    config: RigConfig = load_rig(rig, parse_settings(args.settings))
-    table = wanted.table(config, recording)
+    settings = parse_settings(args.settings)
+    if bag is None or args.rig:
+        config = load_rig(rig, settings)
+    else:
+        config = with_overrides(config_of_record(bag.record, str(bag.path)), settings)
+    table = wanted.table(config, None if bag is None else of_bag(bag))
     if args.json != "-":
         _print(table)
     if args.json:
@@ -76,14 +83,13 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _recorded(run: str) -> tuple[Recorded, str | None]:
-    """Return the recording of a run, and the name of the rig that its bag states."""
+def _opened(run: str) -> Bag:
+    """Return the bag of a run that has begun."""
     from ..graph.result import open_bag
-    from ..testbench.calculations import of_bag
 
     bag = open_bag(run)
     bag.check_began()
-    return of_bag(bag), bag.record.get("name")
+    return bag
 
 
 def _print(table: Table) -> None:

@@ -76,7 +76,7 @@ def _attached(structure: Structure) -> dict[str, list[str]]:
     """Text on what sits on each body or acts on it."""
     out: dict[str, list[str]] = {body: [] for body in structure.bodies}
     for device in structure.devices:
-        if device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER):
+        if device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER, parts.MASS):
             type_of = device.part.replace("_", " ")
             for body in (device.wires[end] for end in ("body", "driving", "driven") if device.wires.get(end) in out):
                 out[body].append(f"{device.called}: {type_of}" if device.called != device.part else type_of)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 270, 110, 60  # size of a body, distances of columns and of rows, margin [px]
+WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 290, 110, 60  # size of a body, distances of columns and of rows, margin [px]
 STYLE = (
     "text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}"
     ".body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}.massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}"
@@ -171,9 +171,10 @@ def _body(body: Body, x: int, y: int) -> list[str]:
         top = y - 14 - 16 * bool(body.brake)
         out.append(f'<path class="freewheel" d="M{x + 24 + 60 * k} {y} v-14 m-12 0 h24 m-24 0 l8 -7 m16 7 l-8 -7" fill="none"/>')
         out.append(f'<text x="{x + 42 + 60 * k}" y="{top}">{escape(name)} ({way})</text>')
-    for k, told in enumerate(map(escape, body.notes)):
-        out.append(f'<rect class="part" x="{x + 8}" y="{y + HIGH + 4 + 20 * k}" width="{WIDE - 8}" height="17" rx="3"/>')
-        out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{told}</text>')
+    for k, told in enumerate(body.notes):
+        wide = max(WIDE - 8, 6 * len(told) + 12)
+        out.append(f'<rect class="part" x="{x + 8}" y="{y + HIGH + 4 + 20 * k}" width="{wide}" height="17" rx="3"/>')
+        out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{escape(told)}</text>')
     return out
 
 

@@ -39,6 +39,8 @@ LIMIT = DELTA + 3.0 * SCATTER
 # printed shares of cycles that slip and losses by slip, p. 6 and 7
 SHARES = {("new", 15): 0.038, ("worn", 15): 0.141, ("new", 13): 0.0236}
 LOSSES = {("new", 15): 0.0132, ("worn", 15): 0.0515, ("new", 13): 0.0075, ("new", 20): 0.0414, ("worn", 20): 0.11}
+# p. 1 and 2: displacement of this saw [cm3], and displacement [cm3] and torque [Nm] of the smallest and the largest engine of saws
+DISPLACEMENT, SIZES = 56.5, ((30.0, 1.5), (120.0, 7.8))
 TURN = np.linspace(0.0, 2.0 * np.pi, 721)
 
 
@@ -133,6 +135,44 @@ def engine(config: RigConfig) -> Table:
         "torque of the engine on its shaft at open throttle",
         {"speed": "rad/s", "torque": "Nm", "power": "kW"},
         [(w, t, w * t) for w in (500.0, 650.0, 838.0, 950.0, 1100.0, 1250.0) for t in (full_torque.py_func(w, own),)],
+    )
+
+
+def given(config: RigConfig) -> Table:
+    """Values that the paper gives for the saw, as the rig has them."""
+    own, chain = config.clutch, config.chain
+    return Table(
+        "values that the paper gives, as the rig has them",
+        {"what": "", "value": "-"},
+        [
+            ("m_s of new shoes [g]", own.engagement_mass * 1e3),
+            ("m_s of worn shoes [g]", WORN * 1e3),
+            ("r_s [mm]", own.shoe_radius * 1e3),
+            ("r_spr [mm]", own.spring_radius * 1e3),
+            ("r_b [mm]", own.drum_radius * 1e3),
+            ("q_spr [kg/m]", own.spring_mass),
+            ("pi over gamma", np.pi / own.spring_angle),
+            ("k", own.shoes),
+            ("mu", own.friction),
+            ("w_0 of new shoes [rad/s]", own.engagement_speed),
+            ("J_b [1e-6 kg m2]", config.drum.inertia * 1e6),
+            ("m_p with 15 in [kg]", chain_mass(replace(chain, bar=15.0 * INCH))),
+            ("r_k [mm]", chain.sprocket_radius * 1e3),
+        ],
+    )
+
+
+def size(config: RigConfig) -> Table:
+    """Largest torque per displacement of this engine, beside those of the smallest and the largest engine that the paper names."""
+    (small, low), (large, high) = SIZES
+    return Table(
+        "largest torque of engines of saws over their displacement",
+        {"engine": "", "displacement": "-", "torque": "Nm", "per_cm3": "Nm"},
+        [
+            ("smallest", small, low, low / small),
+            ("this saw", DISPLACEMENT, config.engine.torque_peak, config.engine.torque_peak / DISPLACEMENT),
+            ("largest", large, high, high / large),
+        ],
     )
 
 
@@ -493,16 +533,31 @@ def harmonics(config: RigConfig, recording: Recorded) -> Table:
             "M_chain": (MEAN, 180.0, "Nm"),
             "M_clutch": (pulse - MEAN, 0.0, "Nm"),
         }
+        accelerates = 0.0  # the angle at which the crank's acceleration and the torque of inertia are largest
         for signal, (amplitude, phase, unit) in expected.items():
             found = []
             for b, e in zip(cycles.begin[these], cycles.end[these]):
                 angle, value = cycles.angle[b:e], recording[signal][b:e]
                 found.append(2.0 * np.mean((value - value.mean()) * np.exp(-1j * angle)))
             first = complex(np.mean(found))
-            rows.append((name, signal, unit, abs(first), amplitude, float(np.angle(first)), float(np.radians(phase))))
+            own = float(np.angle(first))
+            if signal == "n_engine":
+                accelerates = own + 0.5 * np.pi
+            after = (own - accelerates) % (2.0 * np.pi)
+            rows.append((name, signal, unit, abs(first), amplitude, own, float(np.radians(phase)), after))
     return Table(
-        "first harmonic over the crank's angle, amplitude cos(angle + phase); the paper's is that of (6), (11), (12)",
-        {"turns": "", "signal": "", "unit": "", "amplitude": "-", "paper": "-", "phase": "deg", "paper_phase": "deg"},
+        "first harmonic over the crank's angle, amplitude cos(angle + phase); the paper's is that of (6), (11), (12); "
+        "beside_inertia: phase less that of the crank's acceleration",
+        {
+            "turns": "",
+            "signal": "",
+            "unit": "",
+            "amplitude": "-",
+            "paper": "-",
+            "phase": "deg",
+            "paper_phase": "deg",
+            "beside_inertia": "deg",
+        },
         rows,
     )
 
@@ -524,6 +579,8 @@ def engagement(config: RigConfig, recording: Recorded) -> Table:
 
 
 CALCULATIONS = {
+    "given": given,
+    "size": size,
     "clutch": clutch,
     "engine": engine,
     "shoes_without_slip": shoes_without_slip,
