@@ -132,14 +132,14 @@ def after(world: Record, k: int, h: float) -> None:
         me.torque = my.inertia * line.gained[my.body] / h + (me.torque - line.rate[my.body] / my.mobility)
 
 
-# target, enabled: speed setpoint and switch; held*: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
-# before: torque at the step's start; stiff > 0: the speed equals the setpoint, whatever the load; inertia: inertia of its body
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
     return (rig.speed_at(name), me["setpoint"], me["torque"], rig.energies["motor"], me["enabled"] > 0.0)
 
 
+# target, enabled: speed setpoint and switch; held*: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
+# before: torque at the step's start; stiff > 0: the speed equals the setpoint, whatever the load; inertia: inertia of its body
 PART = Part(
     "dc_motor",
     30,

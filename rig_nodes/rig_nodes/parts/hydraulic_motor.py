@@ -108,8 +108,6 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     line.push[1, my.body] += my.displacement * me.pressure
 
 
-# target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: setting to which ZP_2 is
-# turned, and its switch; relief: its present setting
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
@@ -122,6 +120,8 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     )
 
 
+# target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: setting to which ZP_2 is
+# turned, and its switch; relief: its present setting
 PART = Part(
     "hydraulic_motor",
     30,

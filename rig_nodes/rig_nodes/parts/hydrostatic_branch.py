@@ -191,16 +191,16 @@ def after(world: Record, k: int, h: float) -> None:
     me.motor_speed = line.speed[my.driven]
 
 
-# pump, pump_on, motor, motor_on: setpoints of the swivels and their switches; swivel_*: present swivels; high, low: pressures of
-# the lines; torque_pump, torque_motor: what the pump takes and the motor gives; flow: through the motor; asked: speed at which the
-# motor would take all of the pump's flow; let_off: flow of the relief valves; taken: work of both shafts on it; given: work of
-# the motor; heat_*: where the work went [J]
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
     return (me["motor_speed"], me["asked"], me["torque_motor"], me["given"], me["pump_on"] > 0.0)
 
 
+# pump, pump_on, motor, motor_on: setpoints of the swivels and their switches; swivel_*: present swivels; high, low: pressures of
+# the lines; torque_pump, torque_motor: what the pump takes and the motor gives; flow: through the motor; asked: speed at which the
+# motor would take all of the pump's flow; let_off: flow of the relief valves; taken: work of both shafts on it; given: work of
+# the motor; heat_*: where the work went [J]
 PART = Part(
     "hydrostatic_branch",
     35,

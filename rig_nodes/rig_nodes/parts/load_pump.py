@@ -137,13 +137,13 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     cap[KIN1, f], cap[HI1, f], cap[LO1, f] = capacity, capacity, -capacity
 
 
-# setting, enabled: setting and switch of the relief valve; held*: answer of a load outside the plant, for a tick (engine.outside)
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState."""
     me = rig.device(name)
     return (rig.friction_torque(name), rig.capacity(name), me["pressure"], me["setting"], rig.energies["load"])
 
 
+# setting, enabled: setting and switch of the relief valve; held*: answer of a load outside the plant, for a tick (engine.outside)
 PART = Part(
     "load_pump",
     40,

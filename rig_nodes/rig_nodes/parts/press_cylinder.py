@@ -130,14 +130,14 @@ def before(world: Record, k: int, h: float, t: float) -> None:
         me.force = me.clamp = contact_force(me.travel, my)
 
 
-# setting, enabled: setting of the pressure and its switch; machine_target, machine_enabled: travel of the testing machine and its
-# switch; pressure: pressure in the chamber; force: force on what the piston or the machine presses; clamp: force on a pack
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
     return (me["pressure"], me["setting"], 0.0, getattr(rig.config, rig.wire(name, "oil")).temperature, me["enabled"] > 0.0)
 
 
+# setting, enabled: setting of the pressure and its switch; machine_target, machine_enabled: travel of the testing machine and its
+# switch; pressure: pressure in the chamber; force: force on what the piston or the machine presses; clamp: force on a pack
 PART = Part(
     "press_cylinder",
     10,

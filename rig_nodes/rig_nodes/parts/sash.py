@@ -141,18 +141,18 @@ def after(world: Record, k: int, h: float) -> None:
     me.angle = angle
 
 
-# angle: of the crank, 0 to 2 pi; ahead: as foretold for the step's end; travel, first, second: of the mass and its derivatives by
-# the angle; begin, torque: on the body at the step's start and end; others: torque of all else at the last step's end; lacking:
-# impulse that is still to be put on [N m s]; inertia, slope, height: at the last step's end the mass reduced to the crank, its
-# derivative by the angle, and what gravity acts on [kg m]; work: what it has put on its body; energy: what it stores, 0 at rest at
-# angle 0; force_along, force_across: inertia forces on the frame along the travel from angle 0, and across it towards the crank pin
-# at a quarter of a turn
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState."""
     me = rig.device(name)
     return (-me["torque"], 0.0, 0.0, 0.0, -me["work"])
 
 
+# angle: of the crank, 0 to 2 pi; ahead: as foretold for the step's end; travel, first, second: of the mass and its derivatives by
+# the angle; begin, torque: on the body at the step's start and end; others: torque of all else at the last step's end; lacking:
+# impulse that is still to be put on [N m s]; inertia, slope, height: at the last step's end the mass reduced to the crank, its
+# derivative by the angle, and what gravity acts on [kg m]; work: what it has put on its body; energy: what it stores, 0 at rest at
+# angle 0; force_along, force_across: inertia forces on the frame along the travel from angle 0, and across it towards the crank pin
+# at a quarter of a turn
 PART = Part(
     "sash",
     35,

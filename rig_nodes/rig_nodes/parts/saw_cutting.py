@@ -192,13 +192,13 @@ def after(world: Record, k: int, h: float) -> None:
     world.parts.saw_cutting[k].torque = world.driveline.el[LAM, world.values.saw_cutting[k].element]
 
 
-# target, enabled: feed per turn and its switch; feed: present one; depth: feed per tooth; force: of all teeth on the sash, upwards
-# positive; torque: on the crank
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState."""
     return (rig.friction_torque(name), rig.capacity(name), 0.0, 0.0, rig.energies["load"])
 
 
+# target, enabled: feed per turn and its switch; feed: present one; depth: feed per tooth; force: of all teeth on the sash, upwards
+# positive; torque: on the crank
 PART = Part(
     "saw_cutting",
     40,

@@ -148,15 +148,15 @@ def after(world: Record, k: int, h: float) -> None:
     me.taken += h * me.torque * (line.speed[my.body] - 0.5 * line.gained[my.body])
 
 
-# grade, on_road: grade of the road and its switch; brake, brake_on: force of the brakes and its switch; slope, braking: present
-# grade and force; speed, way, deflection, force: of the vehicle and its tyres; torque: what the tyres take from the wheels; taken:
-# its work, which becomes motion, lifted (against the weight), air and tyre (what the tyres lose by slip and damping) [J]
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its LoadState: it has no pressure line."""
     me = rig.device(name)
     return (rig.friction_torque(name) + me["torque"], rig.capacity(name), 0.0, 0.0, rig.energies["load"])
 
 
+# grade, on_road: grade of the road and its switch; brake, brake_on: force of the brakes and its switch; slope, braking: present
+# grade and force; speed, way, deflection, force: of the vehicle and its tyres; torque: what the tyres take from the wheels; taken:
+# its work, which becomes motion, lifted (against the weight), air and tyre (what the tyres lose by slip and damping) [J]
 PART = Part(
     "vehicle",
     40,
