@@ -304,6 +304,14 @@ def test_bench_files_are_checked_like_the_gearboxs(text, said, tmp_path):
     assert said in str(refusal.value)
 
 
+def test_a_slip_that_is_wrong_for_every_rig_is_not_blamed_on_the_rig(tmp_path):
+    file = tmp_path / "s.yaml"
+    file.write_text("description: x\nsteps:\n  - wait: {four: 1 s}\n")
+    with pytest.raises(RigError, match=r"s\.yaml:3: unknown key 'four' in wait") as refusal:
+        load_sequence(file, rig="clutch_bench")
+    assert "a rig like" not in str(refusal.value)
+
+
 def test_a_sequence_asks_only_for_what_its_rig_has(tmp_path):
     file = tmp_path / "s.yaml"
     file.write_text("description: x\nrig: clutch_bench\nsteps:\n  - shift: {to: I}\n")

@@ -119,6 +119,12 @@ def test_a_device_of_another_type_takes_nothing_from_the_one_that_it_replaces(tm
     assert variant(tmp_path, text).structure.device("loss_out").part == "freewheel"
 
 
+def test_what_a_variant_must_leave_out_of_its_base_as_well_is_said_with_both_files(tmp_path):
+    told = rf"three_speed/rig\.yaml:\d+: unknown key 'temperature_range'.*; .* of the base: in {tmp_path}/rig\.yaml, leave it out"
+    with pytest.raises(RigError, match=told):
+        variant(tmp_path, "transducers: {T_oil: ~}\n")
+
+
 def test_what_the_base_has_not_cannot_be_left_out(tmp_path):
     with pytest.raises(RigError, match=r"rig\.yaml:3: parts\.ring_stop must be a map"):
         variant(tmp_path, "parts: {ring_stop: ~}\n")

@@ -456,12 +456,19 @@ def load_rig(name: str | Path = DEFAULT_RIG, overrides: dict[str, str] | None = 
     RigError
         With file and line, or the name of the setting, when something is not right.
     """
-    node, path = None, None
-    for path, own in reversed(with_bases(name)):
+    node, path, bases = None, None, with_bases(name)
+    for path, own in reversed(bases):
         check_keys(path, own, _TOP, ("description",), "the rig")
         own = stamped(own, path)
         node = own if node is None else merged(node, own)
-    config = _read(node, path, rig_name(path))
+    try:
+        config = _read(node, path, rig_name(path))
+    except RigError as error:
+        if not any(str(error).startswith(f"{base}:") for base, _ in bases[1:]):
+            raise
+        raise RigError(
+            f"{error}; this line is of the base: in {path}, leave it out with 'NAME: ~' or give it another value"
+        ) from None
     cross_check(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
 

@@ -226,7 +226,7 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
         steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
     except RigError as error:
         written_for = beside(path, node["rig"]) if "rig" in node else rig_with(path)
-        if own or str(written_for) in (str(rig), config.name):
+        if own or str(written_for) in (str(rig), config.name) or not _suits(nodes, path, str(written_for)):
             raise
         raise RigError(
             f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
@@ -239,6 +239,15 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
             f"most {LONGEST_TIME:.6g} s, which is a day"
         )
     return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, str(rig))
+
+
+def _suits(nodes: Any, path: Path, rig: str) -> bool:
+    """Return True when the steps of a sequence can be read for a rig; a slip of the pen suits none."""
+    try:
+        _steps(nodes, path, "steps", load_rig(rig), "")
+    except RigError:
+        return False
+    return True
 
 
 @lru_cache(maxsize=8)
