@@ -11,6 +11,7 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
+from rig_nodes.config.names import installed
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
@@ -47,10 +48,7 @@ def test_it_is_not_written_over_anything(mine, capsys):
     assert (mine / "rig.yaml").read_text() == before
 
 
-@pytest.mark.parametrize(
-    "rig",
-    ["three_speed", "hydmag", "clutch_bench", "chain_saw", "frame_saw", "hydmag_coupling", "hydmag_engine", "hydmag_hydrostatic"],
-)
+@pytest.mark.parametrize("rig", installed("rigs"))
 def test_check_says_what_a_rig_comes_to_and_draws_it(rig, tmp_path, capsys):
     picture = tmp_path / "picture.svg"
     assert main(["check", rig, "--picture", str(picture)]) == 0

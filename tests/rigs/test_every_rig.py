@@ -27,14 +27,14 @@ ELSEWHERE = ("hydmag", "chapter9", "three_speed", "clutch_bench", "cylinder_benc
 SHIFTS = """\
 description: up through the first two gears
 steps:
-  - oil: {pressure: 4 MPa}
-  - wait: {until: {signal: p_p, above: 3.9 MPa}, timeout: 3 s}
-  - motor: {speed: 1200 rpm}
-  - wait: {for: 1500 ms}
-  - shift: {to: I, timeout: 5 s}
-  - wait: {for: 1 s}
-  - shift: {to: II, timeout: 5 s}
-  - wait: {for: 500 ms}
+  - oil: {{pressure: 4 MPa}}
+  - wait: {{for: 500 ms}}
+  - motor: {{speed: 1200 rpm}}
+  - wait: {{for: 1500 ms}}
+  - shift: {{to: {}, timeout: 5 s}}
+  - wait: {{for: 1 s}}
+  - shift: {{to: {}, timeout: 5 s}}
+  - wait: {{for: 500 ms}}
 """
 # rig without gears -> sequence, value with two numbers, and calculation of a sweep; a rig with gears has the metrics of its shifts
 SWEPT = {
@@ -54,10 +54,11 @@ def rig(request):
 @pytest.fixture(scope="module")
 def sequence(rig, tmp_path_factory):
     """The sequence that is run: the name of its demo, or the file of the short one."""
-    if not load_rig(rig).structure.shifts:
+    structure = load_rig(rig).structure
+    if not structure.shifts:
         return "demo"
     file = tmp_path_factory.mktemp("sequences") / "shifts.yaml"
-    file.write_text(SHIFTS)
+    file.write_text(SHIFTS.format(*(gear.name for gear in structure.gears)))
     return str(file)
 
 
