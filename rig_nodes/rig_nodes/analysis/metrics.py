@@ -53,6 +53,7 @@ KEYS = (
     "t_order_s",
     "why",
 )
+UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # unit of a key by its last word; any other key has no unit
 RPM = 30.0 / pi
 STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
 

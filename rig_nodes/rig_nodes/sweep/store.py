@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.metrics import KEYS
+from ..analysis.metrics import KEYS, UNITS
 from ..atomic_write import atomic_write
 from ..errors import RigError, no_pyarrow
 from .plan import Plan, Varied
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import pyarrow
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
-UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # by the last word of a metric's name
 KINDS = {"valid": "bool_", "why": "string", "from_gear": "int8", "to_gear": "int8"}  # types of metrics that are no float
 METADATA = b"rig_nodes.sweep"
 

@@ -23,6 +23,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..analysis.metrics import KEYS, Recording, shifts
+from ..analysis.metrics import UNITS as UNITS_OF_KEYS
 from ..config import load_yaml
 from ..config.names import beside, unknown
 from ..config.schema import check_keys, where_of
@@ -343,7 +344,7 @@ class _Reader:
 
 def unit_of(metric: str) -> str:
     """Return the unit of a key of the report's shifts, which its ending names."""
-    return {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}.get(metric.rpartition("_")[2], "-")
+    return UNITS_OF_KEYS.get(metric.rpartition("_")[2], "-")
 
 
 # ---- expressions
