@@ -52,7 +52,10 @@ NOWHERE = 2**64 - 1
 # fill(world, k, h): computes the values that depend on the step's length, at the start of every call of the engine
 # command(world, k, outputs, drive): applies the controller's newest answer, once per controller sample
 # ordered(world, k, outputs, steps_per_sample, h): reads what the embedded law has just begun, once per controller sample
-# before(world, k, h, t): moves the device from t over h and sets its torques and capacities in the driveline
+# before(world, k, h, t): moves the device from t over h and sets its torques and capacities in the driveline, world.driveline:
+#     middle[body] is the speed expected in the middle of the step; push[0, body] and push[1, body] take a torque on the body at the
+#     step's start and end (add to them); cap[ROW, element] takes, at the start (0) and the end (1) of the step, the torque while
+#     slipping KIN, the limits while sticking HI and LO, which is negative, and over the step the drag VISC [Nm s/rad]
 # bound(world, k): changes speeds without a torque, right after the driveline
 # after(world, k, h): uses the driveline's new speeds, torques and heats
 # pickup(world, k, h, index, shown): sets what it induces in the wires of transducers, at the end of the step before ``index``
