@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     from ..graph.recording_options import words
     from ..graph.supervisor import Order, Supervisor, processes_of
     from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_parameters, parse_settings, run_folder
+    from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
     from ..testbench.rig import Rig, check_level
     from ..testbench.sequence import BY_HAND, load_sequence
     from ..testbench.simulate import check_controller, check_delay, run_record
@@ -102,13 +102,13 @@ def run(args: argparse.Namespace) -> int:
                 f"--view: the live view shows a rig with gears; look at a run of '{config.name}' afterwards with ./rig view"
             )
     start_server()
-    with waiting(STARTING):
+    folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
+    with unless_empty(folder), waiting(STARTING):
         Rig(config, args.seed).advance_samples(1)
-    with from_environment(args.keep_domain) as domain:
+    with unless_empty(folder), from_environment(args.keep_domain) as domain:
         domain.lead()
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
-        folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         step_timeout, come_timeout = args.step_timeout
         order = Order(
             args.sequence,
