@@ -194,7 +194,7 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, argu
 
 
 @pytest.mark.parametrize("verb", ["simulate", "run"])
-def test_a_folder_in_use_is_refused_before_anything_is_compiled(tmp_path, monkeypatch, verb):
+def test_a_folder_in_use_is_refused_before_the_plant_is_compiled(tmp_path, monkeypatch, verb):
     cache, full = tmp_path / "cache", tmp_path / "full"
     cache.mkdir(mode=0o700)
     full.mkdir()
@@ -202,7 +202,7 @@ def test_a_folder_in_use_is_refused_before_anything_is_compiled(tmp_path, monkey
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
     done = rig_command(verb, "demo", "--out", "full", cwd=tmp_path)
     assert done.returncode == 2 and "exists and is not an empty folder" in done.stderr
-    assert list(cache.iterdir()) == []
+    assert not list(cache.glob("engine_*")), "the rig's plant was compiled"
 
 
 @pytest.mark.parametrize(
