@@ -244,8 +244,9 @@ class McapWriter:
 
     def _put_chunk(self) -> None:
         """Write the first of the closed chunks, as soon as it is packed."""
-        packing, size, index = self._packing.popleft()
+        packing, size, index = self._packing[0]
         (packed, crc), compression = packing.result(), self._compression
+        self._packing.popleft()  # an interrupt while it is packed leaves it where it is
         length = _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed)
         head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, crc, len(compression))
         at = self._file.tell()
