@@ -110,9 +110,8 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     float
         Setting of the relief valve [Pa].
     """
-    return max(0.0, torque - load.mechanical_loss) / (
-        load.displacement * relief_factor.py_func(speed)
-    )  # to load the compiled one takes 3 ms
+    factor = relief_factor.py_func(speed)  # one call is not worth the 3 ms that the compiled function takes to load
+    return max(0.0, torque - load.mechanical_loss) / (load.displacement * factor)
 
 
 @njit(**INLINED)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints, Record
 
 EVENT, DONE, CORRECTED = 0, 1, 2  # outcomes of attempt
-ATTEMPTS = 5  # at a step with losses, each nearer by their slope, 0.3 at most of HydmAG's
+ATTEMPTS = 5  # at a step; the error of a predicted loss falls with each by the slope of the loss over its torque
 NEAR = 1e-9  # Nm, as FORETOLD, where stuck elements share a torque: how they do depends on the loss itself
 
 
