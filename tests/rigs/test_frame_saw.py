@@ -4,10 +4,13 @@
 """The frame saw with a swinging sash: the paper's kinematics, sash and teeth against closed forms and scipy, its motors."""
 
 import math
+import re
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
+from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.parts.sash import motion
 from rig_nodes.parts.saw_cutting import depth_of_cut, feed_per_tooth
@@ -63,10 +66,48 @@ def test_every_number_of_table_1_is_rounded_cut_off_or_swapped(config):
     assert counts["not explained"] == 0 and counts["rounded"] == 23 and sum(counts.values()) == 36
 
 
+def test_every_number_of_the_paper_has_its_row(config):
+    rows = YAML(typ="safe").load((RIGS_DIR / "frame_saw" / "validation.yaml").read_text())["rows"]
+    said = " ".join(f"{row.get('printed', '')} {row['text']} {row['low']} {row['high']}" for row in rows)
+    numbers = [
+        "200",
+        "26",
+        "3.25",
+        "30",
+        "20",
+        "10",
+        "1.7",
+        "2.5",
+        "18",
+        "28",
+        "65",
+        "75",
+        "1.5",
+        "37",
+        "2",
+        "360",
+        "720",
+        "1",
+        "3.43",
+        "45",
+        "2.0",
+        "2.2",
+    ]
+    numbers += [f"{row['printed']:.2f}" for row in table("feed_table", config)]
+    assert [one for one in numbers if not re.search(rf"(?<![\d.]){re.escape(one)}(?![\d])", said)] == []
+
+
 def test_the_printed_radius_belongs_to_a_third_of_the_mean_and_not_to_half_of_it(config):
     radius = {row["end_feed"]: row["radius"] for row in table("eccentric", config)}
     assert radius["a third of the mean"] == pytest.approx(3.25, abs=0.005)
     assert radius["half of the mean"] == pytest.approx(2.87, abs=0.005)
+
+
+def test_the_swing_advances_the_blades_in_the_middle_half_of_the_half_turn(config):
+    turns = {row["turn"]: row for row in table("eccentric_phase", config)}
+    assert turns["to advancing"]["angle"] == pytest.approx(45.0, abs=0.01)
+    assert turns["to drawing back"]["angle"] == pytest.approx(135.0, abs=0.01)
+    assert turns["to advancing"]["of_stroke"] == pytest.approx(50.0 - 50.0 / math.sqrt(2.0), abs=0.01)
 
 
 @pytest.mark.parametrize("swing", [0.0, 1e-3, 3.25e-3, 8e-3])
@@ -190,6 +231,15 @@ def test_45_kw_fall_short_of_twice_the_output_and_65_kw_do_not(sawn, config):
     assert 45.0 < needed["with swing", 2.0] < needed["with swing", 2.2] < 65.0
 
 
+def test_the_frame_without_swing_takes_an_older_motors_power_at_the_output_of_the_calculation(config):
+    older = table("older_motors", config)[0]
+    assert older["growth"] == 1.7 and older["motor"] == pytest.approx(45.0 / 1.7)
+    without = {"saw__eccentric_radius": "0 mm", "saw__cutting_pressure": "58.9 MPa"}
+    _, recording = saw(((0.0, 12.0), (older["output"] * OLD, 12.0)), **without)
+    last = slice(-20_000, None)  # some nine turns
+    assert np.mean((recording["M_motor"] * recording["n_motor"])[last]) == pytest.approx(older["motor"] * 1e3, rel=0.02)
+
+
 def test_a_stalled_saw_stands_and_is_not_driven_back_by_its_teeth():
     rig, recording = saw(((0.0, 12.0), (50e-3, 20.0)), motor_drive__power_limit="20 kW", motor_drive__torque_limit="250 Nm")
     assert abs(recording["n_crank"][-1]) < 1e-6
@@ -211,8 +261,6 @@ def test_a_stalled_saw_stands_and_is_not_driven_back_by_its_teeth():
     ],
 )
 def test_a_wrong_value_is_one_sentence_with_file_and_line(line, wrong, said, tmp_path):
-    from rig_nodes.config import RIGS_DIR
-
     text = (RIGS_DIR / "frame_saw" / "rig.yaml").read_text(encoding="utf-8")
     assert text.count(line) == 1
     (tmp_path / "rig.yaml").write_text(text.replace(line, wrong))

@@ -41,6 +41,10 @@ SHARES = {("new", 15): 0.038, ("worn", 15): 0.141, ("new", 13): 0.0236}
 LOSSES = {("new", 15): 0.0132, ("worn", 15): 0.0515, ("new", 13): 0.0075, ("new", 20): 0.0414, ("worn", 20): 0.11}
 # p. 1 and 2: displacement of this saw [cm3], and displacement [cm3] and torque [Nm] of the smallest and the largest engine of saws
 DISPLACEMENT, SIZES = 56.5, ((30.0, 1.5), (120.0, 7.8))
+SHELF, SHELF_LEFT = 3.5, (0.8, 1.0)  # mm, p. 3: shelf of a new shoe, and what is left of it at the end
+HIGHEST, CUTTING, FIG_4 = 15000.0, (8000.0, 10000.0), 8470.0  # rpm, p. 1, p. 5 and fig. 4
+BARS = (13.0, 20.0)  # in, p. 7: shortest and longest bar of this saw
+PITCH = 3.0 / 8.0  # in, p. 5: of the chain
 TURN = np.linspace(0.0, 2.0 * np.pi, 721)
 
 
@@ -118,7 +122,7 @@ def shoes_without_slip(config: RigConfig) -> Table:
 def times(config: RigConfig) -> Table:
     """Time of a turn (14) at some speeds, and the speed at which a turn takes the printed time."""
     rows = []
-    for rpm, printed in ((8000.0, 0.0075), (10000.0, 0.0061), (8470.0, None)):
+    for rpm, printed in ((8000.0, 0.0075), (10000.0, 0.0061), (FIG_4, None)):
         w = rpm * RPM
         rows.append((w, w, 2.0 * np.pi / w, printed, 2.0 * np.pi / printed if printed else None))
     return Table(
@@ -158,7 +162,97 @@ def given(config: RigConfig) -> Table:
             ("J_b [1e-6 kg m2]", config.drum.inertia * 1e6),
             ("m_p with 15 in [kg]", chain_mass(replace(chain, bar=15.0 * INCH))),
             ("r_k [mm]", chain.sprocket_radius * 1e3),
+            ("bar of m_p [in]", chain.stated_bar / INCH),
+            ("shortest bar [in]", BARS[0]),
+            ("longest bar [in]", BARS[1]),
+            ("8 pitches of the chain [in]", 8.0 * PITCH),
+            ("shelf of new shoes [mm]", SHELF),
+            ("shelf left, least [mm]", SHELF_LEFT[0]),
+            ("shelf left, most [mm]", SHELF_LEFT[1]),
+            ("displacement [cm3]", DISPLACEMENT),
+            ("displacement of the smallest engine [cm3]", SIZES[0][0]),
+            ("displacement of the largest engine [cm3]", SIZES[1][0]),
+            ("torque of the smallest engine [Nm]", SIZES[0][1]),
+            ("torque of the largest engine [Nm]", SIZES[1][1]),
+            ("range of the speed meters [rpm]", config.instruments.speed_range / RPM),
+            ("lowest speed of a cut [rpm]", CUTTING[0]),
+            ("highest speed of a cut [rpm]", CUTTING[1]),
+            ("speed of fig. 4 [rpm]", FIG_4),
         ],
+    )
+
+
+def speeds(config: RigConfig) -> Table:
+    """Speeds that the paper names: torque of the engine and of the clutch at them, and the limit of the inertia torque (11)."""
+    own, (new, worn, _) = config.engine, _shoes(config).values()
+    named = (
+        ("cutting, lowest", CUTTING[0] * RPM),
+        ("fig. 4", FIG_4 * RPM),
+        ("fig. 5", SPEED),
+        ("cutting, highest", CUTTING[1] * RPM),
+        ("this engine, highest", own.cut_speed),
+        ("engines of saws, highest", HIGHEST * RPM),
+    )
+    return Table(
+        "speeds that the text names: torque at open throttle, torque of the clutch by (5), limit of the inertia torque (11)",
+        {"which": "", "speed": "rpm", "turn": "s", "engine": "Nm", "clutch_new": "Nm", "clutch_worn": "Nm", "limit": "Nm"},
+        [
+            (
+                name,
+                w,
+                2.0 * np.pi / w,
+                full_torque.py_func(w, own),
+                clutch_torque(new, w),
+                clutch_torque(worn, w),
+                _inertia(config, 15.0) * LIMIT * w**2,
+            )
+            for name, w in named
+        ],
+    )
+
+
+def shelf(config: RigConfig) -> Table:
+    """Shelf of a shoe at the end of its life by the masses and r_s of the paper, which stays 22 mm.
+
+    A shelf that is d thinner has lost the mass m at the drum's radius r_b, and lets the shoe come out by d to meet the drum:
+    m_worn r_s = m_new r_s - m (r_b - d / 2) + m_worn d. This holds for a shoe that is narrow along the drum. The mass that a
+    wide one loses has its centre nearer to the axis, so that d is smaller and more of the shelf is left.
+    """
+    own = config.clutch
+    new, radius, drum = own.engagement_mass, own.shoe_radius, own.drum_radius
+    lost = new - WORN
+
+    def left(before: float, after: float) -> float:
+        """Return what is left [mm] with the radii of the centre of mass of a new and of a worn shoe [m]."""
+        return SHELF - 1e3 * (WORN * after - new * before + lost * drum) / (WORN + 0.5 * lost)
+
+    half = 0.0005
+    least, most = left(radius - half, radius + half), left(radius + half, radius - half)
+    gone = [SHELF - one for one in SHELF_LEFT]
+    return Table(
+        "shelf of a worn shoe from 48.15 and 41.07 g with r_s of 22 mm for both, and by r_s within its last digit; loss of mass in "
+        "the range of the shelf",
+        {"what": "", "value": "-"},
+        [
+            ("shelf left [mm]", left(radius, radius)),
+            ("shelf left by rounding, least [mm]", least),
+            ("shelf left by rounding, most [mm]", most),
+            ("the printed shelf is within the rounding", float(least <= SHELF_LEFT[0] and SHELF_LEFT[1] <= most)),
+            ("loss with 0.8 mm left over that with 1.0 mm", gone[0] / gone[1]),
+            ("share of a new shoe in its shelf, least", lost / gone[0] * SHELF / new),
+            ("share of a new shoe in its shelf, most", lost / gone[1] * SHELF / new),
+        ],
+    )
+
+
+def sprocket(config: RigConfig) -> Table:
+    """Radius of the sprocket by the pitch of the chain: each tooth moves two pitches, and the teeth are a whole number."""
+    way = 2.0 * PITCH * INCH / (2.0 * np.pi)
+    teeth = config.chain.sprocket_radius / way
+    return Table(
+        "teeth by r_k and the pitch of 3/8 in, and the radius of the nearest whole number of teeth",
+        {"by_radius": "-", "teeth": "-", "radius": "mm"},
+        [(teeth, float(round(teeth)), round(teeth) * way)],
     )
 
 
@@ -359,6 +453,8 @@ def compared(config: RigConfig) -> Table:
             ("loss with 13 in over 15 in", 0.5, LOSSES["new", 13] / LOSSES["new", 15], None),
             ("loss with 20 in over 15 in", 3.0, LOSSES["new", 20] / LOSSES["new", 15], None),
             ("mass that a shoe loses", 0.15, 1.0 - WORN / config.clutch.engagement_mass, None),
+            ("longest bar over shortest", 2.0, BARS[1] / BARS[0], None),
+            ("twice the shortest bar over the longest", 1.0, 2.0 * BARS[0] / BARS[1], None),
         ],
     )
 
@@ -581,6 +677,9 @@ def engagement(config: RigConfig, recording: Recorded) -> Table:
 CALCULATIONS = {
     "given": given,
     "size": size,
+    "speeds": speeds,
+    "shelf": shelf,
+    "sprocket": sprocket,
     "clutch": clutch,
     "engine": engine,
     "shoes_without_slip": shoes_without_slip,

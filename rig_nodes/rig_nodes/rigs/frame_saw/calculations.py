@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from rig_nodes.errors import RigError
 from rig_nodes.parts.sash import GRAVITY, motion
@@ -29,6 +30,7 @@ MOTOR_SPEED = 980 * RPM  # setpoint of the sequence demo
 OLD_FEED = 15 * MM  # of the frame without swing, as in the sequence demo
 OLD_PRESSURE = 58.9e6  # Pa: with it the frame without swing takes all its 45 kW at this feed
 RATED = (45e3, 65e3, 75e3)  # W, paper, conclusions
+GROWTH = (1.7, 2.5)  # of the motors until today's 45 kW, paper p. 1
 SAVED = 0.37  # of the energy per output, paper p. 2, tests of the frame R63-7
 PLACES = (26, 50, 100, 150, 200, 250, 300, 350, 400)  # mm, paper, table 1: y
 # paper, table 1: by r and S_0 [mm] the feed per tooth [mm] at PLACES
@@ -101,6 +103,41 @@ def stroke_ends(config: RigConfig) -> Table:
         "feed per tooth by (8) at y = t_3 and y = 2 R; they are equal at every S_0 and r, as arc and sin 2a go alike from either "
         "dead centre",
         {"radius": "mm", "feed": "mm", "begin": "mm", "end": "mm", "difference": "mm"},
+        rows,
+    )
+
+
+def given(config: RigConfig) -> Table:
+    """Values that the paper gives, as the rig and the calculations have them."""
+    return Table(
+        "values that the paper gives, as the rig has them",
+        {"what": "", "value": "-"},
+        [
+            ("R [mm]", config.sash.radius / MM),
+            ("t_3 [mm]", config.saw.pitch / MM),
+            ("r of the rig [mm]", config.saw.eccentric_radius / MM),
+            *((f"S_0 of row {k} of table 1 [mm]", feed) for k, (_, feed) in enumerate(PRINTED, 1)),
+            ("motor of today [kW]", RATED[0] / 1e3),
+            ("motor recommended, least [kW]", RATED[1] / 1e3),
+            ("motor of the rig [kW]", config.motor_drive.power_limit / 1e3),
+            ("growth of the motors, least", GROWTH[0]),
+            ("growth of the motors, most", GROWTH[1]),
+        ],
+    )
+
+
+def eccentric_phase(config: RigConfig) -> Table:
+    """Where in the working stroke the eccentric turns from drawing the blades back to advancing them, and where again, by (3)."""
+    radius, angles = config.sash.radius, np.linspace(0.0, pi, 36001)
+    back = np.cos(2.0 * angles) > 0.0  # slope of r sin 2a
+    rows = []
+    for turn, k in zip(("to advancing", "to drawing back"), np.flatnonzero(np.diff(back))):
+        angle = float(0.5 * (angles[k] + angles[k + 1]))
+        rows.append((turn, angle, angle / pi, 0.5 * (1.0 - cos(angle))))
+    return Table(
+        f"turns of the swing in the working stroke of {2e3 * radius:.0f} mm: angle of the crank, its share of the half turn, and "
+        "that of the stroke",
+        {"turn": "", "angle": "deg", "of_half_turn": "%", "of_stroke": "%"},
         rows,
     )
 
@@ -312,6 +349,30 @@ def sawing_power(config: RigConfig) -> Table:
             "motor": "kW",
             "energy": "MPa",
         },
+        rows,
+    )
+
+
+def older_motors(config: RigConfig) -> Table:
+    """Motors before the growth that the paper names, and the output that they gave to the frame without swing.
+
+    The output is the feed at which the motor's power is all taken, at the speed of the crank without a load, over OLD_FEED.
+    """
+    speed, angles = crank_speed(config), (np.arange(FINE) + 0.5) / FINE * 2.0 * pi
+    bearings = config.bearings.drag * speed**2
+
+    def motor(feed: float) -> float:
+        return float(np.mean([_teeth_torque(config, angle, feed, 0.0, OLD_PRESSURE) for angle in angles])) * speed + bearings
+
+    rows = []
+    for growth in GROWTH:
+        power = RATED[0] / growth
+        output = brentq(lambda feed, power=power: motor(feed) - power, 0.01 * OLD_FEED, OLD_FEED) / OLD_FEED
+        rows.append((growth, power, output, 1.0 / output, *(rated / RATED[0] for rated in RATED[1:])))
+    return Table(
+        "motor before a growth to 45 kW, output of the frame without swing with it, growth of that output, and the growth from 45 "
+        "to 65 and 75 kW",
+        {"growth": "-", "motor": "kW", "output": "-", "output_growth": "-", "to_65": "-", "to_75": "-"},
         rows,
     )
 
@@ -576,10 +637,12 @@ def forces(config: RigConfig, recording: Recorded) -> Table:
 
 
 CALCULATIONS = {
+    "given": given,
     "feed_table": feed_table,
     "print_errors": print_errors,
     "stroke_ends": stroke_ends,
     "eccentric_turns": eccentric_turns,
+    "eccentric_phase": eccentric_phase,
     "eccentric": eccentric,
     "stroke_lost": stroke_lost,
     "over_stroke": over_stroke,
@@ -588,6 +651,7 @@ CALCULATIONS = {
     "feed_steps": feed_steps,
     "motor_power": motor_power,
     "sawing_power": sawing_power,
+    "older_motors": older_motors,
     "energy_saved": energy_saved,
     "balance": balance,
     "swing_forces": swing_forces,
