@@ -199,13 +199,15 @@ def stroke_lost(config: RigConfig) -> Table:
                 float((down <= 0.0).mean()),
                 float(np.maximum(down, 0.0).mean()) / share,
                 float(down.max()),
+                floor(100.0 * float(down.max()) / MM) / 100.0 * MM,
                 max(first, 0.0),
                 max(second, 0.0),
             )
         )
     return Table(
         "share of the working stroke in which the teeth do not cut and depth that they take away per turn, by (8) from y = t_3 on "
-        "and by all teeth; thickest chip; deepest scraping in the first and second half of the idle stroke",
+        "and by all teeth; thickest chip, also with all digits after the second cut off; deepest scraping in the first and second "
+        "half of the idle stroke",
         {
             "radius": "mm",
             "feed": "mm",
@@ -214,6 +216,7 @@ def stroke_lost(config: RigConfig) -> Table:
             "lost": "%",
             "removed": "mm",
             "thickest": "mm",
+            "thickest_cut_off": "mm",
             "scraping_first": "mm",
             "scraping_second": "mm",
         },
