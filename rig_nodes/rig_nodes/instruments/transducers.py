@@ -222,23 +222,41 @@ def encode(shown: Record, c: int, index: int) -> None:
 
 
 @njit(**INLINED)
+def behind_low_pass(shown: Record, c: int, mains: float) -> float:
+    """Return what the transducer of channel c of a record of :func:`shown_dtype` gives, without its noise; see :func:`analog`."""
+    table = shown.table
+    disturbance = table[HUM, c] * mains + table[PICKUP, c] * shown.induced[c]
+    value = table[GAIN, c] * shown.row[c] + table[OFFSET, c] + disturbance
+    return value + table[KEEP, c] * (shown.state[c] - value)
+
+
+@njit(**INLINED)
+def converted(shown: Record, c: int, value: float) -> float:
+    """Return a value of channel c of a record of :func:`shown_dtype` as the converter gives it; see :func:`logged`."""
+    table = shown.table
+    value = min(max(value, table[LOW, c]), table[HIGH, c])
+    quantum = table[QUANTUM, c]
+    steps = np.rint(value * shown.fineness[c]) * quantum + 0.0  # + 0.0 removes the sign of a negative zero
+    return steps if quantum > 0.0 else value
+
+
+@njit(**INLINED)
 def show(shown: Record, index: int) -> None:
     """Replace the true values in a record of :func:`shown_dtype` by what analog transducers and converter show.
 
-    It does the same as :func:`analog`, noise and :func:`logged` one by one, without a branch, for all channels at once.
+    It does the same as :func:`analog`, noise and :func:`logged` one by one, without a branch, for all channels at once. A channel
+    takes one turn of one loop, because the compiler writes out a loop of few operations and then computes its channels one by one.
     """
-    table, row, state = shown.table, shown.row, shown.state
-    for c in range(row.shape[0]):
-        disturbance = table[HUM, c] * shown.mains + table[PICKUP, c] * shown.induced[c]
-        value = table[GAIN, c] * row[c] + table[OFFSET, c] + disturbance
-        value = value + table[KEEP, c] * (state[c] - value)
-        state[c] = value
-        row[c] = value
+    row, state, mains = shown.row, shown.state, shown.mains
     if shown.noisy > 0.0:
         for c in range(row.shape[0]):
-            row[c] += shown.white[c] * noise_at(shown.keys[c], index)
-    for c in range(row.shape[0]):
-        value = min(max(row[c], table[LOW, c]), table[HIGH, c])
-        quantum = table[QUANTUM, c]
-        steps = np.rint(value * shown.fineness[c]) * quantum + 0.0  # + 0.0 removes the sign of a negative zero
-        row[c] = steps if quantum > 0.0 else value
+            value = behind_low_pass(shown, c, mains)
+            shows = converted(shown, c, value + shown.white[c] * noise_at(shown.keys[c], index))
+            state[c] = value
+            row[c] = shows
+    else:
+        for c in range(row.shape[0]):
+            value = behind_low_pass(shown, c, mains)
+            shows = converted(shown, c, value)
+            state[c] = value
+            row[c] = shows
