@@ -136,6 +136,11 @@ WRONG = {
         "  p_load: {type: pressure, shows: load_pump.pressure, at: motor",
         "nothing measures its pressure",
     ),
+    "a name for no signal": (
+        "output: {body: output,",
+        "names: {motor_torqe: T_motor}\noutput: {body: output,",
+        r"rig\.yaml:\d+: names\.motor_torqe: there is no signal 'motor_torqe'; did you mean 'motor_torque'",
+    ),
     "a logged one behind": ("p_oil: {type: pressure, logged: no,", "p_oil: {type: pressure,", None),
     # the file as a whole
     "no bodies": ("bodies:\n", "bodys:\n", "unknown key 'bodys' in the rig; did you mean 'bodies'"),

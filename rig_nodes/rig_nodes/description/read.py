@@ -535,7 +535,7 @@ class _Reader:
         return tuple(out)
 
     def signal_names(self) -> dict[str, str]:
-        """Return the other names of signals; the catalogue checks later whether these signals exist."""
+        """Return the other names of signals; description.signals.unnamed finds those whose signal does not exist."""
         nodes = self.map_of("names")
         for old, new in nodes.items():
             if not isinstance(new, str) or not new.isidentifier():

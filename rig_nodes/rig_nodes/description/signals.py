@@ -8,7 +8,7 @@ All that publishes, records, plots or exports a signal uses it through catalogue
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ..errors import RigError
@@ -122,6 +122,14 @@ def described(structure: Structure) -> dict:
         }
     )
     return {"topics": topics, "signals": signals, "cut_topics": cut, "controller_topics": own}
+
+
+def unnamed(structure: Structure) -> tuple[list[str], list[str]]:
+    """Return the keys of a rig's ``names`` that are no signal's name, and the names of all signals without ``names``."""
+    marked = replace(structure, names={name: f"names.{name}" for name in structure.names})
+    made = [*described(marked)["signals"], *(one.node for one in setpoints_of(marked).values())]
+    lacking = [name for name, mark in marked.names.items() if mark not in made]
+    return lacking, [name.removeprefix("names.") for name in dict.fromkeys(made)]
 
 
 def _words(structure: Structure, device: Device) -> dict[str, str]:

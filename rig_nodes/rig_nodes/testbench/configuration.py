@@ -27,6 +27,7 @@ from ..description.read import DEVICE_KEYS, KEYS, MESH_KEYS, read_structure
 from ..description.read_elements import GROUPS
 from ..description.sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
 from ..description.settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
+from ..description.signals import unnamed
 from ..description.structure import Device, Structure
 from ..description.transducer_types import TRANSDUCER_TYPES
 from ..engine.outside import NOT_DEVICES, cuttable, why_not
@@ -266,6 +267,10 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
     except RigError as error:
         device = re.match(r"parts\.(\w+)", str(error))
         raise RigError(f"{where_of(path, node['parts'], device[1]) if device else path}: {error}") from None
+    if structure.names:
+        lacking, known = unnamed(structure)
+        for name in lacking:
+            raise RigError(f"{where_of(path, node['names'], name)}: names.{name}: {unknown('signal', name, known)}")
     _check_view(config, node, path)
     return config
 
