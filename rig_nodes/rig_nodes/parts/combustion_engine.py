@@ -4,9 +4,9 @@
 """Combustion engine on a shaft: torque curve, drag, throttle or speed setpoint, and the unevenness of its combustion.
 
 It is a part of the (compiled) engine. Its torque is that on its shaft, as a dynamometer measures it at a steady speed: the gas
-torque of the air that the throttle lets in, less the engine's own drag. Three points give the torque at full throttle, of which the
-middle one is the largest torque: two parabolas with their vertex there. Few sources state more than the largest torque and the
-torque at the largest power, and so no table is needed.
+torque of the air that the throttle lets in, less the engine's own drag. The torque at full throttle is given by three points, the
+middle one of which is the largest torque, and by two parabolas with their vertex there. A table would need more points than most
+sources state: the largest torque and the torque at the largest power.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-SCATTER = 0  # number of what scatters, see parts.cycles
-STANDS = 2.0  # rad/s up to which the drag rises from 0 to its whole size, so that it cannot push an engine that stands
-AT_REST = 1e-9  # rad/s below which nothing brakes it any more: a decay that never ends would reach denormal numbers, which are slow
+SCATTER = 0  # channel of parts.cycles for the irregularity
+STANDS = 2.0  # rad/s up to which the drag rises from 0 to its full size, so that it cannot drive an engine at rest
+AT_REST = 1e-9  # rad/s below which no drag acts: an endless decay would reach denormal numbers, which are slow
 OFF, STARTING, FIRING, STALLED = 0.0, 1.0, 2.0, 3.0  # states of "runs"
 
 
@@ -94,9 +94,9 @@ def drag_torque(speed: float, engine: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def ripple_torque(irregularity: float, speed: float, phase: float, engine: Record) -> float:
-    """Return the torque [Nm] that moves the stated inertia unevenly; its mean over a firing cycle is zero.
+    """Return the torque [Nm] that varies the speed of the stated inertia in a firing cycle; its mean over the cycle is zero.
 
-    w = w_m (1 + d sin(N a)) on an inertia J asks for J dw/dt = N d J w_m^2 cos(N a), with N firings in a turn.
+    A speed w = w_m (1 + d sin(N a)) of an inertia J needs the torque J dw/dt = N d J w_m^2 cos(N a), with N firings per revolution.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def shaft_torque(me: Record, speed: float, phase: float, charge: float, engine: 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def next_state(runs: float, on: bool, speed: float, engine: Record) -> float:
-    """Return what the engine does next, at a speed [rad/s]: it is off, turned by the starter, fires, or has stalled."""
+    """Return the next state of the engine at a speed [rad/s]: off, turned by the starter, firing, or stalled."""
     if not on:
         return OFF
     if runs == OFF or runs == STARTING:
@@ -224,10 +224,11 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     return (rig.speed_at(name), me["setpoint"], me["torque"], rig.energies["motor"], runs)
 
 
-# target, lever, enabled: speed setpoint, setpoint of the throttle, and switch; a speed setpoint above 0 moves the throttle, and
-# otherwise its own setpoint and the idle speed do; runs: off, starting, firing or stalled; setpoint: after its ramp; integral: of
-# the governor; throttle, charge: opening and what the cylinders have of it; phase: angle of the firing cycle; cycle: its number;
-# uneven: its irregularity; cut: 1 in a cycle without ignition; torque: on the shaft at the step's end
+# target, lever, enabled: speed setpoint, setpoint of the throttle, and switch; with a speed setpoint above 0 the governor sets the
+# throttle, otherwise the throttle's own setpoint and the idle speed do; runs: off, starting, firing or stalled; setpoint: after its
+# ramp; integral: of the governor; throttle, charge: opening of the throttle, and the charge of the cylinders that follows it;
+# phase: angle of the firing cycle; cycle: its number; uneven: irregularity of the cycle; cut: 1 in a cycle without ignition;
+# torque: on the shaft at the step's end
 PART = Part(
     "combustion_engine",
     30,

@@ -107,7 +107,8 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     drive = me.enabled > 0.0 and world.safe == 0.0
     if my.stiff > 0.0:
-        # its body is so heavy that no clutch changes its speed; the torque brings it to the setpoint of the step's end
+        # the inertia of its body is so large that no clutch changes its speed; the torque moves it to the setpoint at the step's
+        # end
         me.setpoint = next_setpoint(me.setpoint, me.target, line.speed[my.body], drive, h, my)
         me.before = me.torque = (me.setpoint - line.speed[my.body]) / (my.mobility * h) if drive else 0.0
     elif me.held > 0.0:
@@ -126,7 +127,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Compute the torque that gives a body with a prescribed speed this speed, without the torque that was applied to it."""
+    """Compute the load torque on a body with a prescribed speed: the torque that its motion takes less the torque that moved it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     if my.stiff > 0.0:
         me.torque = my.inertia * line.gained[my.body] / h + (me.torque - line.rate[my.body] / my.mobility)

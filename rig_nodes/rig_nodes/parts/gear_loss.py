@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RPM = pi / 30.0
 PER_RPM = 30.0 / pi
 PER_COAST_DOWN = 1.0 / 49.274  # s/rad: reciprocal of the speed at which the coast-down of 7.3.1 began
-LEAST_LOSS = 1e-9  # Nm: keeps an element that may brake as soon as a torque acts from being open
+LEAST_LOSS = 1e-9  # Nm: with it the element is never open, so that it can brake as soon as a torque acts
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class GearLossConfig:
     """Loss torque on a shaft: by its speed, and a parabola of the torque passed on (Annex D), which the driveline solves.
 
     There are two losses by speed. One is that of Annex D; the other is that of the printed coast-down (7.7), whose speed is a
-    parabola of time, so that the square of the torque is linear in the speed. Annex D has the part by the output's torque on the
-    output itself. Whichever side the part by torque brakes, the torque at the input in steady state is the same; what the clutches
-    carry is not.
+    parabola of time, so that the square of the torque is linear in the speed. In Annex D the part that depends on the output's
+    torque acts on the output. Whichever side this part brakes, the torque at the input in steady state is the same, but the torque
+    of the clutches is not.
     """
 
     by_speed: float = param("ratio", 0.0, 10.0, "Factor on Annex D's parabola of the speed, which falls above 1300 rpm")

@@ -4,7 +4,7 @@
 """Hydrostatic drive in a closed circuit between two shafts: a pump and a motor whose displacements are set, two lines, valves.
 
 It is a part of the engine: the pump P and the motor S_h of the HydmAG (thesis 3.1 and fig. 3.2), with a boost supply through check
-valves, relief valves between the lines and a flushing valve. It pushes both shafts and has no inertia of its own.
+valves, relief valves between the lines and a flushing valve. It acts on both shafts by torques and has no inertia of its own.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-EMPTY = -101325.0  # Pa, gauge: pressure of a line that is drawn empty
-TURNS = 1.0  # rad/s at which three quarters of the constant friction act
-LEAST = 0.05  # swivel of the motor below which no speed is asked of it
-ROUNDS = 6  # most changes of open valves in a step
+EMPTY = -101325.0  # Pa, gauge: pressure of an empty line, which is vacuum
+TURNS = 1.0  # rad/s: speed at which three quarters of the constant friction act
+LEAST = 0.05  # swivel of the motor below which no speed setpoint is computed
+ROUNDS = 6  # most iterations over the set of open valves in a step
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def line_pressures(
     """Return pressures of both lines after a step, implicitly, and the flows of the valves.
 
     V/K dp/dt is the sum of the flows into a line. The flows of leaks and open valves are linear in the pressures at the end of the
-    step; which valves are open follows from these pressures, by trying again until it does. A line that would have less than no
-    pressure is empty: it takes the pressure of vacuum, and the void fills when the flows return.
+    step. Which valves are open is assumed first and corrected until it agrees with these pressures. A line whose pressure would
+    fall below vacuum is empty: it has the pressure of vacuum, and its void is filled first when oil flows in again.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def line_pressures(
     across, out = 1.0 / branch.leak_across, 1.0 / branch.leak_out
     relief, check, flush = 1.0 / branch.relief_droop, 1.0 / branch.boost_resistance, 1.0 / branch.flushing_resistance
     a, b = high, low
-    # check and relief valves are likely to stay as they are
+    # first assumption: check and relief valves stay as they are
     feed_a, feed_b = int(a < boost), int(b < boost)
     over = 1 if a - b > branch.relief_pressure else -1 if b - a > branch.relief_pressure else 0
     flushed = 0
@@ -125,7 +125,7 @@ def line_pressures(
             rb += flush * branch.flushing_pressure
         scale = 1.0 / (aa * bb - ab * ab)
         a, b = (ra * bb - ab * rb) * scale, (aa * rb - ab * ra) * scale
-        # the lower line is the one that does not drive: what the valve chose before stays while the lines are near each other
+        # the flushing valve opens to the line of lower pressure; while both pressures are nearly equal it keeps its position
         lower = 1 if a < b else 2
         now = lower if min(a, b) > branch.flushing_pressure else 0
         lets = 1 if a - b > branch.relief_pressure else -1 if b - a > branch.relief_pressure else 0
@@ -198,9 +198,9 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # pump, pump_on, motor, motor_on: setpoints of the swivels and their switches; swivel_*: present swivels; high, low: pressures of
-# the lines; torque_pump, torque_motor: what the pump takes and the motor gives; flow: through the motor; asked: speed at which the
-# motor would take all of the pump's flow; let_off: flow of the relief valves; taken: work of both shafts on it; given: work of
-# the motor; heat_*: where the work went [J]
+# the lines; torque_pump, torque_motor: torque that the pump takes and torque that the motor delivers; flow: through the motor;
+# asked: speed at which the motor would take all of the pump's flow; let_off: flow of the relief valves; taken: work of both shafts
+# on it; given: work of the motor; heat_*: losses by their places [J]
 PART = Part(
     "hydrostatic_branch",
     35,

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 
-NOTICED = 0.01  # K: change of the oil's temperature after which its viscosity is computed again; by it changes some 0.05 %
+NOTICED = 0.01  # K: change of the oil's temperature after which the viscosity, which it changes by some 0.05 %, is computed again
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class OilSupplyConfig:
 
 
 def contradiction(oil: OilSupplyConfig) -> tuple[str, str] | None:
-    """Return the name of a value and what is wrong with it, where the two viscosities are no oil's; otherwise None."""
+    """Return the name of a value and the fault, where no oil can have the two viscosities; otherwise None."""
     if oil.second_viscosity == 0.0:
         return None
     warmer = oil.second_temperature - oil.viscosity_temperature
@@ -78,7 +78,7 @@ def walther(temperature: float, viscosity: float, density: float) -> tuple[float
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def viscosity_at(temperature: float, oil: Record) -> tuple[float, float]:
-    """Return the dynamic viscosity at a temperature, and the share by which it falls with a degree.
+    """Return the dynamic viscosity at a temperature, and the share by which it falls per kelvin.
 
     By ASTM D341 (Ubbelohde, Walther) log10 log10 (nu + 0.7) falls linearly with the logarithm of the absolute temperature; the line
     goes through the two stated points.
@@ -99,7 +99,7 @@ def viscosity_at(temperature: float, oil: Record) -> tuple[float, float]:
         return oil.viscosity, 0.0
     t1, w1 = walther(oil.viscosity_temperature, oil.viscosity, oil.density)
     t2, w2 = walther(oil.second_temperature, oil.second_viscosity, oil.density)
-    kelvin = max(temperature, -60.0) + 273.15  # a colder oil is a solid
+    kelvin = max(temperature, -60.0) + 273.15  # colder oil is solid
     slope = (w2 - w1) / (t2 - t1)
     inner = 10.0 ** (w1 + slope * (log10(kelvin) - t1))  # log10 (nu + 0.7)
     shifted = 10.0**inner
@@ -164,7 +164,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     me.pressure = line.pressure = supply_after(me.pressure, me.setting, me.enabled > 0.0, me.flow, my.decay, my)
     heat = line.heat
     line.heat = 0.0
-    # a heat that is no finite number stays with the part that gave it, which the rig then names as the cause
+    # a heat that is not finite is not taken over, so that the error message names the part from which it comes
     if my.tank_heat_capacity > 0.0 and abs(heat) < inf:
         if me.enabled > 0.0:
             heat += me.pressure * my.pump_flow * h

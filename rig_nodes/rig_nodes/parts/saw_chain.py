@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-SCATTER = 1  # number of what scatters, see parts.cycles; that of the engine is 0
+SCATTER = 1  # channel of parts.cycles for the cutting resistance; that of the engine is 0
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def resistance(mean: float, rubbing: float, phase: float) -> float:
     mean : float
         Mean torque of the turn, cutting and friction [Nm].
     rubbing : float
-        Friction of the chain [Nm], which is there at any angle.
+        Friction of the chain [Nm], which acts at any angle.
     phase : float
         Angle of the crank since the upper dead centre [rad].
 
@@ -87,7 +87,7 @@ def fill(world: Record, k: int, h: float) -> None:
 
 @njit(**INLINED)
 def held_torque(me: Record, speed: float, phase: float, feed: float, my: Record) -> float:
-    """Return what chain and kerf can hold [Nm] at a speed of the drum, an angle of the crank and a feed force."""
+    """Return the torque that chain and kerf can hold [Nm] at a speed of the drum, an angle of the crank and a feed force."""
     share = feed / my.stated_feed
     rubbing = my.friction + my.friction_by_speed * abs(speed)
     pinched = me.jam * my.sprocket_radius if me.jammed > 0.0 else 0.0
@@ -98,7 +98,7 @@ def held_torque(me: Record, speed: float, phase: float, feed: float, my: Record)
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Set what resists at both ends of the step, at its end by the speed and the angle that are expected there."""
+    """Set the resisting torque at both ends of the step, at its end by the speed and the angle that are expected there."""
     me, my, line = world.parts.saw_chain[k], world.values.saw_chain[k], world.driveline
     cap, f, speed = line.cap, my.element, line.speed[my.body]
     start = me.feed
@@ -111,7 +111,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Turn the crank by the step's motion; at its upper dead centre another turn begins."""
+    """Advance the crank's angle by the step's motion; at its upper dead centre another revolution begins."""
     me, my, line = world.parts.saw_chain[k], world.values.saw_chain[k], world.driveline
     me.torque = line.el[LAM, my.element]
     me.phase += h * (line.speed[my.crank] - 0.5 * line.gained[my.crank])
@@ -128,8 +128,8 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # target, enabled: setpoint of the feed force and its switch; jam, jammed: force along the chain with which the kerf holds it, and
-# its switch; feed: the force on the bar now; phase, cycle, scatter: angle of the crank, number of its turn, and this turn's random
-# number; torque: what resists the drum now
+# its switch; feed: present force on the bar; phase, cycle, scatter: angle of the crank, number of its revolution, and the random
+# number of this revolution; torque: present resisting torque on the drum
 PART = Part(
     "saw_chain",
     40,

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torque meter in a shaft, between what drives or loads the shaft and all else on it; rigid, so it has no step of its own.
+"""Torque meter in a shaft, between the drive or load at the shaft's end and all else on it; rigid, without a step of its own.
 
 Its torque follows from that of the driveline, see testbench.plan; a compliant meter is a shaft of the driveline.
 """
