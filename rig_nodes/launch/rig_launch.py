@@ -110,7 +110,7 @@ class Run:
     def why(self, name: str, code: int) -> str:
         """Sentence on a process whose end was not wanted."""
         if name == "sequencer" and self.sequence and code == 1:
-            return "the sequence failed, the sequencer says why above"
+            return "the sequence failed, the sequencer has printed the reason above"
         how = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         return f"{name} {how}"
 

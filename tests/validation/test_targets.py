@@ -338,7 +338,7 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
         ("id: delay", "id: falls", r":\d+: the id 'falls' is taken by line \d+; each id may be used once"),
         ("id: delay", "id: delay\n  id: again", r":\d+: .*duplicate key"),
         ("t_p_s: [time,", "t_p_s: [duration,", r":\d+: quantities.t_p_s must be \[dimension, .meaning.\]"),
-        ("grid_up: I to II over load and speed", "grid_up:", r":\d+: procedures.grid_up must say what it is"),
+        ("grid_up: I to II over load and speed", "grid_up:", r":\d+: procedures.grid_up must be a description"),
     ],
 )
 def test_a_badly_written_row_is_refused_in_one_sentence(tmp_path, old, new, sentence):

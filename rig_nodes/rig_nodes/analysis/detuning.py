@@ -96,7 +96,7 @@ def detuning_file(rig: str | Path) -> Path:
     path = find_config("rigs", rig).parent / FILE
     if not path.is_file():
         raise RigError(
-            f"--detune: the folder {path.parent} has no {FILE}; name a file that says what may move (docs/how_to/modes.md)"
+            f"--detune: the folder {path.parent} has no {FILE}; name a file with the values that may change (docs/how_to/modes.md)"
         )
     return path
 

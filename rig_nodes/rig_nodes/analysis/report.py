@@ -183,7 +183,7 @@ def _record_of(bag: Bag | Gathered, run: dict) -> Mapping:
 
 def _no_rig(error: Exception) -> RigError:
     return RigError(
-        f"the configuration of the run does not say its rig and instruments ({type(error).__name__}: {error}); "
+        f"the configuration of the run does not name its rig and instruments ({type(error).__name__}: {error}); "
         f"expected what `rig run` and `rig simulate` put into a bag"
     )
 
@@ -431,7 +431,7 @@ def no_shift(report: dict) -> str:
     run = report["run"]
     if run.get("imported"):
         return (
-            "no shift: nobody said when which gear was ordered; import the file with --orders, e.g. '3.845:I-II', or with a column "
+            "no shift: the orders of gears are not given; import the file with --orders, e.g. '3.845:I-II', or with a column "
             "of the ordered gear; 'rig compare' takes the orders of another run"
         )
     if "measured" not in report:

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--annex-a", action="store_true", help="also by the recipe of the laboratory's program (Annex A), with the difference"
     )
     parser.add_argument("--factor", type=float, metavar="B", help=f"Annex A's factor of the settled torque ({FACTOR_B})")
-    parser.add_argument("--truth", action="store_true", help="also what the plant's states in the bag say")
+    parser.add_argument("--truth", action="store_true", help="also results from the plant's states in the bag")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -148,7 +148,7 @@ def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
     """
     reason = "unknown from what is left of the bag"
     if reported and (end := run.get("end")):
-        reason += f"; its report says: {end.get('reason') if isinstance(end, dict) else end}"
+        reason += f"; the reason in its report: {end.get('reason') if isinstance(end, dict) else end}"
     rest = {**run, "lost": None, "recovered": bag.recovered, "end": {"state": "unknown", "reason": reason}}
     if facts := facts_of(folder):
         rest["lost_by_topic"] = lost_messages(bag, facts)

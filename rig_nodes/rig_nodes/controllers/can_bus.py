@@ -336,7 +336,7 @@ class CanBus(FreeRunning):
                 bool(state["shifting"]),
                 state["flags"],
                 state["status"],
-                "the controller says so on the bus",
+                "the controller reports it on the bus",
             )
         )
 

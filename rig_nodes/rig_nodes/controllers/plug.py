@@ -109,7 +109,7 @@ class Waiting:
 
 
 # where a controller's level comes from
-GIVEN, SAID, DEFAULT = "as given", "as the controller says", "by default, the controller says none"
+GIVEN, SAID, DEFAULT = "as given", "as the controller declares", "by default, the controller declares none"
 TOLD = "by default; a controller of the other level has no effect"
 
 
@@ -333,7 +333,7 @@ class Plug(ABC):
         """Warn of a duty that equals the current [A] which the controller wants."""
         self._doubted = True
         self.say(
-            f"warning: controller {self.name}, sample {sample}: its command is the current that it asks for, so it "
+            f"warning: controller {self.name}, sample {sample}: its command equals its current setpoint, so it "
             f"looks like amperes, and level duty ({self.level_from}) takes it as a share of the supply; if it is a "
             "current, choose --level current"
         )

@@ -235,7 +235,7 @@ class _OtherSide:
         why = ""
         if ready.state == ready.LEAVES:
             if ready.controller == self.controller:
-                raise Gone(f"it said goodbye: {text}")
+                raise Gone(f"it has left: {text}")
             return
         if ready.state == ready.REFUSES:
             why = text

@@ -216,7 +216,7 @@ def _found(path: Path, lines: list[str], form: Form) -> Form:
     last = [line for line in lines[-LOOKED_AT:] if line.strip()]
     for name, number in (("header", form.header), ("units", form.units), ("data", form.data)):
         if number is not None and not 1 <= number <= len(lines):
-            raise RigError(f"{path}: has {len(lines)} lines, and line {number} is said to be that of the {name}")
+            raise RigError(f"{path}: has {len(lines)} lines, and line {number} is given as that of the {name}")
     if form.delimiter is None:
         counts = {sign: {len(_fields(line, sign)) for line in last[-20:]} for sign in DELIMITERS}
         sign = next((sign for sign, found in counts.items() if max(found, default=1) > 1), None)
@@ -237,7 +237,7 @@ def _found(path: Path, lines: list[str], form: Form) -> Form:
         form = replace(form, header=next(n for n in above if n != form.units))
     if not form.header < form.data or (form.units and not form.units < form.data):
         raise RigError(
-            f"{path}: the values are said to begin in line {form.data}, which is not below the names in line {form.header}"
+            f"{path}: the values are given as beginning in line {form.data}, which is not below the names in line {form.header}"
         )
     return form
 

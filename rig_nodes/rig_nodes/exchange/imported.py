@@ -45,7 +45,7 @@ ROWS = 50  # of a block, at most
 LATEST = 24 * 3600.0  # s; a file that begins later has the times of a calendar, and its run begins at 0
 EMPTIER = 20  # times as many rows as the file has are no recording any more
 NO_RIG = (
-    "nobody says of which rig it is, whose inertias, ratios and instrument errors enter the results; name it by --rig, e.g. "
+    "its rig is not given, whose inertias, ratios and instrument errors enter the results; name it by --rig, e.g. "
     "--rig hydmag, or in a profile"
 )
 MOST_BLOCKS_IN = 5e-3  # s of rows in a block

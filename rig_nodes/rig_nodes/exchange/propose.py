@@ -102,7 +102,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         signal, unit = best.get(one.head), unit_of(one.unit) or ""
         if signal is not None and told.count(signal.name) == 1:
             said = unit or f"{signal.display_unit}"
-            doubt = "" if unit else "  # the file says no unit: is it this?"
+            doubt = "" if unit else "  # the file has no unit: is it this one?"
             lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(said)}}}{doubt}")
         else:
             unsure.append(one.head)

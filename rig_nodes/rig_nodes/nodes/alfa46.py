@@ -387,7 +387,7 @@ class Alfa46Node(Node):
         if self._rig_status == RigStatus.TRIPPED:
             raise RigError(f"shift refused: the rig is in its safe state ({self._rig_reason}); call /rig/reset first")
         if self._rig_status == RigStatus.STARTING:
-            raise RigError("shift refused: the rig is starting; wait until /rig/state says that it is ready")
+            raise RigError("shift refused: the rig is starting; wait until /rig/state is ready")
 
     def receive_status(self, status: int, reason: str) -> None:
         """Take the rig's state: after a trip the controller continues in neutral, and the running order has failed.

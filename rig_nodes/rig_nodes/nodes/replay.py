@@ -492,7 +492,7 @@ class Session:
                     waiting_told = True
             elif now - began >= FIND and now - changed >= QUIET and (not missing or now - began > SETTLE):
                 for topic in missing:
-                    self.say(f"a receiver of {topic} asks for another quality of service and gets nothing")
+                    self.say(f"a receiver of {topic} requires another quality of service and receives nothing")
                 break
         node.refuse_second_clock()
         self.say(f"{known} subscriptions are connected")

@@ -44,24 +44,31 @@ class EngineConfig:
     drag_by_speed: float = param("torque per speed", 0.0, 100.0, "Growth of the engine's drag with its speed")
     throttle_time: float = param("time", 1e-4, 10.0, "Time in which the throttle moves from closed to open")
     manifold_time: float = param("time", 1e-5, 10.0, "Time constant with which the charge of the cylinders follows the throttle")
-    ramp: float = param("angular acceleration", 0.1, 1e6, "How fast the speed setpoint moves towards what was ordered")
+    ramp: float = param("angular acceleration", 0.1, 1e6, "Rate at which the speed setpoint moves to the ordered speed")
     governor_band: float = param(
-        "angular velocity", 0.1, 1e4, "Miss of the speed by which the governor opens the throttle from closed to open at once"
+        "angular velocity", 0.1, 1e4, "Speed error at which the governor's proportional part opens the throttle fully"
     )
-    governor_time: float = param("time", 1e-3, 1e3, "Time in which a lasting miss adds as much again to the governor's opening")
+    governor_time: float = param(
+        "time", 1e-3, 1e3, "Integral time of the governor: in it a constant speed error adds the proportional part once more"
+    )
     idle_speed: float = param("angular velocity", 0.0, 1e4, "Speed that the governor holds with the throttle closed")
     starter_torque: float = param("torque", 0.0, 1e4, "Torque of the starter, from switching on until the engine fires")
     firing_speed: float = param("angular velocity", 0.1, 1e4, "Speed at which a turned engine begins to fire")
     stall_speed: float = param(
-        "angular velocity", 0.0, 1e4, "Speed, below that of firing, under which it stalls until it is switched off and on again"
+        "angular velocity",
+        0.0,
+        1e4,
+        "Speed below which the engine stalls until it is switched off and on again; less than firing_speed",
     )
     cut_speed: float = param("angular velocity", 1.0, 1e5, "Speed above which the ignition leaves out the next firing")
-    firings: float = param("ratio", 0.125, 24.0, "Firings in a turn: 1 for a two-stroke cylinder, 2 for four of a four-stroke")
+    firings: float = param(
+        "ratio", 0.125, 24.0, "Firings per revolution: 1 for a two-stroke cylinder, 2 for four cylinders of a four-stroke engine"
+    )
     irregularity: float = param(
-        "ratio", 0.0, 0.5, "Largest less mean speed over mean speed in a firing cycle, on the inertia that is stated with it"
+        "ratio", 0.0, 0.5, "Irregularity: (largest - mean) / mean speed in a firing cycle, with the stated inertia"
     )
     irregularity_scatter: float = param("ratio", 0.0, 0.5, "Standard deviation of the irregularity from cycle to cycle")
-    irregularity_inertia: float = param("inertia", 0.0, 1e4, "Inertia that turned as the irregularity was measured")
+    irregularity_inertia: float = param("inertia", 0.0, 1e4, "Inertia for which the irregularity is stated")
     irregularity_speed: float = param("angular velocity", 0.1, 1e4, "Speed at which the irregularity is stated")
     irregularity_growth: float = param(
         "ratio", -1.0, 10.0, "Relative change of the irregularity with a relative change of the speed"

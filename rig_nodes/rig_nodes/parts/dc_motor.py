@@ -25,19 +25,17 @@ if TYPE_CHECKING:
 class MotorConfig:
     """Values of the drive; the torque limit is the smaller of torque_limit and power_limit / speed."""
 
-    torque_limit: float = param(
-        "torque", 1.0, 1e5, "Largest driving torque, which holds as long as the power limit does not ask for less"
-    )
+    torque_limit: float = param("torque", 1.0, 1e5, "Largest driving torque, where the power limit does not demand less")
     braking_limit: float = param("torque", 0.0, 1e5, "Largest braking torque")
     power_limit: float = param(
         "power", 1.0, 1e7, "Largest driving power; beyond its speed the torque falls with the speed's reciprocal"
     )
     torque_time: float = param(
-        "time", 1e-4, 1.0, "Time constant with which the air-gap torque follows the torque that the speed loop asks for"
+        "time", 1e-4, 1.0, "Time constant with which the air-gap torque follows the setpoint of the speed loop"
     )
     speed_gain: float = param("torque per speed", 0.0, 1e4, "Proportional gain of the speed loop")
     speed_gain_integral: float = param("torque per angle", 0.0, 1e5, "Integral gain of the speed loop")
-    ramp: float = param("angular acceleration", 0.1, 1e5, "How fast the speed setpoint moves towards what was ordered")
+    ramp: float = param("angular acceleration", 0.1, 1e5, "Rate at which the speed setpoint moves to the ordered speed")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -162,7 +160,7 @@ PART = Part(
             "speed",
             0.0,
             314.2,
-            "Speed the DC drive is asked for, after its ramp.",
+            "Speed setpoint of the DC drive, after its ramp.",
             "positive in the driving direction",
         ),
         Shown("work", "work", "energy", -1e9, 1e9, "Work of the motor since time 0.", "positive delivered to the shaft"),

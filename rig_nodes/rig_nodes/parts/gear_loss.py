@@ -38,11 +38,11 @@ class GearLossConfig:
     """
 
     by_speed: float = param("ratio", 0.0, 10.0, "Factor on Annex D's parabola of the speed, which falls above 1300 rpm")
-    at_rest: float = param("torque", 0.0, 100.0, "Loss by speed at a standstill, as the coast-down has it")
+    at_rest: float = param("torque", 0.0, 100.0, "Loss by speed at a standstill, by the coast-down")
     at_470: float = param(
         "torque", 0.0, 100.0, "Loss by speed where the coast-down began; its square is linear in the speed from that at rest"
     )
-    drag: float = param("torque", 0.0, 100.0, "Loss whatever speed and torque are")
+    drag: float = param("torque", 0.0, 100.0, "Constant loss, at any speed and torque")
     constant: float = param("torque", -100.0, 100.0, "Constant part of the parabola of the torque passed on")
     share: float = param("ratio", -0.5, 0.5, "Linear part of the parabola of the torque passed on")
     square: float = param("torque per torque squared", -0.01, 0.01, "Square part of the parabola of the torque passed on")

@@ -35,9 +35,9 @@ class HydraulicMotorConfig:
         "hydraulic resistance",
         1e6,
         1e12,
-        "How far the line's pressure rises above the setting of the maximum valve with the flow that the valve lets off",
+        "Rise of the line's pressure above the setting of the maximum valve with the flow through the valve",
     )
-    relief_rate: float = param("pressure rate", 1e3, 1e9, "How fast the maximum valve is turned towards its setpoint")
+    relief_rate: float = param("pressure rate", 1e3, 1e9, "Rate at which the setting of the maximum valve moves to its setpoint")
 
 
 @njit(cache=True)

@@ -36,22 +36,20 @@ class HydrostaticConfig:
     pump_time: float = param("time", 1e-3, 10.0, "Time in which the pump's swivel goes from 0 to 100 %")
     motor_time: float = param("time", 1e-3, 10.0, "Time in which the motor's swivel goes from 0 to 100 %")
     line_volume: float = param("volume", 1e-6, 1e-1, "Volume of the oil in each of the two lines")
-    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with the give of hoses")
+    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil, with the compliance of the hoses")
     leak_across: float = param(
         "hydraulic resistance", 1e6, 1e16, "Pressure between the lines over the flow that leaks between them"
     )
     leak_out: float = param("hydraulic resistance", 1e6, 1e16, "Pressure of a line over its flow into the housings")
     relief_pressure: float = param("pressure", 1e5, 1e8, "Difference of the lines' pressures at which a relief valve opens")
-    relief_droop: float = param(
-        "hydraulic resistance", 1e6, 1e12, "Rise of that difference with the flow that the relief valve lets through"
-    )
+    relief_droop: float = param("hydraulic resistance", 1e6, 1e12, "Rise of that difference with the flow of the relief valve")
     boost_pressure: float = param("pressure", 0.0, 1e7, "Pressure of the boost supply while the pump's shaft turns fast enough")
     boost_speed: float = param("angular velocity", 0.1, 1e3, "Speed of the pump's shaft from which on the boost supply is full")
     boost_resistance: float = param("hydraulic resistance", 1e6, 1e12, "Fall of pressure at a check valve with the flow through it")
     flushing_pressure: float = param("pressure", 0.0, 1e7, "Pressure of the lower line above which the flushing valve lets off oil")
     flushing_resistance: float = param("hydraulic resistance", 1e6, 1e16, "Pressure over the flow of the flushing valve")
     boost_displacement: float = param("displacement", 0.0, 1e-3, "Displacement of the boost pump on the pump's shaft")
-    friction: float = param("torque", 0.0, 100.0, "Friction of each machine, whatever speed and pressure are")
+    friction: float = param("torque", 0.0, 100.0, "Friction of each machine at any speed and pressure")
     friction_speed: float = param("torque per speed", 0.0, 10.0, "Friction of each machine per speed")
     friction_share: float = param("ratio", 0.0, 0.5, "Friction of each machine as a share of its displacement times the pressure")
 

@@ -30,10 +30,12 @@ class OilSupplyConfig:
     """Values of the relief valve and the oil."""
 
     relief_droop: float = param(
-        "hydraulic resistance", 0.0, 1e12, "How far the supply pressure falls below its setting with the flow that is drawn"
+        "hydraulic resistance", 0.0, 1e12, "Fall of the supply pressure below its setting with the flow that is drawn"
     )
     pressure_time: float = param("time", 1e-4, 5.0, "Time constant with which the supply pressure follows the relief valve")
-    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with its share of air and the hoses' give")
+    bulk_modulus: float = param(
+        "pressure", 1e7, 3e9, "Bulk modulus of the oil, with its share of air and the compliance of the hoses"
+    )
     density: float = param("density", 500.0, 1200.0, "Density of the oil")
     viscosity: float = param("viscosity", 1e-4, 5.0, "Dynamic viscosity of the oil at the reference temperature")
     viscosity_temperature: float = param("temperature", -30.0, 150.0, "Reference temperature, at which the viscosity is stated")
@@ -45,14 +47,18 @@ class OilSupplyConfig:
         live="oil_temperature",
     )
     second_viscosity: float = param(
-        "viscosity", 0.0, 5.0, "Dynamic viscosity at a second temperature; 0 for an oil that is as viscous at all temperatures", 0.0
+        "viscosity",
+        0.0,
+        5.0,
+        "Dynamic viscosity at a second temperature; 0 for a viscosity that does not depend on temperature",
+        0.0,
     )
     second_temperature: float = param("temperature", -30.0, 150.0, "Second temperature at which the viscosity is stated", 100.0)
     tank_heat_capacity: float = param(
-        "heat capacity", 0.0, 1e8, "Heat capacity of the oil with its tank; 0 for a tank so large that its temperature stays", 0.0
+        "heat capacity", 0.0, 1e8, "Heat capacity of the oil with its tank; 0 for a constant temperature", 0.0
     )
     tank_cooling: float = param(
-        "thermal conductance", 0.0, 1e5, "Heat that tank and cooler give off with each degree above the surroundings", 0.0
+        "thermal conductance", 0.0, 1e5, "Heat flow from tank and cooler per kelvin above the surroundings", 0.0
     )
     ambient_temperature: float = param("temperature", -50.0, 60.0, "Temperature of the surroundings", 20.0)
     pump_flow: float = param(

@@ -68,7 +68,7 @@ class PlatePack(PackGeometry):
         10.0,
         "Time constant with which oil is squeezed out between the plates, or drawn in again, with the oil's stated viscosity",
     )
-    friction_spline: float = param("ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines, either way")
+    friction_spline: float = param("ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines, in both directions")
     friction_correction: float = param("ratio", 0.1, 10.0, "Factor on the torque of the friction model, k_kor of (6.56)")
     rest_torque: float = param(
         "torque",
@@ -82,18 +82,18 @@ class PlatePack(PackGeometry):
         1e-2,
         "Height of the oil film between two plates that are not pressed; the drag is computed with no smaller gap",
     )
-    film_force: float = param("force", 1.0, 1e5, "Clamp force at which the asperities carry everything and no film is sheared")
-    film_radius: float = param("length", 1e-3, 1.0, "Radius at which the closed oil film ends, in the drag models that know one")
+    film_force: float = param("force", 1.0, 1e5, "Clamp force from which the asperities carry all of it and no film is sheared")
+    film_radius: float = param(
+        "length", 1e-3, 1.0, "Radius at which the closed oil film ends, in the drag models with such a radius"
+    )
     liquid_share: float = param("ratio", 0.0, 1.0, "Share of liquid in the oil beyond the closed film, in the drag model iqbal")
     mist_viscosity_share: float = param(
         "ratio", 0.0, 1.0, "Viscosity of the mist beyond the closed film over that of the oil, in the drag model iqbal"
     )
     heat_capacity: float = param("heat capacity", 1.0, 1e6, "Heat capacity of all plates of the pack")
-    cooling: float = param(
-        "thermal conductance", 0.0, 1e6, "Heat that goes from the plates to the oil with each degree between them"
-    )
+    cooling: float = param("thermal conductance", 0.0, 1e6, "Heat flow from the plates to the oil per kelvin between them")
     friction_per_kelvin: float = param(
-        "per temperature", -0.02, 0.02, "Share by which the friction of the plates changes with each degree"
+        "per temperature", -0.02, 0.02, "Share by which the friction of the plates changes per kelvin"
     )
     friction_temperature: float = param(
         "temperature",
@@ -102,7 +102,7 @@ class PlatePack(PackGeometry):
         "Temperature of the plates at which their coefficients of friction and their wear rate are stated",
     )
     wear_rate: float = param("wear rate", 0.0, 1e-6, "Growth of the whole pack's clearance with the heat of friction")
-    wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows with each degree")
+    wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows per kelvin")
 
 
 @dataclass(frozen=True)

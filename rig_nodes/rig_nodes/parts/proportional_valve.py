@@ -39,18 +39,18 @@ class ValveConfig:
     coil_inductance: float = param("inductance", 1e-3, 5.0, "Inductance of the coil")
     cracking_current: float = param("current", 0.0, 0.5, "Current at which the regulated pressure begins to rise")
     pressure_gain: float = param("pressure per current", 1e5, 2e7, "Rise of the regulated pressure with the current")
-    pressure_limit: float = param("pressure", 1e5, 1e7, "Pressure above which the valve lets off oil, whatever the current")
+    pressure_limit: float = param("pressure", 1e5, 1e7, "Pressure above which the valve drains oil, whatever the current")
     hysteresis: float = param(
-        "ratio", 0.0, 0.2, "Share of the magnet's force that iron and armature keep as the current turns round"
+        "ratio", 0.0, 0.2, "Share of the magnet's force that iron and armature retain as the current reverses its course"
     )
     friction_pressure: float = param(
         "pressure", 0.0, 1e6, "Friction of the spool without dither, as half the band of port pressures in which it stays"
     )
-    spool_stroke: float = param("length", 1e-5, 1e-2, "Way of the spool from the edge of the reducing side to its stop")
+    spool_stroke: float = param("length", 1e-5, 1e-2, "Travel of the spool from the edge of the reducing side to its stop")
     spool_dead_band: float = param("length", 0.0, 5e-3, "Overlap of the spool between its reducing and its relieving edge")
-    full_opening_pressure: float = param("pressure", 1e3, 5e6, "Miss of the port pressure at which the spool opens fully")
+    full_opening_pressure: float = param("pressure", 1e3, 5e6, "Error of the port pressure at which the spool opens fully")
     spool_time: float = param(
-        "time", 1e-4, 1.0, "Time constant of the spool's way, damped by oil in its gaps, at the oil's reference temperature"
+        "time", 1e-4, 1.0, "Time constant of the spool's travel, damped by oil in its gaps, at the oil's reference temperature"
     )
     orifice_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from supply to port")
     drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")

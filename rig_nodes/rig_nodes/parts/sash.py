@@ -35,7 +35,7 @@ TURN = 2.0 * pi
 class SashConfig:
     """Values of the mass, the crank and the counterweight, whose own inertia about the crank's axis is the body's."""
 
-    mass: float = param("mass", 1e-3, 1e5, "Mass that moves to and fro, with what is fixed to it")
+    mass: float = param("mass", 1e-3, 1e5, "Reciprocating mass, with all parts fixed to it")
     radius: float = param("length", 1e-4, 10.0, "Radius of the crank")
     rod_ratio: float = param(
         "ratio", 0.0, 0.9, "Radius of the crank over length of the rod; at 0 the travel is radius (1 - cos angle), as of a long rod"

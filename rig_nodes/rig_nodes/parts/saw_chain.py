@@ -41,7 +41,9 @@ class ChainConfig:
     friction_by_speed: float = param("torque per speed", 0.0, 10.0, "Growth of that friction with the speed of the drum")
     cutting_torque: float = param("torque", 0.0, 1e4, "Mean torque of cutting and friction over a turn at the stated feed, M_o")
     cutting_scatter: float = param("torque", 0.0, 1e4, "Standard deviation of that mean from turn to turn, s_p")
-    stated_feed: float = param("force", 0.1, 1e4, "Force on the bar at which that is the mean torque; it grows in proportion")
+    stated_feed: float = param(
+        "force", 0.1, 1e4, "Force on the bar at which cutting_torque is the mean torque, which is proportional to the force"
+    )
     feed_time: float = param("time", 1e-4, 10.0, "Time constant with which the force on the bar follows its setpoint")
     seed: float = param("ratio", 0.0, 1e9, "Number that chooses the turns; the same number gives the same turns")
 

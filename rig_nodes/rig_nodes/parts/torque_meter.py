@@ -18,9 +18,11 @@ from .part import METER, Part, Wire
 class TorqueMeterConfig:
     """Inertia on one side of the meter, and which side this is."""
 
-    inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter, which its body's own counts too")
+    inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter; the body's own inertia includes it")
     side: str = choice(
-        "On which side that is: beyond the meter, with the motor or the load, or within, with the gears", "beyond", "within"
+        "Side of the meter with this inertia: beyond the meter, with the motor or load, or within, with the gears",
+        "beyond",
+        "within",
     )
 
 

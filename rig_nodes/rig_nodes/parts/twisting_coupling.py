@@ -43,7 +43,7 @@ class CouplingConfig:
     spring_preload: float = param("force", 0.0, 1e6, "Force of the springs with the nut at its first stop")
     spring_rate: float = param("stiffness", 1.0, 1e11, "Stiffness of the whole set of springs")
     knee_travel: float = param(
-        "length", 0.0, 1.0, "Travel of the nut at which the softer springs lie on their rings; at or beyond the last stop never"
+        "length", 0.0, 1.0, "Travel of the nut at which the softer springs lie on their rings; from stop_travel on they never do"
     )
     knee_rate: float = param("stiffness", 1.0, 1e11, "Stiffness of the springs that are left beyond the knee")
     spring_friction: float = param(

@@ -38,12 +38,15 @@ class VehicleConfig:
     wheel_radius: float = param("length", 0.01, 5.0, "Radius on which the driven wheels roll")
     slip_stiffness: float = param("force", 1e2, 1e8, "Force of all driven tyres per slip, where the slip is small")
     relaxation_length: float = param(
-        "length", 1e-3, 10.0, "Way in which the force of a tyre follows its slip; slip_stiffness over it is the stiffness at rest"
+        "length",
+        1e-3,
+        10.0,
+        "Distance in which the force of a tyre follows its slip; slip_stiffness over it is the stiffness at rest",
     )
     tyre_damping: float = param("damping", 0.0, 1e7, "Damping of the tyres' deflection")
     adhesion: float = param("ratio", 0.01, 2.0, "Largest force of the driven tyres over the weight of the vehicle")
     rolling_resistance: float = param("ratio", 0.0, 0.5, "Rolling resistance over the force on the road")
-    drag_area: float = param("area", 0.0, 100.0, "Drag coefficient times the area in front")
+    drag_area: float = param("area", 0.0, 100.0, "Drag coefficient times the frontal area")
     air_density: float = param("density", 0.0, 10.0, "Density of the air")
     brake_limit: float = param("force", 0.0, 1e7, "Largest force of the brakes at the wheels' radius")
 
@@ -200,7 +203,7 @@ PART = Part(
         Shown("work", "work", "energy", -1e9, 1e9, "Work taken by the vehicle since time 0.", "positive taken from {body}"),
     ),
     takes=(
-        Command("road", {"grade": "ratio"}, "grade", "on_road", "grade of the road, rise over way along the level", "ratio"),
+        Command("road", {"grade": "ratio"}, "grade", "on_road", "grade of the road, rise over horizontal distance", "ratio"),
         Command(
             "brake", {"force": "force"}, "brake", "brake_on", "force of the brakes at the wheels' radius", "force", node="brake"
         ),

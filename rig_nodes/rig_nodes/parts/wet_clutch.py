@@ -43,11 +43,11 @@ class Cylinder(PackFriction):
     )
     spring_preload: float = param("force", 0.0, 1e5, "Force of the return springs on the released piston")
     spring_rate: float = param("stiffness", 1e2, 1e9, "Stiffness of the return springs")
-    clearance: float = param("length", 1e-5, 5e-2, "Way of the piston from its stop to the kiss point, of a pack that is new")
+    clearance: float = param("length", 1e-5, 5e-2, "Travel of the piston from its stop to the kiss point, with a new pack")
     pack_rate: float = param(
         "stiffness", 1e3, 1e10, "Stiffness of the pack at the kiss point, where only the waves of the steel plates carry"
     )
-    pack_travel: float = param("length", 1e-5, 1e-2, "Way of the piston beyond the kiss point at which the pack lies flat")
+    pack_travel: float = param("length", 1e-5, 1e-2, "Travel of the piston beyond the kiss point at which the pack is flat")
     seal_friction: float = param("force", 0.0, 1e4, "Friction of the piston's seals without pressure")
     seal_friction_share: float = param(
         "ratio", 0.0, 0.5, "Friction of the seals as a share of the pressure's force, in addition to that without pressure"
@@ -60,15 +60,11 @@ class Cylinder(PackFriction):
         "length",
         0.0,
         1.0,
-        "Root of the mean square radius of the chamber's oil on the piston; 0 leaves out what turning does to it",
+        "Root of the mean square radius of the chamber's oil on the piston; 0 leaves out the effect of rotation",
         0.0,
     )
     drained_volume: float = param(
-        "volume",
-        0.0,
-        1e-2,
-        "Volume of the line that runs empty while nothing presses the oil, and is filled first; 0 for none",
-        0.0,
+        "volume", 0.0, 1e-2, "Volume of the line that runs empty while it has no pressure, and is filled first; 0 for none", 0.0
     )
     drain_time: float = param("time", 1e-3, 1e4, "Time constant with which the line runs empty", 1.0)
 

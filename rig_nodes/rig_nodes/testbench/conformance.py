@@ -338,7 +338,7 @@ class Check:
                     if rig.time - began > SHIFT:
                         held = " and ".join(clutch.name for clutch in locked(rig, box)) or "no clutch"
                         return False, (
-                            f"{SHIFT:g} s after the order of gear {box.names[gear]} it says gear "
+                            f"{SHIFT:g} s after the order of gear {box.names[gear]} it reports gear "
                             f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} "
                             "is locked"
                         )

@@ -702,7 +702,7 @@ class SequenceRunner:
             try:
                 self.bench.set(step.kind, relief_setting_for(step.value, self.bench.reading(speed), load), step.enable)
             except RigError as error:
-                raise RigError(f"{step.text} asks the relief valve, at this speed, for too much: {error}") from None
+                raise RigError(f"{step.text} needs too much of the relief valve at this speed: {error}") from None
 
     def _ended(self, step: Step, t: float) -> bool:
         waited = t - self._since
@@ -727,6 +727,6 @@ class SequenceRunner:
                 value = signal.shown(self.bench.reading(signal.name))
                 seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
             elif step.kind == "shift" and (says := self.bench.controller_says()) is not None:
-                seen = f"; the controller says gear {says[0]}, {'shifting' if says[1] else 'not shifting'}"
+                seen = f"; the controller reports gear {says[0]}, {'shifting' if says[1] else 'not shifting'}"
             raise SequenceFailed(f"{step.where}: '{step.text}' did not come true within {step.timeout:g} s{seen}")
         return done

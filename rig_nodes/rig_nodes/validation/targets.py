@@ -213,7 +213,7 @@ def _procedures(path: str | Path, node: Map) -> tuple[str, ...]:
     check_keys(path, procedures, procedures, (), "procedures")
     for name, meaning in procedures.items():
         if not (isinstance(meaning, str) and meaning.strip()):
-            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must say what it is, found {brief(meaning)}")
+            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must be a description, found {brief(meaning)}")
     return tuple(procedures)
 
 

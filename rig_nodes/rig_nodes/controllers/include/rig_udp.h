@@ -325,7 +325,7 @@ static void rig_udp_told(rig_udp_client *client, rig_udp_frame *frame) {
   frame->body.bye.message[sizeof frame->body.bye.message - 1] = '\0';
   if (strcmp(client->told, frame->body.bye.message) == 0) return;
   memcpy(client->told, frame->body.bye.message, sizeof client->told);
-  fprintf(stderr, "the rig says: %s\n", frame->body.bye.message);
+  fprintf(stderr, "message of the rig: %s\n", frame->body.bye.message);
 }
 
 /* Answers the rig at a numeric address, e.g. "127.0.0.1", and port until rig_udp_stop is set, or with `once` until the first
