@@ -62,7 +62,7 @@ ARGUMENTS = (
     ("recording", "", "further options of the recorder as `ros2 run rig_nodes recorder --help` lists them, e.g. '--keep-last 30'"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
-END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of those before it
+END_ORDER = ("rig_container", "alfa46", "recorder")  # each receives everything of those before it
 
 
 class Run:
@@ -161,7 +161,7 @@ def pairs(text: str) -> list[str]:
 
 
 def start(context: LaunchContext) -> list:
-    """The processes, with what the launch arguments say."""
+    """The processes, with the values of the launch arguments."""
     check_namespace(context.launch_configurations.get("ros_namespace", ""), "PushRosNamespace")
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     record = LaunchConfiguration("record").perform(context) == "true"

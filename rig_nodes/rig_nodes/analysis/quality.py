@@ -23,7 +23,7 @@ SLOW_UP, SLOW_DOWN, UNTUNED = 0.725, 0.5, 1.0
 # Highest input torque by that which the load asks: the last application factor of ISO 6336-6 table B.1, for heavy shocks of motor
 # and machine. A higher peak alone makes a shift no worse than fair, because the laboratory accepted such peaks at small loads.
 SHOCK = 2.25
-LEAST_TORQUE = 10.0  # Nm, ten errors of the torque meter, below which a ratio of torques says nothing
+LEAST_TORQUE = 10.0  # Nm, ten errors of the torque meter, below which a ratio of torques is meaningless
 
 
 def quality_of(row: Mapping, box: Transmission) -> dict | None:

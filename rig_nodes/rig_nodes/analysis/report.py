@@ -80,7 +80,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     bag : Bag or Gathered
         The bag, or what :func:`gathering` gathered of its pieces, without ``annex_a`` and ``truth``.
     run : dict
-        What only the runner knows (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
+        Facts that only the runner has (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
         of an undamaged bag.
     annex_a : float, optional
         Factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``.
@@ -315,7 +315,7 @@ def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recordin
 def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tuple[float, int, int]]:
     """Return the orders among the events of a bag as (time [s], gear before, gear ordered).
 
-    The first gear before is neutral, unless an imported run says which one was in.
+    The first gear before is neutral, unless an imported run states which one was engaged.
     """
     orders, before = [], NEUTRAL
     for t, topic, name, _, value in events:

@@ -118,7 +118,7 @@ class Bag:
     def pieces(cls, path: str | Path, size: int, recover: bool = False) -> Iterator[Bag]:
         """Read the bag piece by piece in the order of the file.
 
-        A piece knows the columns of loggers from the pieces before it.
+        A piece takes the columns of loggers from the pieces before it.
 
         Parameters
         ----------

@@ -47,7 +47,7 @@ def add_profile_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def profile_of(args: argparse.Namespace) -> Profile | None:
-    """Return the profile of the arguments, with the period that they give; None when they say nothing."""
+    """Return the profile of the arguments, with the period that they give; None without such arguments."""
     from dataclasses import replace
 
     from ..config.units import quantity

@@ -214,7 +214,7 @@ def _table(found: Found) -> Iterator[str]:
 
 
 def _said(found: Found) -> bool:
-    """Whether the name of a state leaves open what is locked."""
+    """Whether the name of a state does not show what is locked."""
     return bool(found.state.locked) and "locked" not in found.state.name
 
 

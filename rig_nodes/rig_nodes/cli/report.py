@@ -3,7 +3,7 @@
 
 """`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag.
 
-It rewrites the report beside the bag and keeps from it what only the run itself knew (lateness, end). A report of another
+It rewrites the report beside the bag and keeps from it the facts that only the run itself had (lateness, end). A report of another
 run, or of a bag that has been damaged since, stays unchanged. A folder of runs, as procedures and
 sweeps leave it, gets a table and its spread (cli.report_folder). ``--html`` and ``--pdf`` write a page.
 """

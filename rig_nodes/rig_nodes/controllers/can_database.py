@@ -226,7 +226,7 @@ def _controller_messages(record: ControllerRecord, group: bool) -> list:
 
 
 def _j1939_messages() -> list:
-    """Return ETC1 and ETC2 with the signals that the rig knows, scaled as in J1939-71; the other signals are not available."""
+    """Return ETC1 and ETC2 with the signals that the rig has, scaled as in J1939-71; the other signals are not available."""
     bits = {0: "off", 1: "on", 2: "error", 3: "not available"}
     return [
         _message(

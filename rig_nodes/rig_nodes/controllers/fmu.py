@@ -149,7 +149,7 @@ class ControllerFmu(Plug):
         core = CORE()
         if core != self._core:  # as in c_library.Host.ask: a process on the waiting core is woken sooner
             self._core = core
-            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() says so
+            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() raises the error
                 os.sched_setaffinity(self._process.pid, {core})
         try:
             self._link.send(

@@ -116,7 +116,7 @@ def _setting(item: str, spec: str) -> tuple[str, float]:
 
 
 class Gone(Exception):
-    """The controller has gone; the message says why."""
+    """The controller has gone; the message has the reason."""
 
 
 class _OtherSide:

@@ -189,7 +189,7 @@ class Udp(Plug):
         self.say(f"a controller on udp {self._port} is not used: {self.refused}")
 
     def _is_here(self) -> bool:
-        """Ask for the next unknown name of the controller's own; True when all have come and the controller is ready."""
+        """Request the controller's next own name; True when all have come and the controller is ready."""
         peer = self._coming
         missing = next((k for k in range(self._count) if k not in self._names), None)
         if missing is not None and self._count <= 3 * MOST:
@@ -336,4 +336,4 @@ class Udp(Plug):
 
 
 class _Gone(Exception):
-    """The controller has gone; the message says why."""
+    """The controller has gone; the message has the reason."""

@@ -20,7 +20,7 @@ from typing import Any
 
 MAGIC, VERSION, PORT = 0x31474952, 3, 9002  # "RIG1"
 HELLO, INFO, ASK, NAME, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
-SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # the rig's lists; a NAME says from which of them its name is
+SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # the rig's lists; a NAME contains the list of its name
 WANT, SIGNAL, SETTING = range(1, 4)  # kinds of name in an OWN
 HEADER = struct.Struct("<IHHIIII")  # magic, version, kind, session, frame, size of the whole frame, 0
 BODIES = {

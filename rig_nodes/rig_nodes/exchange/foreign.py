@@ -3,8 +3,8 @@
 
 """Files of loggers and of other tools as channels with a name, a unit, values and, where the file has them, times.
 
-exchange.imported makes measurements of them. What is not said of a CSV (encoding, delimiter, decimal sign, lines of the head) is
-found from its content.
+exchange.imported makes measurements of them. Facts about a CSV that are not given (encoding, delimiter, decimal sign, lines of the
+head) are found from its content.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def _time_of_day(text: str) -> float | None:
 
 
 def _found(path: Path, lines: list[str], form: Form) -> Form:
-    """Return the form with all that was not said."""
+    """Return the form, completed with all that was not given."""
     last = [line for line in lines[-LOOKED_AT:] if line.strip()]
     for name, number in (("header", form.header), ("units", form.units), ("data", form.data)):
         if number is not None and not 1 <= number <= len(lines):

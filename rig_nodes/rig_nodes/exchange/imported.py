@@ -66,11 +66,11 @@ class Measurement:
     record : mapping
         Record of the rig.
     about : dict
-        What the run says of its import.
+        The run's record of its import.
     run : dict
         The record of the run that was exported, or empty.
     notes : list of str
-        What its user should know, as sentences.
+        Notes for its user, as sentences.
     """
 
     t0: float
@@ -133,7 +133,7 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
     record : mapping
         Record of the rig (RigConfig.as_dict).
     named_by : str
-        Who said that it is this rig.
+        Where this rig was given.
     orders : str, optional
         Orders of gears from the command line.
 

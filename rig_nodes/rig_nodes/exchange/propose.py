@@ -127,7 +127,7 @@ def _said(head: str, words: tuple[str, ...]) -> bool:
 
 
 def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Signal | None:
-    """Return the signal that a head most probably means; None when two are as probable, or it says nothing."""
+    """Return the signal that a head most probably means; None when two are as probable, or the head has no meaning."""
     unit = unit_of(one.unit)
     for signal in measured:
         if one.name == signal.name and (unit is None or UNITS[unit][0] == UNITS[signal.display_unit][0]):

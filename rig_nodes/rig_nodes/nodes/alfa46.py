@@ -341,7 +341,7 @@ class Alfa46Node(Node):
     # ---- shifts
 
     def on_request(self, request: Shift.Goal) -> GoalResponse:
-        """Order a gear before the goal is answered, so that a client whose goal is accepted knows that the order stands.
+        """Order a gear before the goal is answered, so that an accepted goal means that the order stands.
 
         A gear that does not exist is rejected. Any other refused order is accepted as a goal all the same, and is then ended
         with the reason.

@@ -372,7 +372,7 @@ class Replay(Node):
         return sum(output.publisher.get_subscription_count() for output in self.outputs.values())
 
     def unconnected(self) -> list[str]:
-        """Return the topics with a receiver that is seen but not connected, because it asks for another quality of service."""
+        """Return the topics with a receiver that is seen but not connected, because it requires another quality of service."""
         return [
             output.topic
             for output in self.outputs.values()

@@ -134,5 +134,5 @@ def set_parameters(words: list[str], nodes: Collection[Node], tell: Callable[[st
 
 
 def has(node: Node, parameter: str) -> bool:
-    """Say whether a node has this parameter, or may get it when its controller has come."""
+    """Return whether a node has this parameter, or may get it when its controller has come."""
     return node.has_parameter(parameter) or (hasattr(node, "settings") and node.settings.may_come(parameter))

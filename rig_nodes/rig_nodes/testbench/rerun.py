@@ -104,7 +104,7 @@ def _sample(message: Any) -> int:
 
 
 def _changed(settings: Settings, text: str, value: float) -> str | None:
-    """Return the name of the setting that the text of an event says to have changed; None when it is not of this rig."""
+    """Return the name of the setting whose change the text of an event reports; None when it is not of this rig."""
     name = text.partition(" = ")[0]
     return name if name in settings and settings[name].sentence(value) == text else None
 
@@ -356,7 +356,7 @@ def _change(config: RigConfig, controller: Plug, text: str, value: float) -> Rig
 
 
 def _others(bag: Bag, wants: Sequence[str]) -> Any:
-    """Return a function of the sample that gives the transducers that a controller asks for beyond those of every controller."""
+    """Return a function of the sample that gives the transducers that a controller wants beyond those of every controller."""
     if not wants:
         return lambda _: ()
     logger = bag.logger(BLOCK)

@@ -74,7 +74,7 @@ def _share(simulated: float, rows: Sequence[Target]) -> Pieces:
 
 
 def _shifted(simulated: float, rows: Sequence[Target]) -> Pieces:
-    """As far from the simulated value as the first row says of simulated less measured, within the bounds of the second one."""
+    """At the distance from the simulated value that the first row gives, within the bounds of the second one."""
     return _cut(((simulated - _number(rows[0].high), simulated - _number(rows[0].low)),), *_ends(rows[1:]))
 
 

@@ -339,7 +339,7 @@ class _Row:
         return tuple(str(name) for name in names)
 
     def conditions(self, key: str) -> dict[str, tuple | Span]:
-        """Return what a row asks of the conditions under a key: values or spans [SI]."""
+        """Return the conditions that a row requires under a key: values or spans [SI]."""
         node = self.node[key]
         check_keys(self.path, node, CONDITIONS, (), f"{self.id}.{key}")
         out = {}
