@@ -154,7 +154,7 @@ def test_a_proposed_profile_reads_a_foreign_file_as_a_hand_written_one_does(labo
     assert main(["import", path.name]) == 0
     assert "nothing is imported yet" in capsys.readouterr().out and not (tmp_path / "runs").exists()
     text = (tmp_path / "lab.profile.yaml").read_text(encoding="utf-8")
-    if "Polish" in laboratory:  # the guess cannot know that this torque meter counts the other way round
+    if "Polish" in laboratory:  # the proposal cannot detect that this torque meter has the opposite sign
         text = text.replace("{signal: M_wyj,", "{factor: -1, signal: M_wyj,")
     (tmp_path / "lab.profile.yaml").write_text(text, encoding="utf-8")
     for name, one in (("a", "lab.profile.yaml"), ("b", str(profile))):

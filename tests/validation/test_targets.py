@@ -86,7 +86,7 @@ def test_a_row_that_is_no_fact_of_its_own_names_what_it_follows_from(targets):
             assert targets[other].role in ("calibrate", "predict") and sentence.endswith("."), target.id
         assert (target.role == "implied") == bool(target.implied_by), target.id
         assert (target.role == "consistency") == target.consistent_with.endswith("."), target.id
-    # the packs of the clutch bench are the thesis's model, so what it says of them is no prediction, but for their M_rest
+    # the packs of the clutch bench are the thesis's model, so its statements on them are no prediction, except for their M_rest
     bench = {target.role for target in targets.values() if target.procedure == "clutch_bench" and target.quantity != "m_rest_nm"}
     assert bench == {"consistency", "information"}
 

@@ -514,7 +514,7 @@ def _basis_lines(report: dict) -> list[str]:
         return []  # no result was computed
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
-    said = ", as the bag does not say its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
+    said = ", as the bag does not name its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [
         f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
