@@ -256,7 +256,9 @@ def files_of(rig: str) -> tuple[str, dict[str, str]]:
         for key in ("base", "controller"):
             name = str(node.get(key, ""))
             if os.path.isabs(os.path.expanduser(name)):
-                raise RigError(f"{path}: {key} is {name}, which an FMU cannot take along; name it by its way from this file")
+                raise RigError(
+                    f"{path}: {key} is {name}, which an FMU cannot take along; name it by its path relative to this file"
+                )
         if "controller" in node:
             found.append(Path(find_config("controllers", beside(path, node["controller"]))).absolute())
     own = [
