@@ -25,7 +25,7 @@ SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
 
 class RunBag(FakeBag):
-    """One upshift; it remembers the path from which it was opened."""
+    """One upshift; ``opened`` lists the paths from which it was opened."""
 
     opened: list[str] = []
     recovered = ""
