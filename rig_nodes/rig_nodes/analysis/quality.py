@@ -66,7 +66,7 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
     if ratio is not None and ratio > SHOCK:
         tied = row["overlap_s"]
         both = f", and both clutches were pressed for {1e3 * tied:.0f} ms" if tied and tied > 0.0 else ""
-        reasons.append((FAIR, f"{box.input.torque} rose to {ratio:.1f} times what the load asks{both}"))
+        reasons.append((FAIR, f"{box.input.torque} rose to {ratio:.1f} times the torque that the load requires{both}"))
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)
     return {
         "grade": GRADES[worst] if judged or reasons else None,
