@@ -62,7 +62,7 @@ ARGUMENTS = (
     ("recording", "", "further options of the recorder as `ros2 run rig_nodes recorder --help` lists them, e.g. '--keep-last 30'"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
-END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of those before it
+END_ORDER = ("rig_container", "alfa46", "recorder")  # each receives everything of those before it
 
 
 class Run:
@@ -110,7 +110,7 @@ class Run:
     def why(self, name: str, code: int) -> str:
         """Sentence on a process whose end was not wanted."""
         if name == "sequencer" and self.sequence and code == 1:
-            return "the sequence failed, the sequencer says why above"
+            return "the sequence failed, the sequencer has printed the reason above"
         how = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         return f"{name} {how}"
 
@@ -161,7 +161,7 @@ def pairs(text: str) -> list[str]:
 
 
 def start(context: LaunchContext) -> list:
-    """The processes, with what the launch arguments say."""
+    """The processes, with the values of the launch arguments."""
     check_namespace(context.launch_configurations.get("ros_namespace", ""), "PushRosNamespace")
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     record = LaunchConfiguration("record").perform(context) == "true"

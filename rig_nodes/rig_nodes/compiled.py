@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 # Options of numba for what only compiled code calls: without the two functions by which Python and C would call it, which
-# cost a third of the time to compile a small one. forceinline is said, because numba would take the caller's.
+# take a third of the compile time of a small one. forceinline is stated, because numba would otherwise take the caller's.
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 INLINED = {**INNER, "forceinline": True}
 _records: dict = {}  # record types that were made, each with itself as the key
@@ -39,8 +39,8 @@ _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments
 def one_record(dtype: np.dtype) -> np.dtype:
     """Return the first of all equal numpy record types that were made.
 
-    numba knows the type of an argument by the object itself. A different object, even if equal, is compared field by field in each
-    call, which costs more than the call does.
+    numba recognises the type of an argument by the identity of the type object. A different object, even if equal, is compared
+    field by field in each call, which takes longer than the call itself.
     """
     return _records.setdefault(dtype, dtype)
 
@@ -48,8 +48,8 @@ def one_record(dtype: np.dtype) -> np.dtype:
 class Compiled:
     """A function of compiled code, which numba makes of a Python function when it is first called, compiled or called by another.
 
-    So numba is loaded only where something is computed: what reads rigs and bags, as a report or a view does, needs a rig's parts
-    but neither numba's 0.2 s nor its 65 MB. All that numba's own function has can be read here too.
+    So numba is loaded only where something is computed: a report or a view, which reads rigs and bags, needs a rig's parts but
+    neither the 0.2 s nor the 65 MB of numba. All attributes of numba's own function can be read here too.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Compiled:
 
     @cached_property
     def made(self) -> Any:
-        """Numba's own function, which is called 0.1 us faster."""
+        """Numba's own function; a direct call of it saves 0.1 us."""
         return self._make(self.py_func)
 
     @property
@@ -75,7 +75,7 @@ class Compiled:
         from numba.core.registry import cpu_target
 
         context = cpu_target.typing_context
-        context.refresh()  # an intrinsic is known to it by name only
+        context.refresh()  # registers the intrinsic in it
         return context.resolve_value_type(self.made)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
@@ -83,7 +83,7 @@ class Compiled:
         return self.made(*arguments, **named)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):  # Python asks for such names in passing
+        if name.startswith("__"):  # Python looks such names up by itself
             raise AttributeError(name)
         return getattr(self.made, name)
 
@@ -103,7 +103,7 @@ def njit(**options: Any) -> Callable[[Callable], Compiled]:
 
 
 def intrinsic(function: Callable) -> Compiled:
-    """Return what compiled code calls as an intrinsic of numba, made of the function that types it and builds its code."""
+    """Return an intrinsic of numba, made of the function that gives its types and builds its code."""
 
     def make(function: Callable) -> Any:
         from numba.extending import intrinsic as intrinsic_of_numba
@@ -128,7 +128,7 @@ if TYPE_CHECKING:
     from llvmlite import ir
     from numba import types
     from numba.core import cgutils
-else:  # what intrinsics are built with
+else:  # modules with which intrinsics are built
     ir, types, cgutils = map(_LateModule, ("llvmlite.ir", "numba.core.types", "numba.core.cgutils"))
 
 
@@ -141,7 +141,7 @@ def cache_root() -> Path:
 
 
 def own_folder(folder: Path) -> bool:
-    """Say whether a folder belongs to this user and no other user can write to it; files elsewhere may be planted."""
+    """Return whether a folder belongs to this user and only this user can write to it, so that its files can be trusted."""
     try:
         about = folder.stat()
     except OSError:
@@ -182,21 +182,21 @@ def _processor() -> str:
 
 
 class _OfNumba:
-    """Finder of modules that sets numba's cache folder when numba is loaded, and keeps it from loading what nothing here uses.
+    """Finder of modules that sets numba's cache folder when numba is loaded, and leaves out modules that nothing here uses.
 
-    That would take a quarter of a second. numba asks for ``coverage`` only to learn whether it measures this process, for scipy to
-    learn whether it is too old and for its BLAS for products of matrices, and for ``yaml`` to read settings from a file of its own.
-    It does without each of them; what is loaded already it finds as ever.
+    Those would take a quarter of a second. numba imports ``coverage`` only to check whether it measures this process, scipy to
+    check its version and for its BLAS in products of matrices, and ``yaml`` to read a settings file of its own. It works without
+    each of them; a module that is loaded already is found as usual.
     """
 
     asks: ClassVar = {
         "coverage": ("numba.misc.coverage_support",),
         "yaml": ("numba.core.config",),
         "scipy": ("numba", "numba.np.arraymath"),
-    }  # package -> who asks as it is loaded
+    }  # module that is left out -> the module of numba that imports it
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: object = None) -> ModuleSpec | None:
-        """Find modules of numba's that are changed; raise ModuleNotFoundError for what is left out while who asks is loaded."""
+        """Find changed modules of numba; raise ModuleNotFoundError for one that is left out while its importer is loaded."""
         if fullname == "numba":
             _set_folder()
         if change := _CHANGES.get(fullname):
@@ -222,12 +222,12 @@ def _changed(spec: ModuleSpec | None, change: Callable[[ModuleType], None]) -> M
 
 
 def _has(kind: object, *names: str) -> bool:
-    """Say whether a class has methods of these names; a numba that has others goes its own way."""
+    """Return whether a class has methods of these names; a version of numba without them is left as it is."""
     return all(hasattr(kind, name) for name in names)
 
 
 def _without_compiler(caching: ModuleType) -> None:
-    """Have functions read from numba's cache without all that compiling needs.
+    """Have functions read from numba's cache without preparing the compiler.
 
     numba prepares its compiler and compiles its functions for the memory of arrays before it reads a function from its cache, which
     takes 0.16 s of processor time and is needed only where the function is not there; the compiler prepares all of it then.
@@ -246,7 +246,7 @@ def _read_only(cache: Any, signature: object, context: object) -> object:
 
 @cache
 def _tell_helpers(context: Any) -> None:
-    """Tell LLVM where the functions are that cached code calls: those of numba's memory that are written in C."""
+    """Register with LLVM the addresses of the C functions of numba's memory management, which cached code calls."""
     from llvmlite.binding import add_symbol
     from numba.core.runtime import _nrt_python, rtsys
 
@@ -269,7 +269,7 @@ _CHANGES = {"numba.core.caching": _without_compiler, "numba.core.dispatcher": _w
 
 
 def use_kernel_cache() -> None:
-    """Have numba keep compiled code in a folder of its own and leave out what it need not load; called before numba is imported.
+    """Make numba keep compiled code in its own folder and leave out modules that it does not need; called before numba is imported.
 
     Raises
     ------

@@ -38,7 +38,7 @@ def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any]
     make : callable
         Returns the content, which JSON can hold.
     fits : callable, optional
-        Says whether a content that was kept is still right.
+        Returns whether a content that was kept is still valid.
 
     Returns
     -------

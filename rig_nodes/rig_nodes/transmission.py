@@ -4,7 +4,7 @@
 """The transmission of a rig as data: shafts, gears, clutches, and the signals and devices that belong to each.
 
 Only :func:`transmission_of` makes it, from the rig's configuration. Analysis, views, controllers, sequences and the tuner take
-gears, clutches, pressures and ratios from it and know none of them by name.
+gears, clutches, pressures and ratios from it and name none of them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Clutch:
     output : int
         Output of the controller that drives the valve, counted from 0.
     pressure, current, setpoint : str
-        Signals of its oil pressure, of its valve's coil current, and of the current that the controller asks for.
+        Signals of its oil pressure, of its valve's coil current, and of the controller's current setpoint.
     kiss_pressure : float
         Pressure at which the clutch begins to carry torque [Pa, gauge].
     fall_rate : float
@@ -257,7 +257,7 @@ class Transmission:
         )
 
     def changes(self, from_gear: int, to_gear: int) -> bool:
-        """Say whether an order changes between two different gears, neither of which is neutral."""
+        """Return whether an order changes between two different gears, neither of which is neutral."""
         return from_gear != to_gear and from_gear in self.ratios and to_gear in self.ratios
 
     def slower_ratio(self, one: int, other: int) -> float:

@@ -115,7 +115,7 @@ def test_what_the_recipe_cannot_answer_has_its_reason():
     assert "p1 was not at zero 1 s before p2 fell" in row["why"][0]
     assert row["t_dt_s"] is not None
     neutral = shift_metrics_annex_a(Shift().recording(), (1.0, 0, 2))
-    assert neutral["why"] == ["Annex A knows only changes between I and II"]
+    assert neutral["why"] == ["Annex A covers only changes between I and II"]
     short = up(Shift(length=2.2))
     assert short["t_o_s"] is None and "0.6 s" in short["why"][-1]
     with pytest.raises(RigError, match="10 kHz"):

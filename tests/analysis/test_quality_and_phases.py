@@ -34,7 +34,7 @@ def test_a_shift_in_time_without_dip_and_peak_is_good(row):
 @pytest.mark.parametrize(
     ("changes", "expected", "words"),
     [
-        ({"input_torque_max_nm": 263.6}, "fair", "M_wej rose to 3.4 times what the load asks"),
+        ({"input_torque_max_nm": 263.6}, "fair", "M_wej rose to 3.4 times the torque that the load requires"),
         ({"t_c_s": 0.8}, "fair", "it took 0.800 s from the order, over 0.725 s"),
         ({"t_c_s": 1.2}, "poor", "over 1 s"),
         ({"k": 0.94}, "poor", "the output dipped to 94 % of its speed"),

@@ -176,7 +176,7 @@ def test_annex_a_beside_the_plain_definitions():
     at = next(i for i, line in enumerate(lines) if line.startswith("shift 2, I -> II at 1.00 s"))
     difference = dict(zip(_split(lines[at]), _split(lines[at + 3])))
     assert float(difference["M_wej max Nm"]) == pytest.approx(annex["input_torque_max_nm"] - plain["input_torque_max_nm"], abs=0.05)
-    assert "shift 1, 0 -> I at 0.20 s" in "\n".join(lines) and "not by Annex A: Annex A knows only" in "\n".join(lines)
+    assert "shift 1, 0 -> I at 0.20 s" in "\n".join(lines) and "not by Annex A: Annex A covers only" in "\n".join(lines)
 
 
 def test_annex_a_of_another_sample_rate_is_a_problem_not_a_crash():

@@ -25,7 +25,7 @@ SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
 
 class RunBag(FakeBag):
-    """One upshift; it remembers the path from which it was opened."""
+    """One upshift; ``opened`` lists the paths from which it was opened."""
 
     opened: list[str] = []
     recovered = ""
@@ -116,7 +116,7 @@ def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsy
     assert main(["report", str(sample)]) == 1
     said = capsys.readouterr()
     assert "I -> II" in said.out and f"messages lost: {gone}" in said.out and "bag: damaged; " in said.out
-    assert "end: unknown from what is left of the bag; its report says: " in said.out
+    assert "end: unknown from what is left of the bag; the reason in its report: " in said.out
     assert "is damaged" in said.err and "left as it is" in said.err
     assert (sample / "report.json").read_bytes() == before
 

@@ -117,5 +117,5 @@ def test_a_bag_that_says_nothing_of_its_rig_is_of_the_one_with_its_topics(rig):
 def test_a_record_that_is_none_is_refused_in_one_sentence(record, monkeypatch):
     bag = Bag(BEFORE)
     monkeypatch.setattr(bag, "run_info", lambda: {"configuration": record})
-    with pytest.raises(BagError, match="what it says of its rig cannot be used"):
+    with pytest.raises(BagError, match="its record of the rig cannot be used"):
         bag.catalogue

@@ -55,7 +55,7 @@ def test_the_reference_passes(capsys, spec):
         ("if inputs.sample > 200: out.command = [random.random(), 0, 0]", "determinism", "another answer from sample 201 on"),
         ("if inputs.n_wej != inputs.n_wej: while_true = 1 / 0", "NaN", "trip the rig"),
         ("if inputs.p1 > 1e7: out.command = [1.5, 0, 0]", "saturation", "command[0] is 1.5"),
-        ("out.command = [0.0, 0.0, 0.0]", "both gears", "10 s after the order of gear I it says gear I, and no clutch"),
+        ("out.command = [0.0, 0.0, 0.0]", "both gears", "10 s after the order of gear I it reports gear I, and no clutch"),
         ("if inputs.sample > 3000: out.shifting = True", "request storm", ", shifting"),
         ("assert inputs.sample < 10_000", "late start", "AssertionError"),
         (

@@ -129,7 +129,7 @@ def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, ca
     assert ask(plug, 1) is None
     os.kill(plug.process_id, signal.SIGKILL)
     with pytest.raises(
-        ControllerFailed, match=re.escape(r"SIGKILL (killed); the last it said: 100 %n%s of the \u001b[31msignal lost")
+        ControllerFailed, match=re.escape(r"SIGKILL (killed); its last message: 100 %n%s of the \u001b[31msignal lost")
     ):
         ask(plug, 2)
     plug = faulty(build, config, fmi, 4)
@@ -249,14 +249,16 @@ def with_unit(source, target, unit):
 def test_the_level_is_what_the_fmu_says(build, config, tmp_path, unit, level, level_from, command):
     plug = load_controller(f"fmu:{with_unit(build(2, DUTY), tmp_path / 'other.fmu', unit)}", config)
     assert plug.level == level
-    assert plug.level_from == (f"as the controller says ({level_from})" if level_from else "by default, the controller says none")
+    assert plug.level_from == (
+        f"as the controller declares ({level_from})" if level_from else "by default, the controller declares none"
+    )
     assert ask(plug, 0).command == pytest.approx((command, 0.0, 0.0))
     plug.close()
 
 
 def test_a_level_that_is_asked_for_and_one_of_a_parameter_are_said_to_be(build, config, tmp_path):
     for spec, level_from in (
-        (f"fmu:{build(2)}", "as the controller says (its parameter level)"),
+        (f"fmu:{build(2)}", "as the controller declares (its parameter level)"),
         (f"fmu:{build(2)}@current", "as given"),
     ):
         plug = load_controller(spec, config)
@@ -347,11 +349,11 @@ def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, 
     plug = load_controller(f"fmu:{mute}", config)
     try:
         assert level_line(plug) == (
-            f"controller fmu:{mute} at level duty, by default, the controller says none: its commands are taken as shares of "
+            f"controller fmu:{mute} at level duty, by default, the controller declares none: its commands are taken as shares of "
             "the supply from 0 to 1; if they are amperes, choose --level current"
         )
     finally:
         plug.close()
     plug = load_controller(f"fmu:{build(2)}", config)
     plug.close()
-    assert level_line(plug) == f"controller fmu:{build(2)} at level duty, as the controller says (its parameter level)"
+    assert level_line(plug) == f"controller fmu:{build(2)} at level duty, as the controller declares (its parameter level)"

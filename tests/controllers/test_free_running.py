@@ -315,8 +315,8 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
 @pytest.mark.parametrize(
     ("state", "command", "sentence"),
     [
-        ((0, 1, 0, 0, 2), (0, 0, 0), "status error: the controller says so on the bus"),
-        ((0, 1, 0, 0, 3), (0, 0, 0), "status fatal: the controller says so on the bus"),
+        ((0, 1, 0, 0, 2), (0, 0, 0), "status error: the controller reports it on the bus"),
+        ((0, 1, 0, 0, 3), (0, 0, 0), "status fatal: the controller reports it on the bus"),
         ((0, 1, 0, 0, 0), (0, 41000, 0), r"command\[1\] is 0.82, expected 0 to 0.8 A"),
         ((0, 7, 0, 0, 0), (0, 0, 0), "gear is 7, expected 0"),
     ],

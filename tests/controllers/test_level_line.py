@@ -49,11 +49,11 @@ def box(tmp_path, monkeypatch):
         (
             "",
             [],
-            "at level duty, by default, the controller says none: its commands are taken as shares of the supply from 0 "
+            "at level duty, by default, the controller declares none: its commands are taken as shares of the supply from 0 "
             "to 1; if they are amperes, choose --level current",
         ),
         ("", ["--level", "duty"], "at level duty, as given"),
-        ('levels = ("current", "duty")', [], "at level current, as the controller says"),
+        ('levels = ("current", "duty")', [], "at level current, as the controller declares"),
     ],
 )
 def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, given, line):
@@ -65,11 +65,11 @@ def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, g
 
 
 def test_the_built_in_one_says_it_too_in_runs_and_procedures(box, capsys):
-    line = "controller alfa46 at level duty, as the controller says"
+    line = "controller alfa46 at level duty, as the controller declares"
     assert main(["simulate", "short.yaml", "--out", "run"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == line
     assert level_line(load_controller(None, load_rig("hydmag"))) == line
-    assert json.loads(open("run/report.json").read())["run"]["controller"]["level_from"] == "as the controller says"
+    assert json.loads(open("run/report.json").read())["run"]["controller"]["level_from"] == "as the controller declares"
     assert main(["procedure", "valve_response", "--series", "ZR-P1", "--out", "series"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == line
 
@@ -80,13 +80,13 @@ def test_a_sweep_and_a_check_say_it(box, capsys):
         ["sweep", "short.yaml", "--vary", "alfa46.t12=-200 ms, -180 ms", "--controller", spec, "--jobs", "1", "--out", "swept"]
     ) in (0, 1)
     said = capsys.readouterr().err.splitlines()[0]
-    assert said.startswith("controller python:") and said.endswith("box.py:Box at level current, as the controller says")
+    assert said.startswith("controller python:") and said.endswith("box.py:Box at level current, as the controller declares")
     main(["controller", "check", spec])
-    assert capsys.readouterr().out.splitlines()[0].endswith(f"{spec} at level current, as the controller says")
+    assert capsys.readouterr().out.splitlines()[0].endswith(f"{spec} at level current, as the controller declares")
 
 
 @pytest.mark.parametrize("setpoint, doubted", [("[ampere, 0.0, 0.0]", True), ("[0.3, 0.0, 0.0]", False), ("None", False)])
 def test_a_duty_that_is_the_current_asked_for_is_doubted_once(box, capsys, setpoint, doubted):
     main(["simulate", "short.yaml", "--controller", box(setpoint=setpoint), "--out", "run"])
     said = capsys.readouterr().out
-    assert said.count("so it looks like amperes, and level duty (by default, the controller says none)") == doubted
+    assert said.count("so it looks like amperes, and level duty (by default, the controller declares none)") == doubted

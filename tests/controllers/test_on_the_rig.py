@@ -248,7 +248,7 @@ def test_a_gear_that_is_not_taken_is_a_shift_that_does_not_end(config, sequence,
     run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=python_controller("return Out()"))
     assert (
         run["end"]["state"] == "failed"
-        and "'shift to I' did not come true within 2 s; the controller says gear 0, not shifting" in run["end"]["reason"]
+        and "'shift to I' did not come true within 2 s; the controller reports gear 0, not shifting" in run["end"]["reason"]
     )
 
 
@@ -305,7 +305,7 @@ def test_a_controller_that_only_says_that_it_shifts_fails_a_strict_run_and_no_ot
     assert main([*run, str(tmp_path / "one")]) == 0
     assert "is not valid" in capsys.readouterr().out
     assert main([*run, str(tmp_path / "two"), "--strict"]) == 1
-    assert re.search(r"rig: --strict: (\d) of \1 shifts not valid; the report says why", capsys.readouterr().err)
+    assert re.search(r"rig: --strict: (\d) of \1 shifts not valid; the report has the reasons", capsys.readouterr().err)
     assert main(["simulate", "sample", "--strict", "--out", str(tmp_path / "three")]) == 0
 
 

@@ -241,7 +241,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
     assert ask(plug, rig.sample) is not None
     again.send_signal(signal.SIGINT)
     assert again.wait(10.0) == 130
-    with pytest.raises(ControllerFailed, match="it said goodbye: the controller was stopped") as failure:
+    with pytest.raises(ControllerFailed, match="it has left: the controller was stopped") as failure:
         ask(plug, rig.sample + 1)
     assert failure.value.status == Status.FATAL
 

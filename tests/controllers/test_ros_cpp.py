@@ -194,11 +194,11 @@ def test_what_it_needs_is_said_and_what_it_names_as_its_own_is_brought(messages,
     said = subprocess.run([tmp_path / "box"], capture_output=True, text=True, check=True).stdout.splitlines()
     refuses = ControllerReady.REFUSES
     assert said == [
-        f"{refuses} this run is at level duty, which the controller does not know; choose with --level",
+        f"{refuses} this run is at level duty, at which the controller does not work; choose with --level",
         f"{refuses} it needs p_p; start the rig with ros:NAME?wants=p_p",
         f"{refuses} it needs held; start the rig with ros:NAME?settings=held:VALUE",
         f"{refuses} it needs twice; start the rig with ros:NAME?signals=twice",
-        f"{refuses} it has no signal slip, which ros:NAME?signals= asks for",
+        f"{refuses} it has no signal slip, which ros:NAME?signals= names",
         f"{ControllerReady.READY} ",
         "0.125 2 0.125 8e+06",
     ]

@@ -285,7 +285,7 @@ def test_a_controller_that_is_stopped_says_goodbye(plug, program):
     ask(plug)
     process.send_signal(signal.SIGINT)
     process.wait(20.0)
-    with pytest.raises(ControllerFailed, match="sample 1: it said goodbye: the controller was stopped") as failure:
+    with pytest.raises(ControllerFailed, match="sample 1: it has left: the controller was stopped") as failure:
         ask(plug, 1)
     assert failure.value.status == Status.FATAL
 
@@ -384,7 +384,7 @@ def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, o
     assert [text.partition(": ")[0] for text in plug.said if why in text] == [
         f"a controller was sent away from {plug.name.replace(':', ' ')}"
     ]
-    assert not client.running and f"the rig says: controller {plug.name}: " in capsys.readouterr().err
+    assert not client.running and f"message of the rig: controller {plug.name}: " in capsys.readouterr().err
     plug.close()
 
 
@@ -464,7 +464,7 @@ def frame_of_version(version):
     [
         (
             frame_of_version(2),
-            "it speaks version 2 of the protocol, this side speaks 3: both need the rig_udp.py or rig_udp.h of the same rig",
+            "it uses version 2 of the protocol, this side uses 3: both need the rig_udp.py or rig_udp.h of the same rig",
         ),
         (
             pack(HELLO, 0, 0, 1, 0, "0123456789abcdef"),
@@ -584,7 +584,7 @@ def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_p
             _, peer = rig.recvfrom(2048)
             process.kill()
             said[language] = process.communicate()[1]
-    assert said == dict.fromkeys(commands, "the rig says: no\n")
+    assert said == dict.fromkeys(commands, "message of the rig: no\n")
 
 
 def test_the_c_header_is_usable_from_cpp(tmp_path):

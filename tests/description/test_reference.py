@@ -46,7 +46,7 @@ def test_the_page_has_each_part_with_its_joints_setpoints_and_signals():
 def test_variables_of_an_fmu_are_described_by_the_same_sentences():
     told = {one.name: one.text for one in rig_variables(load_rig("three_speed"))}
     assert told["brake_1.piston_area"] == "Area of the piston"
-    assert told["motor.ramp"] == "How fast the speed setpoint moves towards what was ordered"
+    assert told["motor.ramp"] == "Rate at which the speed setpoint moves to the ordered speed"
     assert told["effects.wear"] == "Clearances grow with slip; off: they stay"
     assert told["alfa46.t12"] == "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier"
 

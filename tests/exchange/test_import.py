@@ -82,7 +82,7 @@ BROKEN = {
     "no such key": ({"profile": "cols:\n  p1: p1"}, "p.yaml:1: there is no key of a profile 'cols'; did you mean 'columns'"),
     "encoding": ({"profile": "encoding: ascii\n" + WRONG + "p1: p1", "text": HEAD + "\n0;ż"}, "line 2 is not text in ascii"),
     "no times": ({"text": "\n".join([HEAD[6:], *(row.partition(";")[2] for row in ROWS)])}, "has no time column; add one"),
-    "no rig": ({"profile": "time: t [s]\ncolumns:\n  p1: p1"}, "nobody says of which rig it is"),
+    "no rig": ({"profile": "time: t [s]\ncolumns:\n  p1: p1"}, "its rig is not given"),
     "Parquet": ({"text": b"PAR1 and not", "name": "bad.parquet"}, "bad.parquet: cannot be read as Parquet"),
     "MAT": ({"text": b"no MATLAB" * 30, "name": "bad.mat"}, "bad.mat: cannot be read as a MAT file"),
     "ending": ({"text": "1;2", "name": "bad.xls"}, "cannot be imported by its ending; known are .csv"),
@@ -154,7 +154,7 @@ def test_a_proposed_profile_reads_a_foreign_file_as_a_hand_written_one_does(labo
     assert main(["import", path.name]) == 0
     assert "nothing is imported yet" in capsys.readouterr().out and not (tmp_path / "runs").exists()
     text = (tmp_path / "lab.profile.yaml").read_text(encoding="utf-8")
-    if "Polish" in laboratory:  # the guess cannot know that this torque meter counts the other way round
+    if "Polish" in laboratory:  # the proposal cannot detect that this torque meter has the opposite sign
         text = text.replace("{signal: M_wyj,", "{factor: -1, signal: M_wyj,")
     (tmp_path / "lab.profile.yaml").write_text(text, encoding="utf-8")
     for name, one in (("a", "lab.profile.yaml"), ("b", str(profile))):

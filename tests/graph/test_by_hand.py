@@ -134,7 +134,7 @@ def test_the_only_rig_is_found_and_one_of_several_is_asked_for(graph, monkeypatc
         monkeypatch.setattr(domains, "running_rigs", lambda found=found: found)
         assert of_running_rig(None).number == found[0]
     monkeypatch.setattr(domains, "running_rigs", lambda: [3, 5])
-    with pytest.raises(RigError, match="rigs run in the ROS domains 3, 5; say which one with --domain N"):
+    with pytest.raises(RigError, match="rigs run in the ROS domains 3, 5; choose one with --domain N"):
         of_running_rig(None)
     monkeypatch.setenv("ROS_DOMAIN_ID", "5")
     assert of_running_rig(None).number == 5 and of_running_rig(3).number == 3

@@ -134,7 +134,7 @@ def add(d, inputs, seed):
 
 
 def check(seed, everything=True):
-    """Return False for a description that is refused; say what is wrong with a run."""
+    """Return False for a description that is refused; fail with what is wrong with a run."""
     d, inputs = draw(seed)
     try:
         if everything:

@@ -91,7 +91,7 @@ class Node(can.Listener):
 
 
 def main():
-    """Answer the rig until it is silent; exit code 0 when it was heard and shifted."""
+    """Answer the rig until it is silent; exit code 0 when its messages came and it shifted."""
     bus = LoopbackBus("239.74.163.2")
     node = Node(bus)
     notifier = can.Notifier(bus, [node, MessageListener(node.ecu)])

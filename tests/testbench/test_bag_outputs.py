@@ -125,7 +125,7 @@ def sequence_of(tmp_path, steps):
 
 
 def answered(folder):
-    """Returns the samples that a bag says a controller was shown."""
+    """Returns the samples of a controller's inputs in a bag."""
     return [message.sample for _, message in Bag(folder).messages("/instruments/controller")]
 
 

@@ -179,7 +179,7 @@ def force_follows_the_clamp(on, off):
 
 
 def oil_is_as_thick_when_cold(on, off):
-    """Before the shift S2 is open with the same gap in both: by ASTM D341 the oil is thicker by what its plates are colder."""
+    """Before the shift S2 is open with the same gap in both: its plates are colder, and the oil is thicker by ASTM D341."""
 
     def doubled_logarithm(viscosity):
         return math.log10(math.log10(1e6 * viscosity / 870.0 + 0.7))

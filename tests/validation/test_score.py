@@ -126,7 +126,7 @@ def test_the_measured_peak_at_240_nm_is_the_one_of_two_that_is_close_to_400():
     ]
     found = comparisons(records)
     assert set(found) == {"down_peak"}  # nothing is left out but what did not run
-    (point,) = found["down_peak"]["points"]  # and nothing is said of 200 Nm
+    (point,) = found["down_peak"]["points"]  # and nothing is stated for 200 Nm
     assert point["measured"] == [[402.0, 402.0]] and point["closer"] == "rig"
     assert found["down_peak"]["thesis"]["distance"] == pytest.approx(36.0)
     assert found["down_peak"]["rig"]["distance"] == pytest.approx(4.0)

@@ -86,7 +86,7 @@ def test_a_row_that_is_no_fact_of_its_own_names_what_it_follows_from(targets):
             assert targets[other].role in ("calibrate", "predict") and sentence.endswith("."), target.id
         assert (target.role == "implied") == bool(target.implied_by), target.id
         assert (target.role == "consistency") == target.consistent_with.endswith("."), target.id
-    # the packs of the clutch bench are the thesis's model, so what it says of them is no prediction, but for their M_rest
+    # the packs of the clutch bench are the thesis's model, so its statements on them are no prediction, except for their M_rest
     bench = {target.role for target in targets.values() if target.procedure == "clutch_bench" and target.quantity != "m_rest_nm"}
     assert bench == {"consistency", "information"}
 
@@ -338,7 +338,7 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
         ("id: delay", "id: falls", r":\d+: the id 'falls' is taken by line \d+; each id may be used once"),
         ("id: delay", "id: delay\n  id: again", r":\d+: .*duplicate key"),
         ("t_p_s: [time,", "t_p_s: [duration,", r":\d+: quantities.t_p_s must be \[dimension, .meaning.\]"),
-        ("grid_up: I to II over load and speed", "grid_up:", r":\d+: procedures.grid_up must say what it is"),
+        ("grid_up: I to II over load and speed", "grid_up:", r":\d+: procedures.grid_up must be a description"),
     ],
 )
 def test_a_badly_written_row_is_refused_in_one_sentence(tmp_path, old, new, sentence):

@@ -233,7 +233,7 @@ def test_any_shift_can_be_chosen_and_all_overlaid(run, read_rrd):
 
 @pytest.mark.parametrize("reported", [True, False])
 def test_a_shift_has_the_same_number_in_view_report_page_and_comparison(run, read_rrd, tmp_path, capsys, reported):
-    """The first order of the demo, gear I at standstill, is no shift, whether or not a report says so."""
+    """The first order of the demo, gear I at standstill, is no shift, with a report or without one."""
     report = json.loads((run / "report.json").read_text())
     if not reported:
         (run / "report.json").unlink()

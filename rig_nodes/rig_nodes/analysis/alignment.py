@@ -81,7 +81,7 @@ def align(first: Recording, other: Recording, by: str | None = None) -> Clock:
         return _by_correlation(first, other)
     a, b = (np.array([order[0] for order in one.orders]) for one in (first, other))
     drift, offset = np.polyfit(a, b, 1) - (1.0, 0.0) if len(a) > 1 else (0.0, float(b[0] - a[0]))
-    if abs(drift) > MOST_DRIFT:  # the runs themselves took other times between their orders
+    if abs(drift) > MOST_DRIFT:  # the times between the orders differ in the runs themselves
         drift, offset = 0.0, float(b[0] - a[0])
     return Clock(float(offset), float(drift), EVENTS, float(np.abs(b - a * (1.0 + drift) - offset).max()))
 
@@ -132,7 +132,7 @@ def _fitted(first: Recording, other: Recording, names: list[str], offset: float)
             slope = np.interp(when[inside], tb, np.gradient(b, FINE)) / scale
             rest = (a[inside] - np.interp(when[inside], tb, b)) / scale
             jacobian = np.stack([slope, slope * t[inside]])
-            # centred, so that a transducer's zero counts for nothing
+            # centred, so that a transducer's zero error has no effect
             jacobian, rest = jacobian - jacobian.mean(axis=1, keepdims=True), rest - rest.mean()
             matrix, right = matrix + jacobian @ jacobian.T, right + jacobian @ rest
         if not np.linalg.det(matrix) > 0.0:

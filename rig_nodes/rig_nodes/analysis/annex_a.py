@@ -97,7 +97,7 @@ def shift_metrics_annex_a(
     box = recording.transmission
     moved = box.shift(from_gear, to_gear)
     if set(box.ratios) != {from_gear, to_gear} or len(moved.releasing) != 1 or len(moved.engaging) != 1:
-        row["why"].append(f"Annex A knows only changes between {' and '.join(map(box.names.get, sorted(box.ratios)))}")
+        row["why"].append(f"Annex A covers only changes between {' and '.join(map(box.names.get, sorted(box.ratios)))}")
         return row
     _Program(recording, order, next_order_time, set_speed, row).run(a if to_gear < from_gear else b, c)
     row["valid"] = not row["why"]

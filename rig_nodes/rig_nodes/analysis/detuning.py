@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detuning: inertias and stiffnesses of a rig by which its natural frequencies keep away from what excites them.
+"""Detuning: inertias and stiffnesses of a rig with which its natural frequencies keep away from the excitations.
 
-What may move, and from which orders and bands to keep away, is written in ``detuning.yaml`` in the rig's folder. scipy's
+The values that may change, and the orders and bands to avoid, are in ``detuning.yaml`` in the rig's folder. scipy's
 differential evolution chooses the values. The verb ``modes`` uses it.
 """
 
@@ -42,7 +42,7 @@ _SEED, _TOLERANCE = 1, 1e-10
 
 @dataclass(frozen=True)
 class Moved:
-    """A setting that may move, and its range [SI]."""
+    """A setting that may change, and its range [SI]."""
 
     name: str
     low: float
@@ -51,7 +51,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class Detuning:
-    """What a detuning may do and is to reach.
+    """The task of a detuning: what may change, and what is to be reached.
 
     Parameters
     ----------
@@ -96,13 +96,13 @@ def detuning_file(rig: str | Path) -> Path:
     path = find_config("rigs", rig).parent / FILE
     if not path.is_file():
         raise RigError(
-            f"--detune: the folder {path.parent} has no {FILE}; name a file that says what may move (docs/how_to/modes.md)"
+            f"--detune: the folder {path.parent} has no {FILE}; name a file with the values that may change (docs/how_to/modes.md)"
         )
     return path
 
 
 def read_detuning(path: str | Path, config: RigConfig) -> Detuning:
-    """Read what a detuning may do.
+    """Read the task of a detuning.
 
     Parameters
     ----------
@@ -265,8 +265,8 @@ def _away(f: float, low: float, high: float) -> float:
 def detune(config: RigConfig, task: Detuning) -> Detuned:
     """Choose the settings so that no margin is below the wanted one, or as little as possible, and change them no more than needed.
 
-    The sum of squares of what margins lack is minimised, with the squares of the logarithms of the settings' changes at a small
-    weight, by scipy.optimize.differential_evolution with a fixed seed.
+    The sum of the squares by which margins fall short is minimised, with the squares of the logarithms of the settings' changes at
+    a small weight, by scipy.optimize.differential_evolution with a fixed seed.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def detune(config: RigConfig, task: Detuning) -> Detuned:
 
 
 def _missing(config: RigConfig, task: Detuning, old: Mapping[str, float], logs: Floats) -> float:
-    """What is minimised, of the logarithms of the settings."""
+    """The objective, as a function of the logarithms of the settings."""
     values = {one.name: math.exp(x) for one, x in zip(task.settings, logs)}
     lacks = [max(0.0, task.away - one.margin) for one in margins(config.with_values(values), task)]
     moves = [math.log(values[name] / old[name]) for name in values]

@@ -299,7 +299,7 @@ class _Engagement:
         first = end + self.samples(CLOSED_AFTER)
         closed = self.raw[torque][first : first + self.samples(CLOSED_FOR)]
         if closed.size < self.samples(0.1):
-            self.why.append("the recording ends too early after the clutch has closed to know its torque")
+            self.why.append("the recording ends too early after the clutch has closed to determine its torque")
         else:
             row["input_torque_mean_nm"] = float(np.mean(closed))
 
@@ -378,7 +378,7 @@ class _Engagement:
             row["fill_slope"] = float(slope)
             row["fill_r2"] = float(1.0 - np.sum(rest**2) / np.sum((p[part] - np.mean(p[part])) ** 2))
         else:
-            self.why.append("the fill phase cannot be told from what follows")
+            self.why.append("the fill phase cannot be distinguished from what follows")
         if kiss is not None and kiss - self.samples(CONTACT) >= 0 and kiss + self.samples(CONTACT) < p.size:
             row["growth_fill"] = float(p[kiss] - p[kiss - self.samples(CONTACT)])
             row["growth_contact"] = float(p[kiss + self.samples(CONTACT)] - p[kiss])

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 OPEN = "all open"
 TURN = 2.0 * math.pi
-LEAST_PEAK = 0.02  # of the highest one: amplitude of a peak of a spectrum that is told
+LEAST_PEAK = 0.02  # of the highest one: least amplitude of a peak that is reported
 SEGMENTS = 7  # about as many half-overlapping parts of a record are averaged
 PADDED = 8  # a part's length with zeros behind it, over its own
 POINTS = 600  # frequencies of a response
@@ -270,7 +270,7 @@ class Spectrum:
     peaks : list of (float, float)
         Frequency [Hz] and amplitude of each peak, highest first.
     resolution : float
-        Distance of frequencies that can be told apart [Hz].
+        Resolution of frequencies [Hz].
     """
 
     frequencies: np.ndarray
@@ -293,7 +293,7 @@ def spectrum(values: Floats, period: float, parts_averaged: int = SEGMENTS, high
     parts_averaged : int
         Number of half-overlapping parts whose spectra are averaged.
     highest : float
-        Highest frequency that is told [Hz].
+        Highest frequency that is reported [Hz].
 
     Returns
     -------

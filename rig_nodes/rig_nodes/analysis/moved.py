@@ -58,7 +58,7 @@ def moved_lines(first: Mapping, other: Mapping) -> list[str]:
     """Return a line for each metric that moved between two reports, the largest difference in errors first.
 
     A metric that differs by no more than its largest measuring error is only counted, in a line of its own, because a measurement
-    could not tell its two values apart. One without a known error moved when its two values read differently.
+    could not distinguish its two values. One without a known error moved when the texts of its two values differ.
     """
     box = shown_transmission(dict(first))
     names = {key: (heading, factor) for heading, key, factor, _ in columns_of(box)}

@@ -23,7 +23,7 @@ SLOW_UP, SLOW_DOWN, UNTUNED = 0.725, 0.5, 1.0
 # Highest input torque by that which the load asks: the last application factor of ISO 6336-6 table B.1, for heavy shocks of motor
 # and machine. A higher peak alone makes a shift no worse than fair, because the laboratory accepted such peaks at small loads.
 SHOCK = 2.25
-LEAST_TORQUE = 10.0  # Nm, ten errors of the torque meter, below which a ratio of torques says nothing
+LEAST_TORQUE = 10.0  # Nm, ten errors of the torque meter, below which a ratio of torques is meaningless
 
 
 def quality_of(row: Mapping, box: Transmission) -> dict | None:
@@ -66,7 +66,7 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
     if ratio is not None and ratio > SHOCK:
         tied = row["overlap_s"]
         both = f", and both clutches were pressed for {1e3 * tied:.0f} ms" if tied and tied > 0.0 else ""
-        reasons.append((FAIR, f"{box.input.torque} rose to {ratio:.1f} times what the load asks{both}"))
+        reasons.append((FAIR, f"{box.input.torque} rose to {ratio:.1f} times the torque that the load requires{both}"))
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)
     return {
         "grade": GRADES[worst] if judged or reasons else None,

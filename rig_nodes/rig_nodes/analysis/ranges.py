@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The range of each signal of a run: what there is to say of a rig without gears and without a bench's evaluation.
+"""The range of each signal of a run: the results of a rig without gears and without a bench's evaluation.
 
 analysis.report uses it for rigs without gears.
 """

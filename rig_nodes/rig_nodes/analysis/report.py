@@ -80,7 +80,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     bag : Bag or Gathered
         The bag, or what :func:`gathering` gathered of its pieces, without ``annex_a`` and ``truth``.
     run : dict
-        What only the runner knows (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
+        Facts that only the runner has (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
         of an undamaged bag.
     annex_a : float, optional
         Factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``.
@@ -183,7 +183,7 @@ def _record_of(bag: Bag | Gathered, run: dict) -> Mapping:
 
 def _no_rig(error: Exception) -> RigError:
     return RigError(
-        f"the configuration of the run does not say its rig and instruments ({type(error).__name__}: {error}); "
+        f"the configuration of the run does not name its rig and instruments ({type(error).__name__}: {error}); "
         f"expected what `rig run` and `rig simulate` put into a bag"
     )
 
@@ -315,7 +315,7 @@ def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recordin
 def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tuple[float, int, int]]:
     """Return the orders among the events of a bag as (time [s], gear before, gear ordered).
 
-    The first gear before is neutral, unless an imported run says which one was in.
+    The first gear before is neutral, unless an imported run states which one was engaged.
     """
     orders, before = [], NEUTRAL
     for t, topic, name, _, value in events:
@@ -431,7 +431,7 @@ def no_shift(report: dict) -> str:
     run = report["run"]
     if run.get("imported"):
         return (
-            "no shift: nobody said when which gear was ordered; import the file with --orders, e.g. '3.845:I-II', or with a column "
+            "no shift: the orders of gears are not given; import the file with --orders, e.g. '3.845:I-II', or with a column "
             "of the ordered gear; 'rig compare' takes the orders of another run"
         )
     if "measured" not in report:
@@ -514,7 +514,7 @@ def _basis_lines(report: dict) -> list[str]:
         return []  # no result was computed
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
-    said = ", as the bag does not say its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
+    said = ", as the bag does not name its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [
         f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "

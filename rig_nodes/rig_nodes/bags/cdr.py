@@ -97,7 +97,7 @@ class Encoder:
             try:
                 return self._with_tail(stamp_ns, seq, fixed, values[len(fixed) :])
             except (struct.error, TypeError, OverflowError, AttributeError):
-                pass  # what follows says what is wrong
+                pass  # the following code raises the error of the field
         try:
             flat = self._flat(fixed) if self._arrays else fixed
             data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)
@@ -116,7 +116,7 @@ class Encoder:
         try:
             return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *values)
         except (struct.error, TypeError, OverflowError):
-            return Encoder.encode(self, stamp_ns, seq, *values)  # which says what is wrong
+            return Encoder.encode(self, stamp_ns, seq, *values)  # raises the error of the field
 
     def encode_each(self, stamp_ns: int, seq: int, numbers: np.ndarray) -> list[bytes]:
         """Return a message for each of some real numbers, all with the same stamp and sequence number.

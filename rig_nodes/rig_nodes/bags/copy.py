@@ -59,7 +59,7 @@ def check(bags: OpenedBags) -> Kept:
                 numbers.add(part)
             if not piece.damage:
                 damage += part.damage
-    # a bag may begin later than its run, unless its recorder counted what it left out; what stops early shows in no number
+    # a bag may begin later than its run, unless its recorder counted what it left out; an early end leaves no hole in the numbers
     for topic, holes in numbers.gaps(begun_late=not bags.left_out).items():
         lost[topic] = max(lost[topic], holes - bags.holes[topic])
     return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage)

@@ -274,7 +274,7 @@ def _file_of(ros_type: str) -> Path:
     try:
         path = Path(_share(package)) / "msg" / f"{short}.msg"
     except (PackageNotFoundError, ValueError):  # ValueError: no name that a package can have
-        raise RigError(f"the message package '{package}' is not installed; './rig doctor' says what is") from None
+        raise RigError(f"the message package '{package}' is not installed; './rig doctor' lists what is") from None
     if not path.is_file():
         raise RigError(f"the package '{package}' has no message '{short}'")
     return path

@@ -59,7 +59,7 @@ class McapWriter:
     def __init__(self, file: BinaryIO, profile: str, library: str, chunk_bytes: int, packed: bool = True) -> None:
         """Write the beginning of the file.
 
-        A chunk larger than ``chunk_bytes`` is closed without a call of :meth:`flush`; ``packed`` says whether chunks are packed.
+        A chunk larger than ``chunk_bytes`` is closed without a call of :meth:`flush`; ``packed`` is True when chunks are packed.
         """
         self._file, self._chunk_bytes = file, chunk_bytes
         self._compression = COMPRESSION if packed else b""

@@ -127,7 +127,7 @@ def bag_metadata(files: Sequence[File], topics: list[dict], packed: bool = False
     packed : bool
         True when the files are packed with zstd as a whole.
     custom : mapping of str to str, optional
-        What else there is to say of the bag.
+        Further facts about the bag.
 
     Returns
     -------

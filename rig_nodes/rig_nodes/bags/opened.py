@@ -43,7 +43,7 @@ class OpenedBags:
     types : dict of str to str
         Message type per topic.
     counts : dict of str to int
-        Messages per topic that the bags say they hold.
+        Messages per topic by the bags' own counts.
     first, last : int
         Log times of the first and the last message [ns].
     """
@@ -143,7 +143,7 @@ class OpenedBags:
         return Bag.of(self.files[0], contents, columns)
 
     def lost(self, held: Counter[str]) -> dict[str, int]:
-        """Return how many messages per topic the bags say they hold beyond those that were read."""
+        """Return how many messages per topic the bags' own counts exceed those that were read."""
         said = {topic: max(self.counts.get(topic, 0), self.told[topic]) for topic in {**self.counts, **self.told}}
         return {topic: count - held[topic] for topic, count in said.items() if count > held[topic]}
 
@@ -186,7 +186,7 @@ class OpenedBags:
 
 
 def files_of(path: Path) -> tuple[list[Path], list[str], Told]:
-    """Return the files of a bag in their order, one sentence for each that is missing, and what metadata.yaml says.
+    """Return the files of a bag in their order, one sentence for each that is missing, and the contents of metadata.yaml.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ def in_order(files: list[Path]) -> list[Path]:
 
 @dataclass(frozen=True)
 class Told:
-    """What metadata.yaml says of a bag.
+    """The contents of a bag's metadata.yaml.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Told:
 
 
 def told(folder: Path) -> Told:
-    """Return what the metadata.yaml of a folder says; nothing when there is no such file, BagError when it is none.
+    """Return the contents of a folder's metadata.yaml; nothing when there is no such file, BagError when it is not valid.
 
     The topics' qualities of service are not read: they are three quarters of the text, whose reading takes 40 ms.
     """

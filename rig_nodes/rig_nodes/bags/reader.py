@@ -118,7 +118,7 @@ class Bag:
     def pieces(cls, path: str | Path, size: int, recover: bool = False) -> Iterator[Bag]:
         """Read the bag piece by piece in the order of the file.
 
-        A piece knows the columns of loggers from the pieces before it.
+        A piece takes the columns of loggers from the pieces before it.
 
         Parameters
         ----------
@@ -311,7 +311,7 @@ class Bag:
     def no_rig(self, error: Exception) -> BagError:
         """Return the error to raise when the bag's record of its rig is invalid."""
         return BagError(
-            f"{self.path}: what it says of its rig cannot be used ({type(error).__name__}: {error}); expected what "
+            f"{self.path}: its record of the rig cannot be used ({type(error).__name__}: {error}); expected what "
             "`rig run` and `rig simulate` put into a bag"
         )
 

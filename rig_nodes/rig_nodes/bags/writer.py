@@ -242,7 +242,7 @@ class BagWriter:
         self._store(columns)
 
     def _store(self, columns: Sequence[Column]) -> None:
-        """Store messages of topics that the bag knows."""
+        """Store messages of topics that have a channel in the bag."""
         columns = [column for column in columns if len(column.data)]
         if not columns:
             return

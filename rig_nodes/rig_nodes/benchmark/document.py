@@ -29,7 +29,7 @@ ratios hold:
 
 {machine}
 
-Times are of the processor, the fastest of several, unless "wall" is said. `./rig bench PART` measures one part,
+Times are of the processor, the fastest of several, unless "wall" is stated. `./rig bench PART` measures one part,
 `--json` gives everything to programs. Aims: the kernel with 10 kHz logging at least 400 times real time; `simulate
 demo` warm under 1.5 s and its first run under 20 s; the bare problem at least 5000 times real time at 1e-3 of the
 lock-up time.
@@ -62,8 +62,8 @@ Two inertias (0.7 and 0.127 kg m2, 1500 rpm and 0), a clutch whose capacity rise
 the one, 40 Nm brake the other. Exact lock-up: {lock:.9f} s. Every tool is tried with many settings; shown is the
 cheapest one whose lock-up time errs at most so much, so no tool is shown at less than the best that was found for it.
 What is built once (models, diagrams, compiled code) does not count, setting the state back does. "Free": one call;
-"stopped": 2000 calls of 1 ms, as a controller needs it. All tools are told that the rise ends at 45 ms, and that
-nothing bends after it.
+"stopped": 2000 calls of 1 ms, as a controller needs it. It is an input of every tool that the rise ends at 45 ms and
+that the capacity is constant after it.
 
 - This project: the general driveline, lock-up as a root inside the step, capacity in each step as the straight line
   through its two Gauss points. After the rise it is exact for any step, so the rest may be one; "stopped" has no such

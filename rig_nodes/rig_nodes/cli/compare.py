@@ -63,7 +63,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _sources(args: argparse.Namespace) -> list[Source]:
-    """Return what is to be compared; a file without a rig of its own has that of the first run, and a line says so."""
+    """Return what is to be compared; a file without a rig of its own has that of the first run, which a line states."""
     from ..analysis.report import recording_of
     from ..analysis.side_by_side import Source
     from ..bags.reader import Bag

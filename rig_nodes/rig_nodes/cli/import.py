@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig import`: a logger's file (CSV, Parquet, MDF4 or MAT) becomes a run, by a profile that says what its columns are."""
+"""`rig import`: a logger's file (CSV, Parquet, MDF4 or MAT) becomes a run, by a profile that assigns its columns."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def add_profile_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def profile_of(args: argparse.Namespace) -> Profile | None:
-    """Return the profile of the arguments, with the period that they give; None when they say nothing."""
+    """Return the profile of the arguments, with the period that they give; None without such arguments."""
     from dataclasses import replace
 
     from ..config.units import quantity
@@ -123,6 +123,6 @@ def _propose(args: argparse.Namespace, rig: str) -> int:
     print(f"nothing is imported yet: its heads are not signals of rig '{rig}', so {target} holds a guess which they are")
     if unsure:
         shown = ", ".join(f"'{head}'" for head in unsure[:6])
-        print(f"not told: {shown}{' and more' if len(unsure) > 6 else ''}; they are comments in it")
+        print(f"not determined: {shown}{' and more' if len(unsure) > 6 else ''}; they are comments in it")
     print(f"look at it, then: ./rig import {args.file} --profile {target} --out runs/NAME")
     return 0

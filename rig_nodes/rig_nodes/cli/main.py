@@ -117,15 +117,7 @@ def usage() -> str:
     width = max(map(len, VERBS))
     lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
     return "\n".join(
-        [
-            "usage: rig VERB ...",
-            "",
-            "The virtual powertrain test rig.",
-            "",
-            *lines,
-            "",
-            "'rig VERB --help' says more about one of them.",
-        ]
+        ["usage: rig VERB ...", "", "The virtual powertrain test rig.", "", *lines, "", "'rig VERB --help' describes one of them."]
     )
 
 

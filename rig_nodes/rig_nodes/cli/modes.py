@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='change one value of the rig, e.g. shaft.stiffness="2000 Nm/rad" (may be repeated)',
     )
     parser.add_argument(
-        "--gear", metavar="NAME", help="the gear whose modes are told in full (default: the first); neutral: all open"
+        "--gear", metavar="NAME", help="the gear whose modes are printed in full (default: the first); neutral: all open"
     )
     parser.add_argument(
         "--locked",
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="own",
         metavar="FILE.yaml",
-        help="find settings that keep the frequencies away from orders and bands; without a file as the rig's detuning.yaml says",
+        help="find settings that keep the frequencies away from orders and bands; without a file, those of the rig's detuning.yaml",
     )
     parser.add_argument("--json", metavar="FILE", help="write all of it as JSON to a file, or to the terminal for -")
     parser.add_argument("--picture", metavar="FILE.svg", help="draw shapes, critical speeds, response and spectrum")
@@ -214,7 +214,7 @@ def _table(found: Found) -> Iterator[str]:
 
 
 def _said(found: Found) -> bool:
-    """Whether the name of a state leaves open what is locked."""
+    """Whether the name of a state does not show what is locked."""
     return bool(found.state.locked) and "locked" not in found.state.name
 
 
@@ -272,7 +272,7 @@ def _text_of_spectrum(name: str, found: Spectrum, unit: str, chosen: Found) -> I
     from ..analysis.modes import beside
 
     yield ""
-    yield f"averaged spectrum of {name}, frequencies {found.resolution:.3g} Hz apart are told apart: highest peaks"
+    yield f"averaged spectrum of {name}, resolution {found.resolution:.3g} Hz: highest peaks"
     yield f"  {'Hz':>10} {unit or '-':>12} {'computed Hz':>12} {'off by':>9}"
     for at, size, near, off in beside(found.peaks[:MOST_PEAKS], chosen.modes.frequencies.tolist()):
         yield f"  {at:>10.3f} {size:>12.4g} " + ("" if near is None or off is None else f"{near:>12.3f} {100.0 * off:>8.2f}%")

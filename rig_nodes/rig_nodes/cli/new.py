@@ -17,7 +17,7 @@ HELP = "write the folder of a rig of your own to begin with"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
-    rig = verbs.add_parser("rig", help="a two-speed gearbox with comments that say what each part is for", allow_abbrev=False)
+    rig = verbs.add_parser("rig", help="a two-speed gearbox with comments that explain each part", allow_abbrev=False)
     rig.add_argument("folder", metavar="FOLDER", help="new or empty folder for it")
 
 

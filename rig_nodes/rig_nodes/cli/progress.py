@@ -17,7 +17,7 @@ from contextlib import contextmanager
 QUIET = 10.0  # s between two lines when stderr is not a terminal
 KNOWN, UNKNOWN = "{desc}, {elapsed}, about {remaining} left", "{desc}, {elapsed}"  # with tqdm's names
 WIDTH = 79
-PATIENCE = 2.0  # s of silence before a line of work whose length nobody knows
+PATIENCE = 2.0  # s without output before a line of work of unknown length
 STARTING = "starting, and the first time compiling the plant"
 
 

@@ -3,7 +3,7 @@
 
 """`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag.
 
-It rewrites the report beside the bag and keeps from it what only the run itself knew (lateness, end). A report of another
+It rewrites the report beside the bag and keeps from it the facts that only the run itself had (lateness, end). A report of another
 run, or of a bag that has been damaged since, stays unchanged. A folder of runs, as procedures and
 sweeps leave it, gets a table and its spread (cli.report_folder). ``--html`` and ``--pdf`` write a page.
 """
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--annex-a", action="store_true", help="also by the recipe of the laboratory's program (Annex A), with the difference"
     )
     parser.add_argument("--factor", type=float, metavar="B", help=f"Annex A's factor of the settled torque ({FACTOR_B})")
-    parser.add_argument("--truth", action="store_true", help="also what the plant's states in the bag say")
+    parser.add_argument("--truth", action="store_true", help="also results from the plant's states in the bag")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -148,7 +148,7 @@ def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
     """
     reason = "unknown from what is left of the bag"
     if reported and (end := run.get("end")):
-        reason += f"; its report says: {end.get('reason') if isinstance(end, dict) else end}"
+        reason += f"; the reason in its report: {end.get('reason') if isinstance(end, dict) else end}"
     rest = {**run, "lost": None, "recovered": bag.recovered, "end": {"state": "unknown", "reason": reason}}
     if facts := facts_of(folder):
         rest["lost_by_topic"] = lost_messages(bag, facts)

@@ -48,7 +48,7 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 
 def write_pages(args: argparse.Namespace, make: Callable[[], str]) -> None:
-    """Write the page of a report to where --html and --pdf say."""
+    """Write the page of a report to the files of --html and --pdf."""
     if args.html is None and args.pdf is None:
         return
     page = make()

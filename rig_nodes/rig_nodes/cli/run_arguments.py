@@ -153,6 +153,6 @@ def exit_code(state: str, report: dict, strict: bool, lost: str = "") -> int:
         return 130 if state == "interrupted" else 1
     invalid = sum(not shift["valid"] for shift in report["shifts"])
     if strict and invalid:
-        print(f"rig: --strict: {invalid} of {len(report['shifts'])} shifts not valid; the report says why", file=sys.stderr)
+        print(f"rig: --strict: {invalid} of {len(report['shifts'])} shifts not valid; the report has the reasons", file=sys.stderr)
         return 1
     return LOST if lost else 0

@@ -186,13 +186,13 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     if Path(args.what).is_dir():
         if given or args.out or args.bags:
             first = options.get(given[0], f"--{given[0]}") if given else "--out" if args.out else "--bags"
-            raise RigError(f"{args.what} is a sweep's folder and says itself what it is; leave out {first}")
+            raise RigError(f"{args.what} is a sweep's folder, which defines the sweep; leave out {first}")
         manifest = read_manifest(args.what)
         return plan_of(manifest["plan"]), Path(args.what), manifest["bags"]
     if args.what.endswith((".yaml", ".yml")) and "vary" in (load_yaml(args.what) or {}):
         if given:
             raise RigError(
-                f"{args.what} is a sweep and says itself what it varies; leave out "
+                f"{args.what} is a sweep, which defines what it varies; leave out "
                 f"{options.get(given[0], f'--{given[0]}')}, or write it there"
             )
         return read_plan(args.what), None, args.bags

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file; or the folder of a procedure or a sweep"
     )
     parser.add_argument(
-        "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only tell the address"
+        "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only print the address"
     )
     parser.add_argument("--picture", metavar="FILE.png", type=_png, help="make a picture instead of opening a window")
     parser.add_argument(
@@ -223,9 +223,9 @@ def _find_domain(number: int | None) -> Domain:
     if busy:
         raise RigError(
             f"ROS domains {', '.join(map(str, busy))} are in use on this machine; "
-            f"say which with --domain N ('rig run' prints its own)"
+            f"choose one with --domain N ('rig run' prints its own)"
         )
-    raise RigError("no ROS domain is in use on this machine; start './rig run SEQUENCE' first, or say which domain with --domain N")
+    raise RigError("no ROS domain is in use on this machine; start './rig run SEQUENCE' first, or choose a domain with --domain N")
 
 
 def _greet(args: argparse.Namespace, domain: int, url: str) -> None:

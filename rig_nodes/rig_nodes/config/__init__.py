@@ -30,7 +30,7 @@ def package_file(name: str) -> Path:
 
 
 def load_yaml(path: str | Path) -> Any:
-    """Read the maps, lists and scalars of a YAML file; each map and list knows its lines (config.yaml_file).
+    """Read the maps, lists and scalars of a YAML file; each map and list stores its lines (config.yaml_file).
 
     Parameters
     ----------

@@ -232,7 +232,7 @@ def _folders(rig: str | Path | None) -> list[Path]:
 
 
 def has_controller(rig: str | Path) -> bool:
-    """Say whether the files of a rig name a shift controller."""
+    """Return whether the files of a rig name a shift controller."""
     return any(isinstance(node, dict) and "controller" in node for _, node in with_bases(rig))
 
 

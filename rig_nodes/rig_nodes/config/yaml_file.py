@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML text as marked maps and lists: each knows its own line, and the line of each key or item.
+"""YAML text as marked maps and lists: each stores its own line, and the line of each key or item.
 
 config uses it. A file is bounded in its length, its depth, its number of values and the length of each value, so that no file
 takes longer to refuse than to read; an alias counts as often as it is written out.
@@ -98,7 +98,7 @@ def merged(base: Map, node: Map) -> Map:
     """Return the map ``base`` with the values that another file has in their place.
 
     A map in both is merged in turn; everything else, including a list, is replaced as a whole. So is a map whose ``part`` is
-    another, because the values of one type of device are none of another's. A key with nothing (``~``) leaves out the base's.
+    another, because one type of device does not have the values of another. A key with nothing (``~``) leaves out the base's.
 
     Parameters
     ----------

@@ -4,11 +4,11 @@
 """The process in which a C library runs, so that nothing in it can harm the rig; and the structs of rig_controller.h.
 
 c_library.py starts it as a program of its own that imports nothing of the rig: it is ready in 30 ms. Whole messages go
-over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as the
-bytes of the structs, followed by what the library asked for and what it names its own. A message of another size than
+over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as the bytes of
+the structs, followed by the transducers that the library wants and by its own signals. A message of another size than
 an answer's is a sentence: the library wrote outside the memory that it was given.
 
-There are two processes: a guard, which the rig knows, and its child, which has loaded the library. The guard ends in
+There are two processes: a guard, which the rig starts, and its child, which has loaded the library. The guard ends in
 the same way as the library's process and ends all of the library's own children; it also does so when the rig ends, or
 asks for it by END_ALL.
 """

@@ -56,7 +56,7 @@ MACHINES = {3: "i386", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv64"} 
 
 
 def check_elf(path: Path, name: str) -> None:
-    """Check that a file is a whole shared object for this machine; the loader's own message would not say what is wrong.
+    """Check that a file is a whole shared object for this machine; the loader's own message would not show what is wrong.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class Host:
         core = CORE()
         if core != self._core:
             self._core = core
-            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() says how
+            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() raises the error
                 os.sched_setaffinity(self.process, {core})
         with contextlib.suppress(LinkClosed):
             self.send(data)
@@ -192,7 +192,7 @@ class Host:
         Raises
         ------
         LinkClosed
-            When the process has ended; the sentence says how.
+            When the process has ended; the sentence describes how.
         """
         try:
             return self._receive(seconds)

@@ -116,7 +116,7 @@ def percent(slip: float) -> float:
 class Gearbox:
     """The state of the clutches as pressures and speeds on the wires show it; it is for J1939, not for the controller.
 
-    ``gear`` is the gear engaged last, None while a transducer has no reading; ``engaged`` says whether a clutch holds now.
+    ``gear`` is the gear engaged last, None while a transducer has no reading; ``engaged`` is True while a clutch holds.
     """
 
     def __init__(self, record: ControllerRecord) -> None:
@@ -336,7 +336,7 @@ class CanBus(FreeRunning):
                 bool(state["shifting"]),
                 state["flags"],
                 state["status"],
-                "the controller says so on the bus",
+                "the controller reports it on the bus",
             )
         )
 

@@ -226,7 +226,7 @@ def _controller_messages(record: ControllerRecord, group: bool) -> list:
 
 
 def _j1939_messages() -> list:
-    """Return ETC1 and ETC2 with the signals that the rig knows, scaled as in J1939-71; the other signals are not available."""
+    """Return ETC1 and ETC2 with the signals that the rig has, scaled as in J1939-71; the other signals are not available."""
     bits = {0: "off", 1: "on", 2: "error", 3: "not available"}
     return [
         _message(
@@ -234,7 +234,7 @@ def _j1939_messages() -> list:
             RIG,
             [
                 _signal("TransDrivelineEngaged", 0, 2, "A clutch holds: pressed and without slip.", choices=bits, spn=560),
-                _signal("TransShiftInProcess", 4, 2, "A shift is running, as the controller says.", choices=bits, spn=574),
+                _signal("TransShiftInProcess", 4, 2, "A shift is running, as the controller reports it.", choices=bits, spn=574),
                 _signal(
                     "TransOutputShaftSpeed", 8, 16, "Speed of the output shaft wk.", 0.125, 0, "rpm", limits=(0, 8031.875), spn=191
                 ),

@@ -138,7 +138,7 @@ class ControllerFmu(Plug):
     def _last_said(self) -> str:
         """Return the newest message of an FMU that has gone or does not answer, as the end of a sentence."""
         text = os.pread(self._said.fileno(), MESSAGE, 0).decode("utf-8", "replace")
-        return f"; the last it said: {text}" if text else ""
+        return f"; its last message: {text}" if text else ""
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
         if status == Status.FATAL and not text.startswith("status"):  # the FMU's own status comes with its reason
@@ -149,7 +149,7 @@ class ControllerFmu(Plug):
         core = CORE()
         if core != self._core:  # as in c_library.Host.ask: a process on the waiting core is woken sooner
             self._core = core
-            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() says so
+            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() raises the error
                 os.sched_setaffinity(self._process.pid, {core})
         try:
             self._link.send(

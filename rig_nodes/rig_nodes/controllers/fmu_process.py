@@ -125,7 +125,7 @@ def settings_of(fmu: Fmu) -> dict[str, float]:
 
 
 def meaning_of(fmu: Fmu, name: str) -> tuple[str, float]:
-    """Return what the unit of an output says.
+    """Return level and factor by the unit of an output.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
     -------
     tuple
         (levels, source): the levels, the likelier one first; the source in words is the parameter level, else the unit of
-        the commands, and empty when neither says it.
+        the commands, and empty when neither gives it.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 
 """Makes the plug of a controller's specification; used by ``simulate``, alfa46, ``controller`` and the tests.
 
-A plug is one line in KINDS. Its module is imported only when it is asked for, so that the imports of the other plugs
+A plug is one line in KINDS. Its module is imported only when it is needed, so that the imports of the other plugs
 cost nothing.
 """
 
@@ -109,7 +109,7 @@ def load_controller(spec: str | None, config: RigConfig, level: str | None = Non
     Returns
     -------
     Plug
-        The plug; its ``level_from`` says how the level was chosen.
+        The plug; its ``level_from`` is the origin of the level.
 
     Raises
     ------

@@ -214,7 +214,7 @@ class Modbus(FreeRunning):
                 bool(shifting),
                 flags,
                 status,
-                "the controller says so in register status",
+                "the controller reports it in register status",
             )
         )
 

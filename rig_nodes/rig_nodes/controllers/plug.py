@@ -77,7 +77,7 @@ def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
 
 
 class NotUsed(RigError):
-    """The only controller that has come cannot be used; the message says why."""
+    """The only controller that has come cannot be used; the message has the reason."""
 
     exit_code = 1
 
@@ -109,7 +109,7 @@ class Waiting:
 
 
 # where a controller's level comes from
-GIVEN, SAID, DEFAULT = "as given", "as the controller says", "by default, the controller says none"
+GIVEN, SAID, DEFAULT = "as given", "as the controller declares", "by default, the controller declares none"
 TOLD = "by default; a controller of the other level has no effect"
 
 
@@ -192,7 +192,7 @@ class Plug(ABC):
         return None
 
     def record(self) -> dict:
-        """Return what the report of a run says of the controller, once the controller has ended."""
+        """Return the report's entry on the controller, once the controller has ended."""
         return {
             "name": self.name,
             "level": self.level,
@@ -217,7 +217,7 @@ class Plug(ABC):
         Returns
         -------
         str
-            The sentence; when a controller was refused it says why.
+            The sentence; when a controller was refused, it contains the reason.
         """
         if self.refused:
             return f"one has come on {place} and is not used: {self.refused}"
@@ -244,7 +244,7 @@ class Plug(ABC):
         Raises
         ------
         RigError
-            When the order is refused; the sentence says why.
+            When the order is refused; the sentence has the reason.
         """
         why = refusal(gear, self._request if self._ordered else self.gear, self.shifting or self._ordered, self.transmission)
         if why:
@@ -259,7 +259,7 @@ class Plug(ABC):
         return True
 
     def force_neutral(self) -> None:
-        """Take back all orders after a trip; from its next sample on the controller is asked for neutral."""
+        """Take back all orders after a trip; from its next sample on the controller's gear request is neutral."""
         self._before = self._request = NEUTRAL
         self._ordered = True
 
@@ -330,10 +330,10 @@ class Plug(ABC):
         return None
 
     def _doubt(self, sample: int) -> None:
-        """Warn of a duty that equals the current [A] which the controller wants."""
+        """Warn of a duty that equals the controller's current setpoint [A]."""
         self._doubted = True
         self.say(
-            f"warning: controller {self.name}, sample {sample}: its command is the current that it asks for, so it "
+            f"warning: controller {self.name}, sample {sample}: its command equals its current setpoint, so it "
             f"looks like amperes, and level duty ({self.level_from}) takes it as a share of the supply; if it is a "
             "current, choose --level current"
         )
@@ -381,7 +381,7 @@ class Plug(ABC):
         Raises
         ------
         RigError
-            When they cannot be taken; the sentence says why.
+            When they cannot be taken; the sentence has the reason.
         """
         raise RigError(
             f"controller {self.name} reads its settings when it starts; only the built-in alfa46 takes new ones while it runs"

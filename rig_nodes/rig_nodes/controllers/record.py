@@ -232,7 +232,7 @@ def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) 
 
 
 def record_of(config: RigConfig) -> ControllerRecord:
-    """Return the record of a rig of testbench.configuration; only this function knows where the record's parts are described."""
+    """Return the record of a rig of testbench.configuration, the only function that depends on where its parts are described."""
     signals, box = config.catalogue.signals, config.transmission
     first = box.clutches[0]
     by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []

@@ -116,7 +116,7 @@ def _setting(item: str, spec: str) -> tuple[str, float]:
 
 
 class Gone(Exception):
-    """The controller has gone; the message says why."""
+    """The controller has gone; the message has the reason."""
 
 
 class _OtherSide:
@@ -235,7 +235,7 @@ class _OtherSide:
         why = ""
         if ready.state == ready.LEAVES:
             if ready.controller == self.controller:
-                raise Gone(f"it said goodbye: {text}")
+                raise Gone(f"it has left: {text}")
             return
         if ready.state == ready.REFUSES:
             why = text

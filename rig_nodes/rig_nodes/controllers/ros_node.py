@@ -32,7 +32,7 @@ except ImportError:
     from rclpy.executors import SingleThreadedExecutor as Executor
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-UNCONFIRMED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the rig asks again for a lost answer
+UNCONFIRMED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the rig repeats a step without an answer
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # a reader's depth is shared by all writers: the last message of one rig must not displace the start of the next
 FROM_MANY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

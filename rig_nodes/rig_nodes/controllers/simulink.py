@@ -3,7 +3,7 @@
 
 """The plug for a folder of Simulink Coder's or Embedded Coder's generated C or C++ with a rig_shim.c or rig_shim.cpp.
 
-load.py makes it (include/rig_simulink.h says what the shim holds). The files of the folder and of all folders in it are
+load.py makes it (include/rig_simulink.h describes the shim). The files of the folder and of all folders in it are
 compiled together and run like a C library, in a process of their own.
 """
 

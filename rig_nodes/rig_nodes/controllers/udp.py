@@ -136,7 +136,7 @@ class Udp(Plug):
             if kind == HELLO:
                 self._greet(session, peer, values[0], text(values[2]))
             elif session != self._session:
-                self._send(BYE, peer, session=session, values=["another run; say HELLO"])
+                self._send(BYE, peer, session=session, values=["another run; send HELLO"])
             elif kind == ASK and values[1] < len(self._names_told) and values[0] < len(self._names_told[values[1]]):
                 self._send(NAME, peer, values=[values[0], values[1], *self._names_told[values[1]][values[0]]])
             elif kind == READY and peer != self._peer and self._away:
@@ -152,7 +152,7 @@ class Udp(Plug):
             elif kind == BYE:
                 why = text(values[0]) or "it gave no reason"
                 if peer == self._peer:
-                    raise _Gone(f"it said goodbye: {why}")
+                    raise _Gone(f"it has left: {why}")
                 self._turned_down(peer, why)
             elif kind == ANSWER and peer == self._peer and frame == self._frame:
                 return values
@@ -189,7 +189,7 @@ class Udp(Plug):
         self.say(f"a controller on udp {self._port} is not used: {self.refused}")
 
     def _is_here(self) -> bool:
-        """Ask for the next unknown name of the controller's own; True when all have come and the controller is ready."""
+        """Request the controller's next own name; True when all have come and the controller is ready."""
         peer = self._coming
         missing = next((k for k in range(self._count) if k not in self._names), None)
         if missing is not None and self._count <= 3 * MOST:
@@ -336,4 +336,4 @@ class Udp(Plug):
 
 
 class _Gone(Exception):
-    """The controller has gone; the message says why."""
+    """The controller has gone; the message has the reason."""

@@ -20,7 +20,7 @@ from typing import Any
 
 MAGIC, VERSION, PORT = 0x31474952, 3, 9002  # "RIG1"
 HELLO, INFO, ASK, NAME, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
-SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # the rig's lists; a NAME says from which of them its name is
+SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # the rig's lists; a NAME contains the list of its name
 WANT, SIGNAL, SETTING = range(1, 4)  # kinds of name in an OWN
 HEADER = struct.Struct("<IHHIIII")  # magic, version, kind, session, frame, size of the whole frame, 0
 BODIES = {
@@ -105,7 +105,7 @@ def unpack(data: bytes) -> tuple[int, int, int, tuple]:
         raise NoFrame("it does not begin with RIG1")
     if version != VERSION:
         raise OtherVersion(
-            f"it speaks version {version} of the protocol, this side speaks {VERSION}: both need the "
+            f"it uses version {version} of the protocol, this side uses {VERSION}: both need the "
             "rig_udp.py or rig_udp.h of the same rig"
         )
     if kind not in BODIES:
@@ -238,7 +238,7 @@ class Client:
         """Print a message of the rig once."""
         if words != self.told:
             self.told = words
-            print(f"the rig says: {words}", file=sys.stderr)
+            print(f"message of the rig: {words}", file=sys.stderr)
 
     def begin(
         self,

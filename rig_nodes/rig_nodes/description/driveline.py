@@ -77,7 +77,7 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
 
 
 def has_element(device: Device) -> bool:
-    """Say whether a device is a friction element of the driveline."""
+    """Return whether a device is a friction element of the driveline."""
     return "element" in parts.part(device.part).wires
 
 
@@ -87,7 +87,7 @@ def shaft_of(device: Device) -> str:
 
 
 def owns_shaft(device: Device) -> bool:
-    """Say whether a device has a compliant shaft of its own between the bodies that it joins."""
+    """Return whether a device has a compliant shaft of its own between the bodies that it joins."""
     return "shaft" in parts.part(device.part).wires
 
 

@@ -168,7 +168,7 @@ class _Reader:
         """Check that the source of the numbers is given."""
         if not isinstance(node["source"], str) or not node["source"].strip():
             raise RigError(
-                f"{self.at(node, 'source')}: {what}.source must say where the teeth are from, found {brief(node['source'])}"
+                f"{self.at(node, 'source')}: {what}.source must state the source of the teeth, found {brief(node['source'])}"
             )
 
     def meshes(self) -> tuple[Mesh, ...]:

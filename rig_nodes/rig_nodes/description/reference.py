@@ -69,8 +69,8 @@ def page() -> str:
         "# Parameters of parts and sections",
         "",
         "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](../how_to/rigs.md) "
-        "says where they stand in a "
-        "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.",
+        "describes their place in a "
+        "rig's folder; the values of one rig are printed by `./rig list settings --rig NAME`.",
         "",
         'Each value is `[value with unit, "its source"]`. The range is inclusive and given in the unit shown; the '
         "units at the end may "

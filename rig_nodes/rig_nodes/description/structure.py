@@ -149,7 +149,7 @@ class Device:
     called : str
         Its name for people.
     wires : mapping of str to str, list of str or int
-        What it is joined to, by the keys of the part's ``joined``; the key says which of the three it is.
+        What it is joined to, by the keys of the part's ``joined``; the type of its value depends on the key.
     release_rate : float
         Rate at which the pressure of a clutch falls when it is released [Pa/s].
     """
@@ -259,7 +259,7 @@ class Structure:
 
     def of_role(self, *roles: str) -> tuple[Device, ...]:
         """Return the devices with one of these roles, in the order of the file."""
-        if roles not in self._by_roles:  # kept, because every tick asks for it
+        if roles not in self._by_roles:  # kept, because it is needed in every tick
             self._by_roles[roles] = tuple(device for device in self.devices if device.role in roles)
         return self._by_roles[roles]
 

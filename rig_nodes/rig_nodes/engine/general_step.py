@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numba.core.typing.context import BaseContext as TypingContext
     from numba.core.typing.templates import Signature
 
-DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # arrays of the driveline's record, after the addresses and times in the call
+DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # arrays of the driveline's record, which follow the addresses and times in a call
 _DRIVEN = (types.int64, types.int64, types.float64, types.float64, *array_types(DRIVEN, WHOLE_NUMBERS))
 NONE = (0, 0, 0, 0)
 
@@ -41,7 +41,8 @@ def addresses(driven: bool = False) -> tuple[int, int, int, int]:
     Returns
     -------
     tuple of int
-        Addresses of the bare, the settled, the driven and the quick step; all but the first are 0 for one that is not driven.
+        Addresses of the bare, the settled, the driven and the quick step; for a driveline that is not driven all but the first are
+        0.
     """
     if not driven:
         return bare_address(), 0, 0, 0

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one compiled entry of all rigs: plant, instruments and embedded controller, moved together in a fixed order.
+"""The one compiled entry of all rigs: it advances plant, instruments and embedded controller together in a fixed order.
 
-Called by testbench.rig_base only. It moves one record, the world, along with the arrays of the gauges, those of the law and the
-ring of rows; it allocates nothing and holds no lock.
+Called by testbench.rig_base only. It changes one record, the world, and the arrays of the gauges, of the law and of the ring of
+rows; it allocates nothing and holds no lock.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def first_row(
 
 @njit(**INNER)
 def put_back(world: Record, moved: Ints, kept: Ints) -> None:
-    """Restore the state at the sample's beginning, and copy the state that is given up into ``kept``."""
+    """Restore the state at the sample's beginning, and copy the discarded state into ``kept``."""
     for i in range(kept.shape[1]):
         kept[1, i] = moved[i]
         moved[i] = kept[0, i]
@@ -199,15 +199,15 @@ def advance(
     finite: int,
     kept: Ints,
 ) -> tuple[int, int]:
-    """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
+    """Advance everything by whole controller samples; row j of the ring ``log`` belongs to the time j * h.
 
-    The call ends early with the sample in which something went wrong. A sample with a value that is not finite leaves the plant as
-    it was at the sample's beginning, and its rows show that.
+    The call ends early with the sample in which something went wrong. After a sample with a value that is not finite, the plant has
+    the state of the sample's beginning, and the sample's rows show that state.
 
-    Order at each controller sample: the duty that answers the last sample is applied, then (drive BY_LAW) the law answers this one.
-    So the controller acts with one sample of delay, both in the engine and outside it. With BY_SETPOINT the duty is that of the
-    power stage for the newest setpoints and the currents of the last sample, which the controller saw too: the delay is the same,
-    wherever the current loop is closed.
+    Order at each controller sample: the duty computed from the last sample is applied, then (drive BY_LAW) the law computes the
+    duty from this one. So the controller acts with one sample of delay, both in the engine and outside it. With BY_SETPOINT the
+    power stage computes the duty from the newest setpoints and the currents of the last sample, from which the controller computed
+    its setpoints too: the delay is the same, wherever the current loop is closed.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def advance(
     commands : (samples, COMMAND) array of float
         Ring of the law's commands: :func:`put_command` writes the row of each sample that the law answers.
     moments, capacities : (ticks, count) array of int64, (ticks, elements) array of float
-        Rings of what ``moved`` is at each tick of the graph, and of what the driveline's elements could carry then.
+        Rings with ``moved`` at each tick of the graph, and with the capacities of the driveline's elements then.
     log : (rows, channels) array of float
         Ring of logger rows.
     finite : int

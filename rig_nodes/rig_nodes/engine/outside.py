@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Causal cuts: a device outside the plant, the values that cross the cut in both directions, and the rig's own device side.
+"""Causal cuts: a device outside the plant, the values exchanged at the cut, and the rig's own model of the device.
 
 Used by testbench.cuts (the plant's end), by `simulate` and by the stand-alone device nodes, which step the physics that the
-engine would have stepped. The values at a cut are held for a tick: the port goes to the device, the answer comes back.
+engine would have stepped. The values at a cut are held for a tick: the port's values go to the device, its answer comes back.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ NOT_DEVICES = {
 class Port(NamedTuple):
     """The plant's side at one sample, SI: everything that the device needs; a value that a device does not have is 0."""
 
-    tick: float  # s for which each side holds the values of the other one
+    tick: float  # time for which each side holds the values of the other one [s]
     speed: float = 0.0  # motor: of w0; load pump: of wk
     pressure: float = 0.0  # valve: of the port, gauge
     supply: float = 0.0  # valve: of its supply, gauge
@@ -68,13 +68,13 @@ class Port(NamedTuple):
 class Answer(NamedTuple):
     """The device's side, SI; it acts from the next tick on; a value that a device does not have is 0."""
 
-    torque: float = 0.0  # motor: on the shaft; load pump: what it can hold, >= 0
+    torque: float = 0.0  # motor: on the shaft; load pump: torque that it can hold, >= 0
     flow: float = 0.0  # valve: into the clutch's line while its port has ``pressure``
     flow_slope: float = 0.0  # valve: change of flow by port pressure, <= 0
-    pressure: float = 0.0  # valve: port pressure that flow belongs to; load pump: in its pressure line
+    pressure: float = 0.0  # valve: port pressure to which the flow belongs; load pump: in its pressure line
     position: float = 0.0  # valve: of the spool
     setpoint: float = 0.0  # motor: speed setpoint after its ramp
-    work: float = 0.0  # as the device counts it: motor: given; load pump: taken; valve: given to the port
+    work: float = 0.0  # by the device's own integration; motor: delivered; load pump: absorbed; valve: delivered to the port
 
 
 NOTHING = Answer()
@@ -198,9 +198,10 @@ def _oil_of(config: CutRig, valve: Device) -> tuple[float, float, float]:
 class OtherSide:
     """The device of a cut, with the rig's own physics.
 
-    The device itself moves from port to port, on the mean of the two. Its answer is a forecast with the newest port held: the mean
-    over the tick in which it will act, which begins one tick after the port. So the only remaining error of the delay is that the
-    port moves on; the slope of a valve makes up for much of that.
+    The state of the device advances over each tick with the mean of the port's values at its two ends. Its answer is a prediction
+    with the newest port values held: the mean over the tick in which the answer will act, which begins one tick after those values.
+    So the only remaining error of the delay is the change of the port's values meanwhile; the slope of a valve compensates much of
+    that.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ class OtherSide:
         """Make the device of this name; raise RigError for a motor whose speed loop is too fast for the cut's tick."""
         entry = config.structure.device(device)
         self.device, values = entry.part, getattr(config, device)
-        # 1/s, crossover of the speed loop
+        # crossover frequency of the speed loop [1/s]
         turns = values.speed_gain / config.felt_at(entry.wires["body"]) if entry.part == MOTOR else 0.0
         if turns * config.cut.tick > LOOP:
             raise RigError(
@@ -262,7 +263,7 @@ class OtherSide:
         ahead = self._ahead[0]
         soon = port._replace(current=self._coil(port))
         later = self._coil(soon)
-        if self.device == MOTOR:  # held like the speed: a setpoint that ramped on alone would demand too much torque
+        if self.device == MOTOR:  # held like the speed; if the setpoint rose alone, the torque would be too large
             soon = soon._replace(setpoint=float(ahead["setpoint"]))
             port = port._replace(setpoint=float(ahead["setpoint"]))
         self._move(ahead, port, soon.current)
@@ -297,15 +298,15 @@ class OtherSide:
             valve_tick(side, port.current, current, port.pressure, port.supply, self._oil, friction, steps, self._h, self._values)
 
     def _friction(self, port: Port) -> float:
-        """Return the friction [Pa] that the pulses of its coil leave to the spool of a valve."""
+        """Return the friction [Pa] of a valve's spool that remains under the pulses of its coil."""
         return float(valve_model.friction_left(0.0 if port.safe else port.setpoint, self._pulses, self._values))
 
     def _slope(self, side: np.void, port: Port) -> float:
         """Return the change of a valve's answer by port pressure: the steeper of the orifice's slope and the slope to zero flow.
 
-        The latter ends at the port pressure that, held from the port on, would have closed the valve in the middle of the tick in
-        which the answer acts. In a stiff line the pressure gets there within that tick; with the slope of the orifice alone it
-        would oscillate.
+        The second slope leads to zero flow at the port pressure which, if held from the sample on, would close the valve in the
+        middle of the tick in which the answer acts. In a stiff line the pressure reaches that value within the tick; with the slope
+        of the orifice alone it would oscillate.
         """
         closed = valve_model.closing_pressure(
             float(self._side["spool"]),

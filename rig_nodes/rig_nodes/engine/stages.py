@@ -3,8 +3,8 @@
 
 """The stages of a step: one compiled function for each, which calls this stage of every part that a world has.
 
-The purpose and the arguments of each stage are described beside parts.part.STAGES. The type of a world's record tells which parts
-it has, so the compiler makes a separate engine for each rig, with every call resolved and inlined, and stores it under that type.
+The purpose and the arguments of each stage are described beside parts.part.STAGES. The type of a world's record contains its parts,
+so the compiler makes a separate engine for each rig, with every call resolved and inlined, and stores it under that type.
 Called by engine.step and engine.loop.
 """
 
@@ -40,7 +40,7 @@ def _calls(world: types.Record, stage: str) -> list[tuple[int, Callable]]:
 def _one_after_other(calls: list[tuple[int, Callable]]) -> Callable[..., None]:
     """Return a function that calls the stages of pairs (instances, stage).
 
-    It calls several of them in one function, because every function costs the compiler time.
+    One function calls several of them, because every function takes the compiler time.
     """
     if not calls:
         return lambda world, *arguments: None
@@ -77,8 +77,8 @@ def _stage(name: str) -> Callable[..., None]:
     def stage(world: Record, *arguments: object) -> None:
         raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
 
-    # numba compares the parameters of this function with those of the function that it returns, annotations too. Here they are
-    # types and there values, so neither function has annotations
+    # numba compares the parameters of this function, with their annotations, with those of the function that it returns. The
+    # parameters here are types and those there are values, so neither function has annotations
     @overload(stage, jit_options=INLINED)
     def chosen(world, *arguments) -> Callable[..., None]:  # noqa: ANN001, ANN002, see above
         return _one_after_other(_calls(world, name))

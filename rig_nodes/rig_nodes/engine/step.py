@@ -77,8 +77,8 @@ def move_driveline(line: Record, addresses: tuple[int, int, int, int], h: float,
     raise TypeError("the driveline is moved from compiled code only")
 
 
-# numba compares the parameters of an overload with those of the function that it returns, annotations too. Those of the first
-# would be types and those of the second values, so neither function has annotations
+# numba compares the parameters of an overload, with their annotations, with those of the function that it returns. The parameters
+# of the first are types and those of the second are values, so neither function has annotations
 @overload(move_driveline, jit_options=INLINED)
 def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN001, see above
     if is_driven(line):

@@ -3,8 +3,8 @@
 
 """Compiles on two cores when the cache is empty; called by testbench.rig_base.
 
-One compilation is one thread of Python. The driveline's general step takes half of all the compile time of the first rig, and the
-engine needs it only to move: a second process compiles it into the same cache in the meantime.
+A process compiles in one thread only. The driveline's general step takes half of the compile time of the first rig, and the engine
+does not need it before its first step: a second process compiles it into the same cache in the meantime.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 
 """The record that the engine moves, made for one rig: sizes of its driveline, states and values of its parts.
 
-Used by engine.build. Everything is in one record, so that the compiler sees which values cannot be the same. The beginning of
-the record, up to and including the modes of the driveline, is what a step leaves to the next one.
+Used by engine.build. Everything is in one record, so that it is clear to the compiler which values cannot share memory. The
+beginning of the record, up to and including the modes of the driveline, is what a step leaves to the next one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..plant.driveline_quick import FIELDS, SIZES, quick_arrays
 
 EVENTS = 256  # number of the driveline's events that are kept
 # pressure: pressure at the end of a line, where it is measured [Pa]; port: that at its valve [Pa]; rise: rise of the latter in the
-# last step; drawn, heat: flow taken [m3/s] and heat given [J] since its supply last read it
+# last step; drawn, heat: flow drawn from it [m3/s] and heat put into it [J] since its supply last read these values
 OIL = np.dtype([("pressure", "f8"), ("port", "f8"), ("rise", "f8"), ("drawn", "f8"), ("heat", "f8")])
 
 
@@ -68,7 +68,8 @@ def driveline_dtype(n: Sizes) -> np.dtype:
     rate: of the bodies with a port the speed, its change in the last step [rad/s] and the acceleration at its end [rad/s2]; middle:
     speed that is expected in the middle of the step; push: torque of parts on these bodies at both ends of the step; bodies: speeds
     of these bodies by those of the driveline; meter: torque between bodies, by the weights meter_of of friction torques, pushes,
-    torques of shafts and accelerations; own: empty, but its shape tells the compiler which elements the losses own.
+    torques of shafts and accelerations; own: an empty array whose shape contains the numbers of the elements that the losses own,
+    for the compiler.
 
     Parameters
     ----------

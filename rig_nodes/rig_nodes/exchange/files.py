@@ -40,7 +40,7 @@ ASAMMDF = (
 
 
 def asammdf() -> ModuleType:
-    """Return the package asammdf; RigError says how to get it when it is not installed."""
+    """Return the package asammdf; RigError, with the remedy, when it is not installed."""
     try:
         import asammdf as package
     except ImportError:
@@ -49,7 +49,7 @@ def asammdf() -> ModuleType:
 
 
 def pyarrow() -> tuple[Any, Any]:
-    """Return pyarrow and pyarrow.parquet; RigError says how to get them when they cannot be loaded."""
+    """Return pyarrow and pyarrow.parquet; RigError, with the remedy, when they cannot be loaded."""
     try:
         import pyarrow as package
         import pyarrow.parquet as parquet

@@ -3,8 +3,8 @@
 
 """Files of loggers and of other tools as channels with a name, a unit, values and, where the file has them, times.
 
-exchange.imported makes measurements of them. What is not said of a CSV (encoding, delimiter, decimal sign, lines of the head) is
-found from its content.
+exchange.imported makes measurements of them. Facts about a CSV that are not given (encoding, delimiter, decimal sign, lines of the
+head) are found from its content.
 """
 
 from __future__ import annotations
@@ -212,11 +212,11 @@ def _time_of_day(text: str) -> float | None:
 
 
 def _found(path: Path, lines: list[str], form: Form) -> Form:
-    """Return the form with all that was not said."""
+    """Return the form, completed with all that was not given."""
     last = [line for line in lines[-LOOKED_AT:] if line.strip()]
     for name, number in (("header", form.header), ("units", form.units), ("data", form.data)):
         if number is not None and not 1 <= number <= len(lines):
-            raise RigError(f"{path}: has {len(lines)} lines, and line {number} is said to be that of the {name}")
+            raise RigError(f"{path}: has {len(lines)} lines, and line {number} is given as that of the {name}")
     if form.delimiter is None:
         counts = {sign: {len(_fields(line, sign)) for line in last[-20:]} for sign in DELIMITERS}
         sign = next((sign for sign, found in counts.items() if max(found, default=1) > 1), None)
@@ -237,7 +237,7 @@ def _found(path: Path, lines: list[str], form: Form) -> Form:
         form = replace(form, header=next(n for n in above if n != form.units))
     if not form.header < form.data or (form.units and not form.units < form.data):
         raise RigError(
-            f"{path}: the values are said to begin in line {form.data}, which is not below the names in line {form.header}"
+            f"{path}: the values are given as beginning in line {form.data}, which is not below the names in line {form.header}"
         )
     return form
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 BLOCK, SETPOINT = "rig_msgs/msg/SampleBlock", "rig_msgs/msg/Setpoint"
 DESCRIBING = ("rig_msgs/msg/RunInfo", "rig_msgs/msg/Event", "rig_msgs/msg/ChannelList")
 PIECE = 16 << 20  # bytes of messages in memory at once
-LATE = 1_000_000_000  # ns by which a message may lie later in the file than its time says
+LATE = 1_000_000_000  # ns by which a message's place in the file may be later than its time
 SHOWN, SI = "shown", "si"
 # units as the messages write them -> as config.units and other tools do
 SPELLED = {"N.m": "Nm"}

@@ -45,7 +45,7 @@ ROWS = 50  # of a block, at most
 LATEST = 24 * 3600.0  # s; a file that begins later has the times of a calendar, and its run begins at 0
 EMPTIER = 20  # times as many rows as the file has are no recording any more
 NO_RIG = (
-    "nobody says of which rig it is, whose inertias, ratios and instrument errors enter the results; name it by --rig, e.g. "
+    "its rig is not given, whose inertias, ratios and instrument errors enter the results; name it by --rig, e.g. "
     "--rig hydmag, or in a profile"
 )
 MOST_BLOCKS_IN = 5e-3  # s of rows in a block
@@ -66,11 +66,11 @@ class Measurement:
     record : mapping
         Record of the rig.
     about : dict
-        What the run says of its import.
+        The run's record of its import.
     run : dict
         The record of the run that was exported, or empty.
     notes : list of str
-        What its user should know, as sentences.
+        Notes for its user, as sentences.
     """
 
     t0: float
@@ -133,7 +133,7 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
     record : mapping
         Record of the rig (RigConfig.as_dict).
     named_by : str
-        Who said that it is this rig.
+        Where this rig was given.
     orders : str, optional
         Orders of gears from the command line.
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The profile of a logger: a YAML file that says how its files are written and which column is which signal of a rig.
+"""The profile of a logger: a YAML file with the form of its files and the signal of a rig for each column.
 
 exchange.imported reads files by it, exchange.propose writes a first one. docs/how_to/import_export.md lists the keys.
 """
@@ -55,7 +55,7 @@ class Mapped:
 
 @dataclass(frozen=True)
 class Profile:
-    """What a profile says.
+    """The contents of a profile.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def read_profile(name: str | Path) -> Profile:
     Raises
     ------
     RigError
-        When there is no such file or it says something unknown; the error has file and line.
+        When there is no such file or it contains something unknown; the error has file and line.
     """
     path = Path(name)
     if not path.is_file() and str(name) in shipped():

@@ -102,7 +102,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         signal, unit = best.get(one.head), unit_of(one.unit) or ""
         if signal is not None and told.count(signal.name) == 1:
             said = unit or f"{signal.display_unit}"
-            doubt = "" if unit else "  # the file says no unit: is it this?"
+            doubt = "" if unit else "  # the file has no unit: is it this one?"
             lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(said)}}}{doubt}")
         else:
             unsure.append(one.head)
@@ -127,7 +127,7 @@ def _said(head: str, words: tuple[str, ...]) -> bool:
 
 
 def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Signal | None:
-    """Return the signal that a head most probably means; None when two are as probable, or it says nothing."""
+    """Return the signal that a head most probably means; None when two are as probable, or the head has no meaning."""
     unit = unit_of(one.unit)
     for signal in measured:
         if one.name == signal.name and (unit is None or UNITS[unit][0] == UNITS[signal.display_unit][0]):

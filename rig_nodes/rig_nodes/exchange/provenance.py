@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an exported file says of its run: how it was made, by which rig, and what happened in it.
+"""The provenance in an exported file: how its run was made, by which rig, and its events.
 
 exchange.files writes it into each format; exchange.foreign finds it again, so that an exported run can be imported without a
 profile.

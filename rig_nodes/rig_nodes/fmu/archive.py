@@ -114,7 +114,7 @@ def _check_description(xml: bytes) -> None:
     depth = elements = 0
 
     def doctype(*_: object) -> None:
-        raise RigError(f"its {DESCRIPTION} has a document type declaration (DOCTYPE), which none of an FMU has")
+        raise RigError(f"its {DESCRIPTION} has a document type declaration (DOCTYPE), which an FMU must not have")
 
     def start(*_: object) -> None:
         nonlocal depth, elements

@@ -256,7 +256,9 @@ def files_of(rig: str) -> tuple[str, dict[str, str]]:
         for key in ("base", "controller"):
             name = str(node.get(key, ""))
             if os.path.isabs(os.path.expanduser(name)):
-                raise RigError(f"{path}: {key} is {name}, which an FMU cannot take along; name it by its way from this file")
+                raise RigError(
+                    f"{path}: {key} is {name}, which an FMU cannot take along; name it by its path relative to this file"
+                )
         if "controller" in node:
             found.append(Path(find_config("controllers", beside(path, node["controller"]))).absolute())
     own = [
@@ -342,9 +344,9 @@ def controller_variables(
     known = config.catalogue.signals
     transducers = [*record.transducers, *(known[name] for name in wants)]
     out += [Variable(signal.name, "real", "input", signal.text, 0.0, signal.unit) for signal in transducers]
-    text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, as level says"
+    text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, depending on the parameter level"
     out += [Variable(f"command_{k}", "real", "output", f"Command of output {k}: {text}") for k in outputs]
-    out += [Variable(f"setpoint_{k}", "real", "output", f"Current that output {k} asks for", unit="A") for k in outputs]
+    out += [Variable(f"setpoint_{k}", "real", "output", f"Current setpoint of output {k}", unit="A") for k in outputs]
     return [
         *out,
         Variable("gear", "integer", "output", "Gear taken last"),

@@ -149,7 +149,7 @@ class Fmu:
         reasons = list(dict.fromkeys(text for status, text in self._heard if status > 0))
         if reasons:
             return "; ".join(reasons)
-        return f"{otherwise}; the last it said: {self._heard[-1][1]}" if self._heard else otherwise
+        return f"{otherwise}; its last message: {self._heard[-1][1]}" if self._heard else otherwise
 
     def _instantiate(self) -> None:
         """Make the instance and receive its messages."""

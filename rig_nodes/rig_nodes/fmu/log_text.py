@@ -4,7 +4,7 @@
 """Makes text of what an FMU of FMI 2.0 sends to its logger, a printf format and its values, without trusting them.
 
 fmu.importer uses it. A variadic C function takes its values from the same places as one with many parameters (System V,
-x86-64). So the logger is declared with a fixed number of parameters, and the format says which of them were given.
+x86-64). So the logger is declared with a fixed number of parameters, and the format states which of them were passed.
 """
 
 from __future__ import annotations

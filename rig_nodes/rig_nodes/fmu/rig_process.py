@@ -71,7 +71,7 @@ class Recording:
         self.outputs.boundary()
 
     def _controller(self) -> dict:
-        """Return what the run's record says about the shift controller, if the rig has one."""
+        """Return the run's record of the shift controller, if the rig has one."""
         if not self.rig.shifts:
             return {}
         return {"controller": {"name": "alfa46" if self.rig.embedded else "importer", "level": self.rig.level}}

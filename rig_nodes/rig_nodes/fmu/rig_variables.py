@@ -114,7 +114,7 @@ def _controller_inputs(config: RigConfig) -> list[Variable]:
             "real",
             "input",
             f"Command of controller output {k}: duty 0 to 1, or current setpoint "
-            f"0 to {config.alfa46.values.current_limit:g} A, as the parameter controller says",
+            f"0 to {config.alfa46.values.current_limit:g} A, depending on the parameter controller",
             0.0,
         )
         for k in range(1, outputs + 1)

@@ -123,12 +123,12 @@ def _senders(domain: Domain) -> list[str]:
     except subprocess.TimeoutExpired:
         raise RigError(
             f"no ROS node can be started in ROS domain {domain.number}: nothing came within "
-            f"{LOOK_TIMEOUT:.0f} s; './rig doctor' says more"
+            f"{LOOK_TIMEOUT:.0f} s; './rig doctor' gives details"
         ) from None
     if looked.returncode:
         said = looked.stderr.strip().splitlines()
         why = said[-1] if said else "without a word"
-        raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({why}); './rig doctor' says more")
+        raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({why}); './rig doctor' gives details")
     return looked.stdout.split()
 
 
@@ -191,7 +191,7 @@ def of_running_rig(number: int | None) -> Domain:
     if not rigs:
         raise RigError("no rig runs on this host, or none has started yet; start one with: ./rig run")
     if len(rigs) > 1:
-        raise RigError(f"rigs run in the ROS domains {', '.join(map(str, rigs))}; say which one with --domain N")
+        raise RigError(f"rigs run in the ROS domains {', '.join(map(str, rigs))}; choose one with --domain N")
     return Domain(rigs[0])
 
 

@@ -4,7 +4,7 @@
 """The step handshake of a run in lockstep: whole messages over a socket pair between two of its processes.
 
 The supervisor makes it; the rig container holds one end, alfa46 or sequencer the other. DDS carries the same content for
-all other programs; the link only says which process may go on, in some 20 us where DDS takes 300.
+all other programs; the link only controls which process may go on, in some 20 us where DDS takes 300.
 """
 
 from __future__ import annotations

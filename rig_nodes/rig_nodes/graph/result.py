@@ -191,7 +191,7 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: Sequence[
     folder : Path
         The run's folder.
     record : dict
-        What the bag itself says about how it was made.
+        The bag's own record of how it was made.
     end : End
         How the run ended.
     restarts : sequence of dict

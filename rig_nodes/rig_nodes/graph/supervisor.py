@@ -36,7 +36,7 @@ LIVES, LIVES_TIME = 3, 60.0  # a process that ends more often than this within s
 
 
 def processes_of(shifts: bool) -> tuple[str, ...]:
-    """Return the processes of a rig, keys of MODULES; ``shifts`` says whether it has a shift controller."""
+    """Return the processes of a rig, keys of MODULES; ``shifts`` is True when it has a shift controller."""
     return tuple(name for name in MODULES if shifts or name != "alfa46")
 
 

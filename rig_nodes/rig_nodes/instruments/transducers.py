@@ -138,8 +138,8 @@ def analog(true: float, disturbance: float, c: int, table: Floats, state: Floats
 def encoder(speed: float, index: int, c: int, key: np.uint64, table: Floats, state: Floats, counts: Floats) -> float:
     """Return the speed from the pulses of an incremental encoder, counted over the gate that ends with this row.
 
-    The reading is a whole number of steps, and what is cut off one reading comes with a later one. The noise is that of the places
-    of the pulses on the disc, so a disc at rest has none.
+    The reading is a whole number of steps, and the fraction that is cut off one reading is part of a later one. The noise is that
+    of the places of the pulses on the disc, so a disc at rest has none.
 
     Parameters
     ----------

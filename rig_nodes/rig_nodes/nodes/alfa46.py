@@ -341,7 +341,7 @@ class Alfa46Node(Node):
     # ---- shifts
 
     def on_request(self, request: Shift.Goal) -> GoalResponse:
-        """Order a gear before the goal is answered, so that a client whose goal is accepted knows that the order stands.
+        """Order a gear before the goal is answered, so that an accepted goal means that the order stands.
 
         A gear that does not exist is rejected. Any other refused order is accepted as a goal all the same, and is then ended
         with the reason.
@@ -387,7 +387,7 @@ class Alfa46Node(Node):
         if self._rig_status == RigStatus.TRIPPED:
             raise RigError(f"shift refused: the rig is in its safe state ({self._rig_reason}); call /rig/reset first")
         if self._rig_status == RigStatus.STARTING:
-            raise RigError("shift refused: the rig is starting; wait until /rig/state says that it is ready")
+            raise RigError("shift refused: the rig is starting; wait until /rig/state is ready")
 
     def receive_status(self, status: int, reason: str) -> None:
         """Take the rig's state: after a trip the controller continues in neutral, and the running order has failed.

@@ -60,7 +60,7 @@ class BoxSettings(Settings):
             self.declare(setting)
 
     def may_come(self, name: str) -> bool:
-        """Say whether a name may be a setting of a controller that has not named its settings yet."""
+        """Return whether a name may be a setting of a controller that has not named its settings yet."""
         return self.box.named_later and name.startswith(OWN)
 
     def changed(self, changes: dict) -> Alfa46Config:

@@ -54,7 +54,7 @@ class Commands:
         self._came[topic] += 1
 
     def have(self, counts: dict[str, int]) -> bool:
-        """Say whether at least these numbers of commands have arrived, by topic."""
+        """Return whether at least these numbers of commands have arrived, by topic."""
         return all(self._came[topic] >= count for topic, count in counts.items())
 
     def put_first(self, topic: str, function: Callable[[], object]) -> None:

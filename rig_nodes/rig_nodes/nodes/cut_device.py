@@ -61,7 +61,7 @@ class CutDevice(Node):
         return self.count_publishers(self._port.name)
 
     def is_heard(self) -> bool:
-        """Say whether all subscribers of the answers are connected."""
+        """Return whether all subscribers of the answers are connected."""
         connected = self.publisher.get_subscription_count()
         return 0 < connected >= self.count_subscribers(self._answer.name)
 

@@ -73,7 +73,7 @@ class Growing:
         self._count, self._since = 0, float("-inf")
 
     def __call__(self, count: int) -> bool:
-        """Say whether the count has grown within the last RECENT s."""
+        """Return whether the count has grown within the last RECENT s."""
         if count != self._count:
             self._count, self._since = count, time.monotonic()
         return time.monotonic() - self._since < RECENT

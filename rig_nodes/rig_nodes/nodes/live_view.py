@@ -35,7 +35,7 @@ NICE = 10
 RUN_INFO, STATE = "/rig/run_info", "/rig/state"
 UNSAID = 3.0  # s after which a rig without a record of its structure is identified by its topics
 LISTEN = 0.05  # s between two checks for other events
-SILENT = 5.0  # s after which a message says that nothing is published
+SILENT = 5.0  # s after which a message states that nothing is published
 LAST_SEND = 0.8  # s for what is queued when the end is requested
 LONGEST_END = 1.8  # s from the signal to the end by force
 

@@ -43,7 +43,7 @@ class RemoteController:
     def __init__(self, link: Link, record: ControllerRecord, step_timeout: float | None, stopping: Callable[[], bool]) -> None:
         """Keep the link; ``step_timeout`` [s] is for one sample, and any wait ends when ``stopping`` returns True.
 
-        The process of the controller knows it better and may report a timeout earlier.
+        The process of the controller has the exact limit and may report a timeout earlier.
         """
         self.level, self.wants = "", []  # the process sends them when it is ready
         self.gear, self.shifting, self.flags = 0, False, 0
@@ -75,14 +75,14 @@ class RemoteController:
         try:
             self._link.send(STATUS + bytes([status]) + reason.encode())
         except LinkClosed:
-            pass  # answer() will say so
+            pass  # answer() reports it
 
     def ask(self, sample: int, current: Sequence[float], measured: Sequence[float], others: Sequence[float]) -> None:
         """Send one sample; :meth:`answer` waits for the answer."""
         try:
             self._link.send(self._frames.sample.pack(sample, *current, *measured, *others))
         except LinkClosed:
-            pass  # answer() will say so
+            pass  # answer() reports it
 
     def answer(self) -> Answer | None:
         """Return the answer to the sample that was sent, None when it was discarded; ControllerFailed when there is no answer."""
@@ -125,7 +125,7 @@ class Lockstep:
         self._sequencer = links["sequencer"]
         self._done = False
         self._needed: list[str] = []
-        # when the sequencer is to be asked: sample, condition that may be met before, rig status that it knows
+        # when the sequencer is to be asked: sample, condition that may be met before, rig status that it has received
         self._next, self._watch, self._told = 0, {}, rig.status
         self._controller_knows: tuple | None = None  # status and reason
         self._took = 0.0
@@ -198,7 +198,7 @@ class Lockstep:
                 time.sleep(ahead)
 
     def _sequencer_due(self) -> bool:
-        """Say whether the sequencer is to be asked: for a time, a condition, a change of the rig or an order that it received."""
+        """Return whether the sequencer is to be asked: for a time, a condition, a change of the rig or a received order."""
         rig, watch = self.rig, self._watch
         if rig.sample >= self._next or rig.status != self._told:
             return True

@@ -372,7 +372,7 @@ class Replay(Node):
         return sum(output.publisher.get_subscription_count() for output in self.outputs.values())
 
     def unconnected(self) -> list[str]:
-        """Return the topics with a receiver that is seen but not connected, because it asks for another quality of service."""
+        """Return the topics with a receiver that is seen but not connected, because it requires another quality of service."""
         return [
             output.topic
             for output in self.outputs.values()
@@ -492,7 +492,7 @@ class Session:
                     waiting_told = True
             elif now - began >= FIND and now - changed >= QUIET and (not missing or now - began > SETTLE):
                 for topic in missing:
-                    self.say(f"a receiver of {topic} asks for another quality of service and gets nothing")
+                    self.say(f"a receiver of {topic} requires another quality of service and receives nothing")
                 break
         node.refuse_second_clock()
         self.say(f"{known} subscriptions are connected")

@@ -111,7 +111,7 @@ class Container:
         return nodes
 
     def obey(self, order: dict) -> None:
-        """Do an order of the supervisor, which knows first that a process of the graph is gone or was started again."""
+        """Do an order of the supervisor, which is the first to detect that a process of the graph is gone or was started again."""
         if "trip" in order:
             self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"]))
         if "event" in order:
@@ -187,7 +187,7 @@ class Container:
                 tap.put(topic, data)
 
     def is_dropped(self, topic: str, name: str, number: int) -> bool:
-        """Say whether this is the one message that must not be sent."""
+        """Return whether this is the one message that must not be sent."""
         return topic == name and self.outputs.counts[topic] == number + 1
 
     def is_over(self) -> bool:

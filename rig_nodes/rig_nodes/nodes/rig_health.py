@@ -109,7 +109,7 @@ class RigHealth:
         return Health("instruments", OK, says)
 
     def is_on(self, device: Device) -> bool:
-        """Say whether a device is switched on."""
+        """Return whether a device is switched on."""
         return bool(self.rig.device(device.name)[parts.part(device.part).takes[0].enabled] > 0.0)
 
     def source(self, device: Device) -> Health:

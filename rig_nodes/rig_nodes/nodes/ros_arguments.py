@@ -51,7 +51,9 @@ def _check_remap(rule: str, name: str) -> None:
     if what == "__ns":
         check_namespace(target, f"--ros-args -r {rule}")
     elif what in ("__node", "__name") and target != name:
-        raise RigError(f"--ros-args -r {rule}: the rig's nodes keep their names, by which they know each other; leave it out")
+        raise RigError(
+            f"--ros-args -r {rule}: the rig's nodes find each other by their names, so these cannot change; leave it out"
+        )
 
 
 def _pairs(words: list[str]) -> Iterator[tuple[str, str]]:
@@ -125,12 +127,12 @@ def set_parameters(words: list[str], nodes: Collection[Node], tell: Callable[[st
         elif where.startswith("--ros-args"):
             raise RigError(f"{where}: there is no node {name} here; expected one of {', '.join(here)}")
         else:
-            tell(f"{where}: what it says of {name} is for no node here ({', '.join(here)})")
+            tell(f"{where}: its entry {name} is for no node here ({', '.join(here)})")
     for node in nodes:
         if hasattr(node, "settings"):
             node.settings.take_overrides()
 
 
 def has(node: Node, parameter: str) -> bool:
-    """Say whether a node has this parameter, or may get it when its controller has come."""
+    """Return whether a node has this parameter, or may get it when its controller has come."""
     return node.has_parameter(parameter) or (hasattr(node, "settings") and node.settings.may_come(parameter))

@@ -95,7 +95,7 @@ class RosBench:
             self.node.create_subscription(message_class(topic.ros_type), topic_name, on_message, recorder_profile(topic.qos))
 
     def connected(self) -> bool:
-        """Say whether orders can be sent to all nodes that take them."""
+        """Return whether orders can be sent to all nodes that take them."""
         shifts = self._shift is None or self._shift.server_is_ready()
         return shifts and all(setter.service_is_ready() for setter in self._setters.values())
 
@@ -120,7 +120,7 @@ class RosBench:
     # ---- testbench.sequence.Bench
 
     def ready(self) -> bool:
-        """Say whether the rig runs, the controller takes orders and every needed signal has a reading."""
+        """Return whether the rig runs, the controller takes orders and every needed signal has a reading."""
         state = self.rig_state
         return (
             state is not None
@@ -164,7 +164,7 @@ class RosBench:
         self.node.wake()
 
     def shift_done(self) -> bool:
-        """Say whether the ordered shift is done; SequenceFailed with the controller's reason when it was refused."""
+        """Return whether the ordered shift is done; SequenceFailed with the controller's reason when it was refused."""
         if self.in_lockstep and self._refusal is None and self._gear != self._ordered:
             # the order was refused, whose reason is still to come, or the controller has not taken the gear yet
             self.node.process.spin(0.02)
@@ -189,7 +189,7 @@ class RosBench:
             self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
 
     def changed(self) -> bool:
-        """Say whether the newest setting has its value; SequenceFailed with the reason when it was refused."""
+        """Return whether the newest setting has its value; SequenceFailed with the reason when it was refused."""
         if not self._setting.done():
             return False
         (result,) = self._setting.result().results

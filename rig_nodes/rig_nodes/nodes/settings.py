@@ -131,7 +131,7 @@ class Settings(ABC):
                 raise RigError(f"parameters of /{self.node.get_name()} from the command line or a launch file: {result.reason}")
 
     def may_come(self, name: str) -> bool:
-        """Say whether a parameter that does not exist yet may be declared later."""
+        """Return whether a parameter that does not exist yet may be declared later."""
         return False
 
     def follow(self, values: dict) -> None:

@@ -91,7 +91,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Note torque and heat at the step's end, for transducers."""
+    """Record torque and heat at the step's end, for transducers."""
     me, my, el = world.parts.centrifugal_clutch[k], world.values.centrifugal_clutch[k], world.driveline.el
     me.torque, me.heat = el[LAM, my.element], el[E_FRIC, my.element]
 
@@ -115,8 +115,8 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     )
 
 
-# kinetic, static: torque of the clutch while it slips, and at which it breaks away; torque, heat: as its element of the driveline
-# has them; factor, engaged: the numbers of eq. (5)
+# kinetic, static: torque of the clutch while it slips, and at which it breaks away; torque, heat: those of its element of the
+# driveline; factor, engaged: the numbers of eq. (5)
 PART = Part(
     "centrifugal_clutch",
     20,

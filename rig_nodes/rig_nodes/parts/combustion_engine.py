@@ -4,9 +4,9 @@
 """Combustion engine on a shaft: torque curve, drag, throttle or speed setpoint, and the unevenness of its combustion.
 
 It is a part of the (compiled) engine. Its torque is that on its shaft, as a dynamometer measures it at a steady speed: the gas
-torque of the air that the throttle lets in, less the engine's own drag. Three points give the torque at full throttle, of which the
-middle one is the largest torque: two parabolas with their vertex there. Few sources state more than the largest torque and the
-torque at the largest power, and so no table is needed.
+torque of the air that the throttle lets in, less the engine's own drag. The torque at full throttle is given by three points, the
+middle one of which is the largest torque, and by two parabolas with their vertex there. A table would need more points than most
+sources state: the largest torque and the torque at the largest power.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-SCATTER = 0  # number of what scatters, see parts.cycles
-STANDS = 2.0  # rad/s up to which the drag rises from 0 to its whole size, so that it cannot push an engine that stands
-AT_REST = 1e-9  # rad/s below which nothing brakes it any more: a decay that never ends would reach denormal numbers, which are slow
+SCATTER = 0  # channel of parts.cycles for the irregularity
+STANDS = 2.0  # rad/s up to which the drag rises from 0 to its full size, so that it cannot drive an engine at rest
+AT_REST = 1e-9  # rad/s below which no drag acts: an endless decay would reach denormal numbers, which are slow
 OFF, STARTING, FIRING, STALLED = 0.0, 1.0, 2.0, 3.0  # states of "runs"
 
 
@@ -44,24 +44,31 @@ class EngineConfig:
     drag_by_speed: float = param("torque per speed", 0.0, 100.0, "Growth of the engine's drag with its speed")
     throttle_time: float = param("time", 1e-4, 10.0, "Time in which the throttle moves from closed to open")
     manifold_time: float = param("time", 1e-5, 10.0, "Time constant with which the charge of the cylinders follows the throttle")
-    ramp: float = param("angular acceleration", 0.1, 1e6, "How fast the speed setpoint moves towards what was ordered")
+    ramp: float = param("angular acceleration", 0.1, 1e6, "Rate at which the speed setpoint moves to the ordered speed")
     governor_band: float = param(
-        "angular velocity", 0.1, 1e4, "Miss of the speed by which the governor opens the throttle from closed to open at once"
+        "angular velocity", 0.1, 1e4, "Speed error at which the governor's proportional part opens the throttle fully"
     )
-    governor_time: float = param("time", 1e-3, 1e3, "Time in which a lasting miss adds as much again to the governor's opening")
+    governor_time: float = param(
+        "time", 1e-3, 1e3, "Integral time of the governor: in it a constant speed error adds the proportional part once more"
+    )
     idle_speed: float = param("angular velocity", 0.0, 1e4, "Speed that the governor holds with the throttle closed")
     starter_torque: float = param("torque", 0.0, 1e4, "Torque of the starter, from switching on until the engine fires")
     firing_speed: float = param("angular velocity", 0.1, 1e4, "Speed at which a turned engine begins to fire")
     stall_speed: float = param(
-        "angular velocity", 0.0, 1e4, "Speed, below that of firing, under which it stalls until it is switched off and on again"
+        "angular velocity",
+        0.0,
+        1e4,
+        "Speed below which the engine stalls until it is switched off and on again; less than firing_speed",
     )
     cut_speed: float = param("angular velocity", 1.0, 1e5, "Speed above which the ignition leaves out the next firing")
-    firings: float = param("ratio", 0.125, 24.0, "Firings in a turn: 1 for a two-stroke cylinder, 2 for four of a four-stroke")
+    firings: float = param(
+        "ratio", 0.125, 24.0, "Firings per revolution: 1 for a two-stroke cylinder, 2 for four cylinders of a four-stroke engine"
+    )
     irregularity: float = param(
-        "ratio", 0.0, 0.5, "Largest less mean speed over mean speed in a firing cycle, on the inertia that is stated with it"
+        "ratio", 0.0, 0.5, "Irregularity: (largest - mean) / mean speed in a firing cycle, with the stated inertia"
     )
     irregularity_scatter: float = param("ratio", 0.0, 0.5, "Standard deviation of the irregularity from cycle to cycle")
-    irregularity_inertia: float = param("inertia", 0.0, 1e4, "Inertia that turned as the irregularity was measured")
+    irregularity_inertia: float = param("inertia", 0.0, 1e4, "Inertia for which the irregularity is stated")
     irregularity_speed: float = param("angular velocity", 0.1, 1e4, "Speed at which the irregularity is stated")
     irregularity_growth: float = param(
         "ratio", -1.0, 10.0, "Relative change of the irregularity with a relative change of the speed"
@@ -94,9 +101,9 @@ def drag_torque(speed: float, engine: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def ripple_torque(irregularity: float, speed: float, phase: float, engine: Record) -> float:
-    """Return the torque [Nm] that moves the stated inertia unevenly; its mean over a firing cycle is zero.
+    """Return the torque [Nm] that varies the speed of the stated inertia in a firing cycle; its mean over the cycle is zero.
 
-    w = w_m (1 + d sin(N a)) on an inertia J asks for J dw/dt = N d J w_m^2 cos(N a), with N firings in a turn.
+    A speed w = w_m (1 + d sin(N a)) of an inertia J needs the torque J dw/dt = N d J w_m^2 cos(N a), with N firings per revolution.
 
     Parameters
     ----------
@@ -136,7 +143,7 @@ def shaft_torque(me: Record, speed: float, phase: float, charge: float, engine: 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def next_state(runs: float, on: bool, speed: float, engine: Record) -> float:
-    """Return what the engine does next, at a speed [rad/s]: it is off, turned by the starter, fires, or has stalled."""
+    """Return the next state of the engine at a speed [rad/s]: off, turned by the starter, firing, or stalled."""
     if not on:
         return OFF
     if runs == OFF or runs == STARTING:
@@ -224,10 +231,11 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     return (rig.speed_at(name), me["setpoint"], me["torque"], rig.energies["motor"], runs)
 
 
-# target, lever, enabled: speed setpoint, setpoint of the throttle, and switch; a speed setpoint above 0 moves the throttle, and
-# otherwise its own setpoint and the idle speed do; runs: off, starting, firing or stalled; setpoint: after its ramp; integral: of
-# the governor; throttle, charge: opening and what the cylinders have of it; phase: angle of the firing cycle; cycle: its number;
-# uneven: its irregularity; cut: 1 in a cycle without ignition; torque: on the shaft at the step's end
+# target, lever, enabled: speed setpoint, setpoint of the throttle, and switch; with a speed setpoint above 0 the governor sets the
+# throttle, otherwise the throttle's own setpoint and the idle speed do; runs: off, starting, firing or stalled; setpoint: after its
+# ramp; integral: of the governor; throttle, charge: opening of the throttle, and the charge of the cylinders that follows it;
+# phase: angle of the firing cycle; cycle: its number; uneven: irregularity of the cycle; cut: 1 in a cycle without ignition;
+# torque: on the shaft at the step's end
 PART = Part(
     "combustion_engine",
     30,

@@ -3,7 +3,7 @@
 
 """Plate pack whose line has a prescribed pressure, piecewise cubic in the time since its order: chapter 9's clutches.
 
-It is a part of the engine for comparing one model with another; no valve and no cylinder acts in it.
+It is a part of the engine for comparing models; it has no valve and no cylinder.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def fill(world: Record, k: int, h: float) -> None:
 
 @njit(**INLINED)
 def ordered(world: Record, k: int, outputs: Record, steps_per_sample: int, h: float) -> None:
-    """Record which branch of the curve began, and when."""
+    """Record which branch of the curve has begun, and in which step."""
     me, out = world.parts.curve_clutch[k], outputs[world.values.curve_clutch[k].output]
     me.phase, me.began = out.phase, out.start * steps_per_sample
 

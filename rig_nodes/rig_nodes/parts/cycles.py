@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scatter from cycle to cycle by the cycle's number alone; used by parts.combustion_engine and parts.saw_chain."""
+"""Random scatter from cycle to cycle that depends on the cycle's number alone; for parts.combustion_engine and parts.saw_chain."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def normal_of(seed: float, channel: int, cycle: float) -> float:
     seed, cycle : float
         Whole numbers.
     channel : int
-        Number of what scatters; different ones are independent.
+        Number of the scattered quantity; the numbers of different channels are independent.
 
     Returns
     -------

@@ -25,19 +25,17 @@ if TYPE_CHECKING:
 class MotorConfig:
     """Values of the drive; the torque limit is the smaller of torque_limit and power_limit / speed."""
 
-    torque_limit: float = param(
-        "torque", 1.0, 1e5, "Largest driving torque, which holds as long as the power limit does not ask for less"
-    )
+    torque_limit: float = param("torque", 1.0, 1e5, "Largest driving torque, where the power limit does not demand less")
     braking_limit: float = param("torque", 0.0, 1e5, "Largest braking torque")
     power_limit: float = param(
         "power", 1.0, 1e7, "Largest driving power; beyond its speed the torque falls with the speed's reciprocal"
     )
     torque_time: float = param(
-        "time", 1e-4, 1.0, "Time constant with which the air-gap torque follows the torque that the speed loop asks for"
+        "time", 1e-4, 1.0, "Time constant with which the air-gap torque follows the setpoint of the speed loop"
     )
     speed_gain: float = param("torque per speed", 0.0, 1e4, "Proportional gain of the speed loop")
     speed_gain_integral: float = param("torque per angle", 0.0, 1e5, "Integral gain of the speed loop")
-    ramp: float = param("angular acceleration", 0.1, 1e5, "How fast the speed setpoint moves towards what was ordered")
+    ramp: float = param("angular acceleration", 0.1, 1e5, "Rate at which the speed setpoint moves to the ordered speed")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -107,7 +105,8 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     drive = me.enabled > 0.0 and world.safe == 0.0
     if my.stiff > 0.0:
-        # its body is so heavy that no clutch changes its speed; the torque brings it to the setpoint of the step's end
+        # the inertia of its body is so large that no clutch changes its speed; the torque moves it to the setpoint at the step's
+        # end
         me.setpoint = next_setpoint(me.setpoint, me.target, line.speed[my.body], drive, h, my)
         me.before = me.torque = (me.setpoint - line.speed[my.body]) / (my.mobility * h) if drive else 0.0
     elif me.held > 0.0:
@@ -126,7 +125,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Compute the torque that gives a body with a prescribed speed this speed, without the torque that was applied to it."""
+    """Compute the load torque on a body with a prescribed speed: the torque that its motion takes less the torque that moved it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     if my.stiff > 0.0:
         me.torque = my.inertia * line.gained[my.body] / h + (me.torque - line.rate[my.body] / my.mobility)
@@ -161,7 +160,7 @@ PART = Part(
             "speed",
             0.0,
             314.2,
-            "Speed the DC drive is asked for, after its ramp.",
+            "Speed setpoint of the DC drive, after its ramp.",
             "positive in the driving direction",
         ),
         Shown("work", "work", "energy", -1e9, 1e9, "Work of the motor since time 0.", "positive delivered to the shaft"),

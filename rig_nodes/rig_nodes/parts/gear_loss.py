@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RPM = pi / 30.0
 PER_RPM = 30.0 / pi
 PER_COAST_DOWN = 1.0 / 49.274  # s/rad: reciprocal of the speed at which the coast-down of 7.3.1 began
-LEAST_LOSS = 1e-9  # Nm: keeps an element that may brake as soon as a torque acts from being open
+LEAST_LOSS = 1e-9  # Nm: with it the element is never open, so that it can brake as soon as a torque acts
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class GearLossConfig:
     """Loss torque on a shaft: by its speed, and a parabola of the torque passed on (Annex D), which the driveline solves.
 
     There are two losses by speed. One is that of Annex D; the other is that of the printed coast-down (7.7), whose speed is a
-    parabola of time, so that the square of the torque is linear in the speed. Annex D has the part by the output's torque on the
-    output itself. Whichever side the part by torque brakes, the torque at the input in steady state is the same; what the clutches
-    carry is not.
+    parabola of time, so that the square of the torque is linear in the speed. In Annex D the part that depends on the output's
+    torque acts on the output. Whichever side this part brakes, the torque at the input in steady state is the same, but the torque
+    of the clutches is not.
     """
 
     by_speed: float = param("ratio", 0.0, 10.0, "Factor on Annex D's parabola of the speed, which falls above 1300 rpm")
-    at_rest: float = param("torque", 0.0, 100.0, "Loss by speed at a standstill, as the coast-down has it")
+    at_rest: float = param("torque", 0.0, 100.0, "Loss by speed at a standstill, by the coast-down")
     at_470: float = param(
         "torque", 0.0, 100.0, "Loss by speed where the coast-down began; its square is linear in the speed from that at rest"
     )
-    drag: float = param("torque", 0.0, 100.0, "Loss whatever speed and torque are")
+    drag: float = param("torque", 0.0, 100.0, "Constant loss, at any speed and torque")
     constant: float = param("torque", -100.0, 100.0, "Constant part of the parabola of the torque passed on")
     share: float = param("ratio", -0.5, 0.5, "Linear part of the parabola of the torque passed on")
     square: float = param("torque per torque squared", -0.01, 0.01, "Square part of the parabola of the torque passed on")

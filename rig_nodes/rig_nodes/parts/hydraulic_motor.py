@@ -35,14 +35,14 @@ class HydraulicMotorConfig:
         "hydraulic resistance",
         1e6,
         1e12,
-        "How far the line's pressure rises above the setting of the maximum valve with the flow that the valve lets off",
+        "Rise of the line's pressure above the setting of the maximum valve with the flow through the valve",
     )
-    relief_rate: float = param("pressure rate", 1e3, 1e9, "How fast the maximum valve is turned towards its setpoint")
+    relief_rate: float = param("pressure rate", 1e3, 1e9, "Rate at which the setting of the maximum valve moves to its setpoint")
 
 
 @njit(cache=True)
 def valve_setting(setting: float, target: float, h: float, motor: Record) -> float:
-    """Return the setting [Pa] of ZP_2 after h: it is turned towards its target; shut off (target 0) it opens at once.
+    """Return the setting [Pa] of ZP_2 after h: it is turned towards its target; switched off (target 0) it opens at once.
 
     No setting exceeds the pressure of the pump's line, p_2.
     """
@@ -58,8 +58,8 @@ def line_pressure(
 ) -> float:
     """Return the pressure before the motor after a step, implicitly: V/K dp/dt = Q_RP - V_SH w - (p - p_ZP2) / droop.
 
-    The last term acts only above the setting. A motor that runs ahead of its oil draws from the tank, so the pressure is never
-    below zero.
+    The last term acts only above the setting. A motor that takes more than this flow draws the rest from the tank, so the pressure
+    is never below zero.
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     )
 
 
-# target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: setting to which ZP_2 is
-# turned, and its switch; relief: its present setting
+# target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: target of the setting of
+# ZP_2, and its switch; relief: its present setting
 PART = Part(
     "hydraulic_motor",
     30,

@@ -4,7 +4,7 @@
 """Hydrostatic drive in a closed circuit between two shafts: a pump and a motor whose displacements are set, two lines, valves.
 
 It is a part of the engine: the pump P and the motor S_h of the HydmAG (thesis 3.1 and fig. 3.2), with a boost supply through check
-valves, relief valves between the lines and a flushing valve. It pushes both shafts and has no inertia of its own.
+valves, relief valves between the lines and a flushing valve. It acts on both shafts by torques and has no inertia of its own.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-EMPTY = -101325.0  # Pa, gauge: pressure of a line that is drawn empty
-TURNS = 1.0  # rad/s at which three quarters of the constant friction act
-LEAST = 0.05  # swivel of the motor below which no speed is asked of it
-ROUNDS = 6  # most changes of open valves in a step
+EMPTY = -101325.0  # Pa, gauge: pressure of an empty line, which is vacuum
+TURNS = 1.0  # rad/s: speed at which three quarters of the constant friction act
+LEAST = 0.05  # swivel of the motor below which no speed setpoint is computed
+ROUNDS = 6  # most iterations over the set of open valves in a step
 
 
 @dataclass(frozen=True)
@@ -36,22 +36,20 @@ class HydrostaticConfig:
     pump_time: float = param("time", 1e-3, 10.0, "Time in which the pump's swivel goes from 0 to 100 %")
     motor_time: float = param("time", 1e-3, 10.0, "Time in which the motor's swivel goes from 0 to 100 %")
     line_volume: float = param("volume", 1e-6, 1e-1, "Volume of the oil in each of the two lines")
-    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with the give of hoses")
+    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil, with the compliance of the hoses")
     leak_across: float = param(
         "hydraulic resistance", 1e6, 1e16, "Pressure between the lines over the flow that leaks between them"
     )
     leak_out: float = param("hydraulic resistance", 1e6, 1e16, "Pressure of a line over its flow into the housings")
     relief_pressure: float = param("pressure", 1e5, 1e8, "Difference of the lines' pressures at which a relief valve opens")
-    relief_droop: float = param(
-        "hydraulic resistance", 1e6, 1e12, "Rise of that difference with the flow that the relief valve lets through"
-    )
+    relief_droop: float = param("hydraulic resistance", 1e6, 1e12, "Rise of that difference with the flow of the relief valve")
     boost_pressure: float = param("pressure", 0.0, 1e7, "Pressure of the boost supply while the pump's shaft turns fast enough")
     boost_speed: float = param("angular velocity", 0.1, 1e3, "Speed of the pump's shaft from which on the boost supply is full")
     boost_resistance: float = param("hydraulic resistance", 1e6, 1e12, "Fall of pressure at a check valve with the flow through it")
     flushing_pressure: float = param("pressure", 0.0, 1e7, "Pressure of the lower line above which the flushing valve lets off oil")
     flushing_resistance: float = param("hydraulic resistance", 1e6, 1e16, "Pressure over the flow of the flushing valve")
     boost_displacement: float = param("displacement", 0.0, 1e-3, "Displacement of the boost pump on the pump's shaft")
-    friction: float = param("torque", 0.0, 100.0, "Friction of each machine, whatever speed and pressure are")
+    friction: float = param("torque", 0.0, 100.0, "Friction of each machine at any speed and pressure")
     friction_speed: float = param("torque per speed", 0.0, 10.0, "Friction of each machine per speed")
     friction_share: float = param("ratio", 0.0, 0.5, "Friction of each machine as a share of its displacement times the pressure")
 
@@ -70,8 +68,8 @@ def line_pressures(
     """Return pressures of both lines after a step, implicitly, and the flows of the valves.
 
     V/K dp/dt is the sum of the flows into a line. The flows of leaks and open valves are linear in the pressures at the end of the
-    step; which valves are open follows from these pressures, by trying again until it does. A line that would have less than no
-    pressure is empty: it takes the pressure of vacuum, and the void fills when the flows return.
+    step. Which valves are open is assumed first and corrected until it agrees with these pressures. A line whose pressure would
+    fall below vacuum is empty: it has the pressure of vacuum, and its void is filled first when oil flows in again.
 
     Parameters
     ----------
@@ -96,7 +94,7 @@ def line_pressures(
     across, out = 1.0 / branch.leak_across, 1.0 / branch.leak_out
     relief, check, flush = 1.0 / branch.relief_droop, 1.0 / branch.boost_resistance, 1.0 / branch.flushing_resistance
     a, b = high, low
-    # check and relief valves are likely to stay as they are
+    # first assumption: check and relief valves stay as they are
     feed_a, feed_b = int(a < boost), int(b < boost)
     over = 1 if a - b > branch.relief_pressure else -1 if b - a > branch.relief_pressure else 0
     flushed = 0
@@ -125,7 +123,7 @@ def line_pressures(
             rb += flush * branch.flushing_pressure
         scale = 1.0 / (aa * bb - ab * ab)
         a, b = (ra * bb - ab * rb) * scale, (aa * rb - ab * ra) * scale
-        # the lower line is the one that does not drive: what the valve chose before stays while the lines are near each other
+        # the flushing valve opens to the line of lower pressure; while both pressures are nearly equal it keeps its position
         lower = 1 if a < b else 2
         now = lower if min(a, b) > branch.flushing_pressure else 0
         lets = 1 if a - b > branch.relief_pressure else -1 if b - a > branch.relief_pressure else 0
@@ -198,9 +196,9 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # pump, pump_on, motor, motor_on: setpoints of the swivels and their switches; swivel_*: present swivels; high, low: pressures of
-# the lines; torque_pump, torque_motor: what the pump takes and the motor gives; flow: through the motor; asked: speed at which the
-# motor would take all of the pump's flow; let_off: flow of the relief valves; taken: work of both shafts on it; given: work of
-# the motor; heat_*: where the work went [J]
+# the lines; torque_pump, torque_motor: torque that the pump takes and torque that the motor delivers; flow: through the motor;
+# asked: speed at which the motor would take all of the pump's flow; let_off: flow of the relief valves; taken: work of both shafts
+# on it; given: work of the motor; heat_*: losses by their places [J]
 PART = Part(
     "hydrostatic_branch",
     35,

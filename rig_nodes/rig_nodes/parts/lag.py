@@ -10,9 +10,9 @@ from ..compiled import njit
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def lagged(value: float, target: float, decay: float) -> float:
-    """Return a value that is never negative after a time in which the share ``decay`` of its way to ``target`` is left.
+    """Return a value, never negative, after a time in which its difference to ``target`` falls to the share ``decay``.
 
-    A value below 1e-200 becomes 0: a decay that never ends would reach denormal numbers, which slow the processor down by a fifth.
+    A value below 1e-200 becomes 0: an endless decay would reach denormal numbers, which slow the processor down by a fifth.
     """
     after = target + (value - target) * decay
     return after if after > 1e-200 else 0.0

@@ -48,7 +48,7 @@ def relief_factor(speed: float) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def line_pressure(pressure: float, setting: float, enabled: bool, speed: float, h: float, load: Record) -> float:
-    """Return the pressure of the pump's pressure line after a step; an opened relief valve leaves none.
+    """Return the pressure of the pump's pressure line after a step; with an open relief valve it falls to zero.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     float
         Setting of the relief valve [Pa].
     """
-    factor = relief_factor.py_func(speed)  # one call is not worth the 3 ms that the compiled function takes to load
+    factor = relief_factor.py_func(speed)  # for a single call it would take 3 ms to load the compiled function
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * factor)
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 
-NOTICED = 0.01  # K: change of the oil's temperature after which its viscosity is computed again; by it changes some 0.05 %
+NOTICED = 0.01  # K: change of the oil's temperature after which the viscosity, which it changes by some 0.05 %, is computed again
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,12 @@ class OilSupplyConfig:
     """Values of the relief valve and the oil."""
 
     relief_droop: float = param(
-        "hydraulic resistance", 0.0, 1e12, "How far the supply pressure falls below its setting with the flow that is drawn"
+        "hydraulic resistance", 0.0, 1e12, "Fall of the supply pressure below its setting with the flow that is drawn"
     )
     pressure_time: float = param("time", 1e-4, 5.0, "Time constant with which the supply pressure follows the relief valve")
-    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with its share of air and the hoses' give")
+    bulk_modulus: float = param(
+        "pressure", 1e7, 3e9, "Bulk modulus of the oil, with its share of air and the compliance of the hoses"
+    )
     density: float = param("density", 500.0, 1200.0, "Density of the oil")
     viscosity: float = param("viscosity", 1e-4, 5.0, "Dynamic viscosity of the oil at the reference temperature")
     viscosity_temperature: float = param("temperature", -30.0, 150.0, "Reference temperature, at which the viscosity is stated")
@@ -45,14 +47,18 @@ class OilSupplyConfig:
         live="oil_temperature",
     )
     second_viscosity: float = param(
-        "viscosity", 0.0, 5.0, "Dynamic viscosity at a second temperature; 0 for an oil that is as viscous at all temperatures", 0.0
+        "viscosity",
+        0.0,
+        5.0,
+        "Dynamic viscosity at a second temperature; 0 for a viscosity that does not depend on temperature",
+        0.0,
     )
     second_temperature: float = param("temperature", -30.0, 150.0, "Second temperature at which the viscosity is stated", 100.0)
     tank_heat_capacity: float = param(
-        "heat capacity", 0.0, 1e8, "Heat capacity of the oil with its tank; 0 for a tank so large that its temperature stays", 0.0
+        "heat capacity", 0.0, 1e8, "Heat capacity of the oil with its tank; 0 for a constant temperature", 0.0
     )
     tank_cooling: float = param(
-        "thermal conductance", 0.0, 1e5, "Heat that tank and cooler give off with each degree above the surroundings", 0.0
+        "thermal conductance", 0.0, 1e5, "Heat flow from tank and cooler per kelvin above the surroundings", 0.0
     )
     ambient_temperature: float = param("temperature", -50.0, 60.0, "Temperature of the surroundings", 20.0)
     pump_flow: float = param(
@@ -61,7 +67,7 @@ class OilSupplyConfig:
 
 
 def contradiction(oil: OilSupplyConfig) -> tuple[str, str] | None:
-    """Return the name of a value and what is wrong with it, where the two viscosities are no oil's; otherwise None."""
+    """Return the name of a value and the fault, where no oil can have the two viscosities; otherwise None."""
     if oil.second_viscosity == 0.0:
         return None
     warmer = oil.second_temperature - oil.viscosity_temperature
@@ -78,7 +84,7 @@ def walther(temperature: float, viscosity: float, density: float) -> tuple[float
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def viscosity_at(temperature: float, oil: Record) -> tuple[float, float]:
-    """Return the dynamic viscosity at a temperature, and the share by which it falls with a degree.
+    """Return the dynamic viscosity at a temperature, and the share by which it falls per kelvin.
 
     By ASTM D341 (Ubbelohde, Walther) log10 log10 (nu + 0.7) falls linearly with the logarithm of the absolute temperature; the line
     goes through the two stated points.
@@ -99,7 +105,7 @@ def viscosity_at(temperature: float, oil: Record) -> tuple[float, float]:
         return oil.viscosity, 0.0
     t1, w1 = walther(oil.viscosity_temperature, oil.viscosity, oil.density)
     t2, w2 = walther(oil.second_temperature, oil.second_viscosity, oil.density)
-    kelvin = max(temperature, -60.0) + 273.15  # a colder oil is a solid
+    kelvin = max(temperature, -60.0) + 273.15  # colder oil is solid
     slope = (w2 - w1) / (t2 - t1)
     inner = 10.0 ** (w1 + slope * (log10(kelvin) - t1))  # log10 (nu + 0.7)
     shifted = 10.0**inner
@@ -164,7 +170,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     me.pressure = line.pressure = supply_after(me.pressure, me.setting, me.enabled > 0.0, me.flow, my.decay, my)
     heat = line.heat
     line.heat = 0.0
-    # a heat that is no finite number stays with the part that gave it, which the rig then names as the cause
+    # a heat that is not finite is not taken over, so that the error message names the part from which it comes
     if my.tank_heat_capacity > 0.0 and abs(heat) < inf:
         if me.enabled > 0.0:
             heat += me.pressure * my.pump_flow * h

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 # What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one of them may be
-# the ground), "drives" (a source or a coupling), "torque" (a torque meter, or "clutches" for all torque that the body gives to
-# clutches), "transducer", "output" (an output of the controller, from 1), "line" (the oil line that begins here), or a role of
+# the ground), "drives" (a source or a coupling), "torque" (a torque meter, or "clutches" for the sum of the torques from the body
+# to clutches), "transducer", "output" (an output of the controller, from 1), "line" (the oil line that begins here), or a role of
 # devices.
 BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = ("body", "bodies", "one_way", "torque", "transducer", "output", "line")
-DRIVES = "drives"  # what drives a shaft from one end: a source or a coupling
+DRIVES = "drives"  # a device that drives a shaft from one end: a source or a coupling
 # Roles of devices, by which a rig finds its devices. ``values`` are shared by devices and are not a device.
 SOURCE, COUPLING, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS, VALUES = (
     "source",
@@ -51,14 +51,15 @@ NOWHERE = 2**64 - 1
 # Stages of the engine. A part takes part in a stage by a compiled function; k is the instance of this part:
 # fill(world, k, h): computes the values that depend on the step's length, at the start of every call of the engine
 # command(world, k, outputs, drive): applies the controller's newest answer, once per controller sample
-# ordered(world, k, outputs, steps_per_sample, h): reads what the embedded law has just begun, once per controller sample
+# ordered(world, k, outputs, steps_per_sample, h): reads the newest output of the embedded law, once per controller sample
 # before(world, k, h, t): moves the device from t over h and sets its torques and capacities in the driveline, world.driveline:
 #     middle[body] is the speed expected in the middle of the step; push[0, body] and push[1, body] take a torque on the body at the
 #     step's start and end (add to them); cap[ROW, element] takes, at the start (0) and the end (1) of the step, the torque while
 #     slipping KIN, the limits while sticking HI and LO, which is negative, and over the step the drag VISC [Nm s/rad]
 # bound(world, k): changes speeds without a torque, right after the driveline
 # after(world, k, h): uses the driveline's new speeds, torques and heats
-# pickup(world, k, h, index, shown): sets what it induces in the wires of transducers, at the end of the step before ``index``
+# pickup(world, k, h, index, shown): sets the voltage that it induces in the wires of transducers in the step that ends at row
+# ``index``
 STAGES = ("fill", "command", "ordered", "before", "bound", "after", "pickup")
 
 
@@ -69,7 +70,7 @@ class Wire:
     Parameters
     ----------
     to : str
-        Kind or role, as above, of what it connects to.
+        One of the names above: what the key joins the device to.
     needed : bool
         False where it can be left out.
     """
@@ -171,11 +172,11 @@ class Part:
     configs : tuple of type
         Dataclasses of its configuration, one after the other in its record.
     state : tuple of str
-        Numbers that go from step to step, all finite at all times.
+        State variables, which go from step to step and are finite at all times.
     derived : tuple of str
         Numbers that are computed from its configuration before time passes.
     wires : tuple of str
-        Places of what it is joined to: bodies, elements, oil lines, outputs of the controller, other instances.
+        Keys of its connections: bodies, elements, oil lines, outputs of the controller, other instances.
     tables : tuple of str
         Derived arrays of numbers, whose shapes may differ from rig to rig.
     stages : dict of str to function
@@ -183,7 +184,7 @@ class Part:
     role : str
         One of the roles above, for the description of a rig.
     joined : dict of str to Wire
-        What each key in the rig's description names.
+        By key of the rig's description, what the device is joined to.
     effects : dict of str to dict
         By the name of an effect that can be left out, the values of the configuration without it.
     message : str
@@ -197,11 +198,11 @@ class Part:
     inertia : function or None
         inertia(values) returns what it adds to the inertia of its body [kg m2], by its configuration as a dataclass or a plain map.
     stores : tuple of str
-        States with the work that it has put on its body and with the energy that it stores [J]; empty for a part that stores none
-        beside the driveline.
+        States with the work that it has done on its body and with the energy that it stores [J]; empty for a part that stores no
+        energy outside the driveline.
     account : str
-        State with the work [J] that it has taken since time 0 from the bodies that it pushes, for a device that pushes and is not
-        what drives the rig; as a load it pushes in place of braking by its friction alone.
+        State with the work [J] that it has taken since time 0 from bodies on which it acts by a torque, for a device that does so
+        and is not the rig's drive. A load without such a state acts by friction alone.
     shaft : function
         shaft(values) returns the stiffness [Nm/rad] and the damping [Nm s/rad] of a compliant shaft between the two bodies that it
         joins, which the part owns by its wire "shaft". The kernel moves this shaft, and a stage ``before`` may give it another
@@ -264,7 +265,7 @@ def parts() -> list[str]:
 
 
 def is_part(name: object) -> bool:
-    """Say whether a rig's description may use a type of device of this name; only its own module is imported for that."""
+    """Return whether a rig's description may use a type of device of this name; this imports its own module only."""
     return name in _files() and bool(part(str(name)).role)
 
 
@@ -276,7 +277,7 @@ def _files() -> tuple[str, ...]:
 
 
 def bodies_of(name: str, wires: Mapping[str, Any]) -> list[str]:
-    """Return the bodies to which a device's single wires lead: those whose speed its part may need.
+    """Return the bodies that single wires of a device name: those whose speed its part may need.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plates of a wet multi-plate clutch, whatever presses them: friction, drag, heat, wear and memory.
+"""Plates of a wet multi-plate clutch, whatever presses them: friction, drag, heat, wear and hysteresis.
 
 Used by parts.wet_clutch, parts.pressed_clutch and parts.curve_clutch, so that all packs follow one law; the models of torque
 and drag themselves are in plant.friction.
@@ -68,7 +68,7 @@ class PlatePack(PackGeometry):
         10.0,
         "Time constant with which oil is squeezed out between the plates, or drawn in again, with the oil's stated viscosity",
     )
-    friction_spline: float = param("ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines, either way")
+    friction_spline: float = param("ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines, in both directions")
     friction_correction: float = param("ratio", 0.1, 10.0, "Factor on the torque of the friction model, k_kor of (6.56)")
     rest_torque: float = param(
         "torque",
@@ -82,18 +82,18 @@ class PlatePack(PackGeometry):
         1e-2,
         "Height of the oil film between two plates that are not pressed; the drag is computed with no smaller gap",
     )
-    film_force: float = param("force", 1.0, 1e5, "Clamp force at which the asperities carry everything and no film is sheared")
-    film_radius: float = param("length", 1e-3, 1.0, "Radius at which the closed oil film ends, in the drag models that know one")
+    film_force: float = param("force", 1.0, 1e5, "Clamp force from which the asperities carry all of it and no film is sheared")
+    film_radius: float = param(
+        "length", 1e-3, 1.0, "Radius at which the closed oil film ends, in the drag models with such a radius"
+    )
     liquid_share: float = param("ratio", 0.0, 1.0, "Share of liquid in the oil beyond the closed film, in the drag model iqbal")
     mist_viscosity_share: float = param(
         "ratio", 0.0, 1.0, "Viscosity of the mist beyond the closed film over that of the oil, in the drag model iqbal"
     )
     heat_capacity: float = param("heat capacity", 1.0, 1e6, "Heat capacity of all plates of the pack")
-    cooling: float = param(
-        "thermal conductance", 0.0, 1e6, "Heat that goes from the plates to the oil with each degree between them"
-    )
+    cooling: float = param("thermal conductance", 0.0, 1e6, "Heat flow from the plates to the oil per kelvin between them")
     friction_per_kelvin: float = param(
-        "per temperature", -0.02, 0.02, "Share by which the friction of the plates changes with each degree"
+        "per temperature", -0.02, 0.02, "Share by which the friction of the plates changes per kelvin"
     )
     friction_temperature: float = param(
         "temperature",
@@ -102,7 +102,7 @@ class PlatePack(PackGeometry):
         "Temperature of the plates at which their coefficients of friction and their wear rate are stated",
     )
     wear_rate: float = param("wear rate", 0.0, 1e-6, "Growth of the whole pack's clearance with the heat of friction")
-    wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows with each degree")
+    wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows per kelvin")
 
 
 @dataclass(frozen=True)
@@ -113,12 +113,12 @@ class PackFriction:
     drag_model: str = choice("Model of the viscous drag of the open pack", *DRAG_MODELS)
 
 
-@lru_cache(maxsize=32)  # packs of a rig are alike, and every run of a campaign asks again
+@lru_cache(maxsize=32)  # the packs of a rig are alike, and every run of a campaign needs the same results
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
     """Return the torque per clamp force of the whole pack by a model of chapter 6.
 
-    Only the thesis's model can be read for the release, with the friction of the splines in the reversed direction. With the other
-    models the pack follows its clamp force.
+    Only the thesis's model has a form for the release, with the friction of the splines in the reversed direction. With the other
+    models the torque depends on the present clamp force only.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def friction_factor(temperature: float, clutch: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def plates_cooling(h: float, clutch: Record) -> tuple[float, float]:
-    """Return (share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
+    """Return (share of a difference to the oil's temperature that is left after h, rise by heat at a constant rate [K/J])."""
     spent = h * clutch.cooling / clutch.heat_capacity
     return exp(-spent), (-expm1(-spent) / spent if spent > 0.0 else 1.0) / clutch.heat_capacity
 
@@ -196,7 +196,7 @@ def plates_cooling(h: float, clutch: Record) -> tuple[float, float]:
 def plates_after(
     temperature: float, wear: float, heat: float, oil_temperature: float, left: float, rise: float, clutch: Record
 ) -> tuple[float, float]:
-    """Return temperature and wear of the plates after a step, by the exact solution for heat that comes evenly.
+    """Return temperature and wear of the plates after a step, by the exact solution for heat at a constant rate.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def plates_after(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def drag_coefficient(piston: float, clamp: float, viscosity: float, clutch: Record) -> float:
-    """Return the viscous torque per slip [Nm s/rad]: oil is sheared in the gaps, less and less as the asperities carry."""
+    """Return the viscous torque per slip [Nm s/rad] of the oil in the gaps; it falls as the asperities carry more force."""
     gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
     film_share = max(0.0, 1.0 - clamp / clutch.film_force)
     return clutch.drag_factor * viscosity / gap * film_share
@@ -232,7 +232,7 @@ def drag_coefficient(piston: float, clamp: float, viscosity: float, clutch: Reco
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_force(before: float, clamp: float, most: float) -> float:
-    """Return the force [N] that presses the plates, with the memory of the splines.
+    """Return the force [N] that presses the plates, with the hysteresis of the splines' friction.
 
     It rises with the clamp force, stays while the plates stick on their splines, and falls along ``most`` times the clamp force.
     """
@@ -241,9 +241,9 @@ def held_force(before: float, clamp: float, most: float) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def boundary_share(slip: float, force: float, viscosity: float, stribeck: float) -> float:
-    """Return the share of the friction at rest over that of fast slip that remains at a slip, once the film has settled.
+    """Return the share of boundary friction at a slip in steady state: 1 for the friction at rest, 0 for that of fast slip.
 
-    It is the curve of Stribeck: it depends on viscosity times speed over pressure, 1 at rest and 0 where a film carries.
+    This is the Stribeck curve, which depends on viscosity times speed over pressure; 0 is where an oil film carries the force.
 
     Parameters
     ----------
@@ -269,10 +269,11 @@ def boundary_share(slip: float, force: float, viscosity: float, stribeck: float)
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def rest_share(before: float, piston: float, clamp: float, clutch: Record) -> float:
-    """Return the share of M_rest of (6.56), which an unclamped pack still holds, with the memory of the contact.
+    """Return the share of M_rest of (6.56) that acts, with the hysteresis of the contact; an unclamped pack still holds M_rest.
 
-    It is present as soon as the asperities carry, and lasts longer than the clamp force: plates that stick, and waves that press
-    them (8.3.5 names both), release as the piston gives way to a film of full height between all plates, or as far as it can.
+    The torque acts as soon as the asperities carry, and it lasts longer than the clamp force. Its causes are plates that adhere and
+    waves that press them (8.3.5 names both); both end when the piston has gone back far enough for a film of full height between
+    all plates, or as far as it can.
     """
     carried = max(before, min(1.0, clamp / clutch.film_force))
     gap = clutch.clearance - piston
@@ -296,7 +297,7 @@ STATE = (
     "film_thinning",
 )
 FAR = 40.0  # multiples of the Stribeck speed beyond which no boundary friction is left
-SERIES = 0.03  # K: how far the plates may be from the temperature of the series for their film's viscosity
+SERIES = 0.03  # K: largest distance of the plates' temperature from that of the series for their film's viscosity
 DERIVED = (
     "kinetic_per_force",
     "excess_per_force",
@@ -311,7 +312,7 @@ DERIVED = (
     "plates_rise",
 )
 WIRES = ("element", "oil")
-# a pack between two bodies, or between one body and the fixed housing; plates: the part whose values it has
+# a pack between two bodies, or between one body and the fixed housing; plates: the part with the values of its plates
 JOINED = {
     "joins": Wire("bodies", needed=False),
     "brakes": Wire("body", needed=False),
@@ -375,7 +376,7 @@ def shown_pack(rig: ShownRig, name: str, pressure: float, travel: float) -> tupl
     pressure : float
         Pressure that presses the pack [Pa].
     travel : float
-        Way of the piston that presses it [m].
+        Travel of the piston that presses it [m].
 
     Returns
     -------
@@ -402,7 +403,7 @@ def film_viscosity(me: Record, oil: Record) -> float:
     """Return the viscosity [Pa s] of the oil between the plates, by the series of the exponential around a nearby temperature.
 
     Near that temperature it is exact to 1e-6 and needs no call of the logarithm in every step. The pack stores the temperature of
-    the series, its viscosity there and the share by which that falls with a degree.
+    the series, the viscosity there and the share by which it falls per kelvin.
     """
     apart = me.temperature - me.film_temperature
     if abs(apart) > SERIES or me.film_viscosity == 0.0:
@@ -430,7 +431,7 @@ def capacities_before(me: Record, my: Record, cap: Floats) -> float:
 
 @njit(**INLINED)
 def capacities_after(me: Record, my: Record, piston: float, drag: float, world: Record) -> None:
-    """Set what the pack can carry at its clamp force, with its memory, and the drag over the step, in the driveline.
+    """Set the pack's capacities at its clamp force, with their hysteresis, and the drag over the step, in the driveline.
 
     ``drag`` is that at the step's start.
     """
@@ -468,6 +469,6 @@ def heat_plates(me: Record, my: Record, world: Record) -> None:
         me.temperature, me.wear, heat - me.heat, oil.oil_temperature, my.plates_left, my.plates_rise, my
     )
     values = world.values.oil_supply[my.oil]
-    if values.tank_heat_capacity > 0.0:  # what the plates do not keep goes to the oil
+    if values.tank_heat_capacity > 0.0:  # the heat that the plates do not store goes to the oil
         world.oil[values.line].heat += heat - me.heat - my.heat_capacity * (me.temperature - before)
     me.heat = heat

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cylinder S_z of the clutch bench, its disc springs and what it presses: a pack, a force transducer or nothing.
+"""Cylinder S_z of the clutch bench with its disc springs; it presses a pack, a force transducer or nothing.
 
 It is a part of the engine, with force over pressure (8.2), springs (8.1) and clamp force (8.3) of the thesis.
 """
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PressCylinder:
-    """Values of cylinder and springs, and distance and stiffness of what the cylinder presses.
+    """Values of the cylinder, its springs and the distance and stiffness of the pressed object.
 
-    (8.2) is read as that of a rising pressure: its constant is the friction of seals and guide rings (8.2.2), which is reversed,
-    with a value of its own, as the piston goes back. The spring force is (8.1); the testing machine is that of fig. 8.5.
+    (8.2) is taken as measured at a rising pressure: its constant is the friction of seals and guide rings (8.2.2). As the piston
+    goes back, this friction is reversed and has another value. The spring force is (8.1); the testing machine is that of fig. 8.5.
     """
 
     force_linear: float = param("area", 1e-5, 1e-1, "Force on the piston per pressure")
@@ -59,13 +59,13 @@ def spring_force(travel: float, cylinder: Record) -> tuple[float, float]:
 
 @njit(cache=True)
 def contact_force(travel: float, cylinder: Record) -> float:
-    """Return the force [N] on what is pressed: none before the contact, then linear."""
+    """Return the force [N] on the pressed object: 0 before the contact, then linear."""
     return cylinder.contact_rate * max(0.0, travel - cylinder.contact_travel)
 
 
 @njit(cache=True)
 def machine_step(travel: float, target: float, h: float, cylinder: Record) -> float:
-    """Return the travel [m] after h in the testing machine, which moves towards its target at its speed."""
+    """Return the travel [m] after h in the testing machine, which moves to its target at a constant speed."""
     change = cylinder.machine_speed * h
     return travel + min(max(target - travel, -change), change)
 
@@ -74,8 +74,8 @@ def machine_step(travel: float, target: float, h: float, cylinder: Record) -> fl
 def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> float:
     """Return the travel after h by an implicit step of the massless, damped piston.
 
-    F_p(p) -+ seals = F_s(s) + contact + damping v; the piston stays while the seals hold the rest. At rest after a rise this is
-    (8.3): F_a = F_p - F_s, with the constant of (8.2) in F_p.
+    F_p(p) -+ seals = F_s(s) + contact + damping v; the piston stays at rest while the other forces differ by less than the seals'
+    friction. At rest after a rise this is (8.3): F_a = F_p - F_s, with the constant of (8.2) in F_p.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # setting, enabled: setting of the pressure and its switch; machine_target, machine_enabled: travel of the testing machine and its
-# switch; pressure: pressure in the chamber; force: force on what the piston or the machine presses; clamp: force on a pack
+# switch; pressure: pressure in the chamber; force: force of the piston or the machine on the pressed object; clamp: force on a pack
 PART = Part(
     "press_cylinder",
     10,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 DISCHARGE, TURBULENT_FROM = 0.61, 9.3  # discharge coefficient of sharp edges, and Reynolds number from which it holds
 STEEPEST = 2.0e3  # Pa: below this drop the flow is linear in any case, so that its slope stays finite
 
-# what drives the coils: a duty from outside, the embedded law, or the plant's power stage with setpoints from outside
+# source of the coils' duty: a controller outside, the embedded law, or the plant's power stage with setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 
 
@@ -39,18 +39,18 @@ class ValveConfig:
     coil_inductance: float = param("inductance", 1e-3, 5.0, "Inductance of the coil")
     cracking_current: float = param("current", 0.0, 0.5, "Current at which the regulated pressure begins to rise")
     pressure_gain: float = param("pressure per current", 1e5, 2e7, "Rise of the regulated pressure with the current")
-    pressure_limit: float = param("pressure", 1e5, 1e7, "Pressure above which the valve lets off oil, whatever the current")
+    pressure_limit: float = param("pressure", 1e5, 1e7, "Pressure above which the valve drains oil, whatever the current")
     hysteresis: float = param(
-        "ratio", 0.0, 0.2, "Share of the magnet's force that iron and armature keep as the current turns round"
+        "ratio", 0.0, 0.2, "Share of the magnet's force that iron and armature retain as the current reverses its course"
     )
     friction_pressure: float = param(
         "pressure", 0.0, 1e6, "Friction of the spool without dither, as half the band of port pressures in which it stays"
     )
-    spool_stroke: float = param("length", 1e-5, 1e-2, "Way of the spool from the edge of the reducing side to its stop")
+    spool_stroke: float = param("length", 1e-5, 1e-2, "Travel of the spool from the edge of the reducing side to its stop")
     spool_dead_band: float = param("length", 0.0, 5e-3, "Overlap of the spool between its reducing and its relieving edge")
-    full_opening_pressure: float = param("pressure", 1e3, 5e6, "Miss of the port pressure at which the spool opens fully")
+    full_opening_pressure: float = param("pressure", 1e3, 5e6, "Error of the port pressure at which the spool opens fully")
     spool_time: float = param(
-        "time", 1e-4, 1.0, "Time constant of the spool's way, damped by oil in its gaps, at the oil's reference temperature"
+        "time", 1e-4, 1.0, "Time constant of the spool's travel, damped by oil in its gaps, at the oil's reference temperature"
     )
     orifice_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from supply to port")
     drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")
@@ -151,17 +151,17 @@ def held_pressures(magnet: float, friction: float, valve: Record) -> tuple[float
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def friction_left(duty: float, frequency: float, valve: Record) -> float:
-    """Return the friction [Pa] that a pulsed coil leaves to the spool where the plant takes the pulses' average.
+    """Return the friction [Pa] of the spool under a pulsed coil, where the plant averages the pulses.
 
-    The current swings by U D (1 - D) / (L f) from pulse to pulse (D: duty, f: frequency), and the magnet's force with it. A spool
-    that is shaken by more than its friction slides, so half of this swing is taken off the friction.
+    The current swings by U D (1 - D) / (L f) from pulse to pulse (D: duty, f: frequency), and the magnet's force with it. The swing
+    moves the spool where it exceeds the friction, so half of it is subtracted from the friction.
     """
     return friction_under(duty, shaken_off(frequency, valve), valve)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def shaken_off(frequency: float, valve: Record) -> float:
-    """Return the friction [Pa] per D (1 - D) that :func:`friction_left` takes off; none without pulses."""
+    """Return the reduction of friction [Pa] per D (1 - D) in :func:`friction_left`; 0 without pulses."""
     if frequency == 0.0:
         return 0.0
     return 0.5 * valve.pressure_gain * valve.coil_voltage / (valve.coil_inductance * frequency)
@@ -169,7 +169,7 @@ def shaken_off(frequency: float, valve: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def friction_under(duty: float, shaken: float, valve: Record) -> float:
-    """Return :func:`friction_left` with what :func:`shaken_off` gives."""
+    """Return :func:`friction_left` from the result of :func:`shaken_off`."""
     return max(0.0, valve.friction_pressure - shaken * duty * (1.0 - duty))
 
 
@@ -225,7 +225,7 @@ def spool_after(
     """Return :func:`spool_position` after a time whose ``decay`` is known, with the ``gain`` of :func:`spool_gain`."""
     lowest, highest = held_pressures(magnet, friction, valve)
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
-    # the stops limit the way and not the speed, which grows with the force that is left
+    # the stops limit the travel and not the speed, which grows with the remaining force
     return min(max(target + (spool - target) * decay, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
 
 
@@ -261,7 +261,7 @@ def closing_pressure(
     edge = 0.0 if reducing else -valve.spool_dead_band
     target = (edge - spool * decay) / (1.0 - decay)
     lowest, highest = held_pressures(magnet, friction, valve)
-    # the highest pressure closes the supply, the lowest one closes the drain
+    # the highest pressure closes the supply's edge, the lowest one the drain's
     held = highest if target < spool else lowest
     return held - target / valve.spool_stroke * valve.full_opening_pressure
 
@@ -305,7 +305,7 @@ def edge_area(share: float, valve: Record) -> float:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def narrowest(edge: float, bore: float) -> float:
-    """Return the area that decides below which drop the flow is laminar: that of bore or fully opened edge [m2]."""
+    """Return the area from which the limit of laminar flow is computed [m2]: that of the bore or of the fully opened edge."""
     return min(edge, bore) if bore > 0.0 else edge
 
 
@@ -315,8 +315,8 @@ def port_flow(
 ) -> tuple[float, float]:
     """Return the flow to the clutch and its derivative by port pressure, by the orifice law Q = A sqrt(2 dp / rho).
 
-    Below the pressure drop at which the flow becomes laminar it goes over into Q proportional to dp. The oil cannot flow back into
-    a supply of lower pressure than the port (check valve in the line P).
+    Below the pressure drop at which the flow becomes laminar, Q is proportional to dp. No oil flows back into a supply whose
+    pressure is lower than the port's (check valve in the line P).
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ def port_flow(
     else:
         drop, sign, full = port_pressure, -1.0, narrowest(valve.drain_area, valve.drain_bore_area)
     below = max(STEEPEST, laminar / full)
-    if drop == 0.0:  # an empty line, as most lines are at most times; this saves the roots below, which take long
+    if drop == 0.0:  # mostly an empty line; this avoids the square roots below, which take long
         return 0.0, -area * (speed / sqrt(below))
     square = drop * drop + below * below
     root = speed / sqrt(sqrt(square))
@@ -357,11 +357,12 @@ def port_flow(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_flow(state: Record, port_pressure: float, supply_pressure: float, most: float) -> tuple[float, float]:
-    """Return flow and slope like :func:`port_flow` for a valve outside the plant: its answer, held for a tick.
+    """Return flow and slope like :func:`port_flow` for a valve outside the plant, from its answer, which is held for a tick.
 
-    The answer is Q0 + slope (p - p0). Whatever it is, within a tick the flow keeps its direction, no oil comes from a supply below
-    the port, none leaves an empty line, and none moves the line past either of these: ``most`` [m3/(s Pa)] is the flow that changes
-    the line's pressure by 1 Pa in a step. So the port gains no energy that the supply did not give.
+    The answer is Q0 + slope (p - p0). Whatever the answer, within a tick the flow keeps its direction, no oil comes from a supply
+    whose pressure is below the port's, and none leaves an empty line. A step does not move the line's pressure beyond that of the
+    supply or below that of an empty line: ``most`` [m3/(s Pa)] is the flow that changes the line's pressure by 1 Pa in a step. So
+    the port gains no energy that the supply did not deliver.
     """
     flow = state.cut_flow + state.cut_slope * (port_pressure - state.cut_pressure)
     highest = most * max(0.0, supply_pressure - port_pressure) if state.cut_flow >= 0.0 else 0.0
@@ -387,7 +388,8 @@ def fill(world: Record, k: int, h: float) -> None:
 def command(world: Record, k: int, outputs: Record, drive: int) -> None:
     """Set the duty of this sample.
 
-    Where the current equals its setpoint, that setpoint is the one of the last sample, as the duty would be.
+    Where the current equals its setpoint, the setpoint of the last sample is taken, so that it has the delay that the duty would
+    have.
     """
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     safe = world.safe > 0.0
@@ -440,11 +442,11 @@ def line_flow(
 
 @njit(**INLINED)
 def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
-    """Record what the valve has given to its line over a step; called by the part that has solved the flow."""
+    """Record the oil and the work that the valve has delivered to its line in a step; called by the part that solves the flow."""
     me = world.parts.proportional_valve[k]
     me.flow = flow
     me.work += line * flow * h
-    world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # the oil that it lets off goes to the tank
+    world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # relieved oil goes to the tank
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:

@@ -1,14 +1,15 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mass that a crank moves to and fro, with a counterweight on the crank: a saw's sash, a piston.
+"""Reciprocating mass on a crank with a counterweight: a saw's sash, a piston.
 
 It is a part of the engine. plant.driveline_laws has the same mechanism as an element of the driveline, which is solved together
 with all others; this part acts on its body by a torque, which the quick step of the driveline takes.
 
-The torque needs the body's acceleration, which only the step itself gives. It is foretold from the torque of all others at the end
-of the last step. What the foretold torque lacks of the exact impulse is put on in the next step, so that it never adds up. The
-exact impulse is that of the discrete gradient (Gonzalez, J. Nonlinear Sci. 6, 1996): its work is the change of the stored energy.
+The torque depends on the body's acceleration, which is a result of the same step. It is predicted from all other torques at the end
+of the last step. The difference between the exact impulse and that of the predicted torque is applied in the next step, so that
+errors do not accumulate. The exact impulse is that of the discrete gradient (Gonzalez, J. Nonlinear Sci. 6, 1996): its work is the
+change of the stored energy.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 GRAVITY = 9.80665  # m/s2
-LITTLE = 1e-5  # rad: a turn in a step below which a difference quotient would round too much
+LITTLE = 1e-5  # rad: rotation in a step below which the rounding error of a difference quotient would be too large
 TURN = 2.0 * pi
 
 
@@ -34,7 +35,7 @@ TURN = 2.0 * pi
 class SashConfig:
     """Values of the mass, the crank and the counterweight, whose own inertia about the crank's axis is the body's."""
 
-    mass: float = param("mass", 1e-3, 1e5, "Mass that moves to and fro, with what is fixed to it")
+    mass: float = param("mass", 1e-3, 1e5, "Reciprocating mass, with all parts fixed to it")
     radius: float = param("length", 1e-4, 10.0, "Radius of the crank")
     rod_ratio: float = param(
         "ratio", 0.0, 0.9, "Radius of the crank over length of the rod; at 0 the travel is radius (1 - cos angle), as of a long rod"
@@ -74,14 +75,14 @@ def motion(angle: float, radius: float, rod_ratio: float) -> tuple[float, float,
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Set the torque on its body at both ends of the step, by the angle and the speed that are foretold for its end."""
+    """Set the torque on its body at both ends of the step, by the angle and the speed that are predicted for its end."""
     me, my, line = world.parts.sash[k], world.values.sash[k], world.driveline
     body = my.body
     own, pull = 1.0 / my.mobility, GRAVITY * my.weight
     speed = line.speed[body]
     end = 2.0 * line.middle[body] - speed
     me.ahead = me.angle + h * line.middle[body]
-    # the push of the parts before this one is already there
+    # push already contains the torques of the parts before this one
     others = me.others + line.push[0, body]
     mass = my.mass * me.first * me.first
     bend = my.mass * me.first * me.second * speed * speed
@@ -100,13 +101,13 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Turn the crank by the speeds that the step gave, and compute what its torque still lacks."""
+    """Advance the crank's angle by the speeds of the step, and compute the impulse that the predicted torque lacks."""
     me, my, line = world.parts.sash[k], world.values.sash[k], world.driveline
     body = my.body
     speed, gained = line.speed[body], line.gained[body]
     turned = h * (speed - 0.5 * gained)
     before_mass, height, slope = me.inertia, me.height, me.slope
-    # the foretold angle misses the true one by the third order of the step
+    # the error of the predicted angle is of third order in the step
     missed = me.angle + turned - me.ahead
     angle = me.ahead + missed
     me.travel += me.first * missed
@@ -147,12 +148,12 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     return (-me["torque"], 0.0, 0.0, 0.0, -me["work"])
 
 
-# angle: of the crank, 0 to 2 pi; ahead: as foretold for the step's end; travel, first, second: of the mass and its derivatives by
-# the angle; begin, torque: on the body at the step's start and end; others: torque of all else at the last step's end; lacking:
-# impulse that is still to be put on [N m s]; inertia, slope, height: at the last step's end the mass reduced to the crank, its
-# derivative by the angle, and what gravity acts on [kg m]; work: what it has put on its body; energy: what it stores, 0 at rest at
-# angle 0; force_along, force_across: inertia forces on the frame along the travel from angle 0, and across it towards the crank pin
-# at a quarter of a turn
+# angle: of the crank, 0 to 2 pi; ahead: prediction of it for the step's end; travel, first, second: of the mass and its derivatives
+# by the angle; begin, torque: on the body at the step's start and end; others: all other torques at the last step's end; lacking:
+# impulse that is still to be applied [N m s]; inertia, slope, height: at the last step's end the mass reduced to the crank, its
+# derivative by the angle, and the moment of mass on which gravity acts [kg m]; work: work on its body; energy: stored energy, 0 at
+# rest at angle 0; force_along, force_across: inertia forces on the frame along the travel from angle 0, and across it towards the
+# crank pin at a quarter of a turn
 PART = Part(
     "sash",
     35,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..arrays import Record
     from .shown_rig import ShownRig
 
-SCATTER = 1  # number of what scatters, see parts.cycles; that of the engine is 0
+SCATTER = 1  # channel of parts.cycles for the cutting resistance; that of the engine is 0
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,9 @@ class ChainConfig:
     friction_by_speed: float = param("torque per speed", 0.0, 10.0, "Growth of that friction with the speed of the drum")
     cutting_torque: float = param("torque", 0.0, 1e4, "Mean torque of cutting and friction over a turn at the stated feed, M_o")
     cutting_scatter: float = param("torque", 0.0, 1e4, "Standard deviation of that mean from turn to turn, s_p")
-    stated_feed: float = param("force", 0.1, 1e4, "Force on the bar at which that is the mean torque; it grows in proportion")
+    stated_feed: float = param(
+        "force", 0.1, 1e4, "Force on the bar at which cutting_torque is the mean torque, which is proportional to the force"
+    )
     feed_time: float = param("time", 1e-4, 10.0, "Time constant with which the force on the bar follows its setpoint")
     seed: float = param("ratio", 0.0, 1e9, "Number that chooses the turns; the same number gives the same turns")
 
@@ -67,7 +69,7 @@ def resistance(mean: float, rubbing: float, phase: float) -> float:
     mean : float
         Mean torque of the turn, cutting and friction [Nm].
     rubbing : float
-        Friction of the chain [Nm], which is there at any angle.
+        Friction of the chain [Nm], which acts at any angle.
     phase : float
         Angle of the crank since the upper dead centre [rad].
 
@@ -87,7 +89,7 @@ def fill(world: Record, k: int, h: float) -> None:
 
 @njit(**INLINED)
 def held_torque(me: Record, speed: float, phase: float, feed: float, my: Record) -> float:
-    """Return what chain and kerf can hold [Nm] at a speed of the drum, an angle of the crank and a feed force."""
+    """Return the torque that chain and kerf can hold [Nm] at a speed of the drum, an angle of the crank and a feed force."""
     share = feed / my.stated_feed
     rubbing = my.friction + my.friction_by_speed * abs(speed)
     pinched = me.jam * my.sprocket_radius if me.jammed > 0.0 else 0.0
@@ -98,7 +100,7 @@ def held_torque(me: Record, speed: float, phase: float, feed: float, my: Record)
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Set what resists at both ends of the step, at its end by the speed and the angle that are expected there."""
+    """Set the resisting torque at both ends of the step, at its end by the speed and the angle that are expected there."""
     me, my, line = world.parts.saw_chain[k], world.values.saw_chain[k], world.driveline
     cap, f, speed = line.cap, my.element, line.speed[my.body]
     start = me.feed
@@ -111,7 +113,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Turn the crank by the step's motion; at its upper dead centre another turn begins."""
+    """Advance the crank's angle by the step's motion; at its upper dead centre another revolution begins."""
     me, my, line = world.parts.saw_chain[k], world.values.saw_chain[k], world.driveline
     me.torque = line.el[LAM, my.element]
     me.phase += h * (line.speed[my.crank] - 0.5 * line.gained[my.crank])
@@ -128,8 +130,8 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # target, enabled: setpoint of the feed force and its switch; jam, jammed: force along the chain with which the kerf holds it, and
-# its switch; feed: the force on the bar now; phase, cycle, scatter: angle of the crank, number of its turn, and this turn's random
-# number; torque: what resists the drum now
+# its switch; feed: present force on the bar; phase, cycle, scatter: angle of the crank, number of its revolution, and the random
+# number of this revolution; torque: present resisting torque on the drum
 PART = Part(
     "saw_chain",
     40,

@@ -1,17 +1,18 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Blades of a frame saw in a log: feed per tooth from the paths of the teeth, and the force that it asks of the crank.
+"""Blades of a frame saw in a log: feed per tooth from the paths of the teeth, and the resulting torque on the crank.
 
 It is a part of the engine, joined to a sash (parts/sash.py) that moves the blades up and down. An eccentric swings them to and fro
-twice in a turn, and the log comes nearer by its feed per turn of the crank (Agapov 2014, (1) to (8)). It gives a torque capacity
-that the driveline applies as friction, so that it can hold but never drive.
+twice per revolution, and the log advances by its feed per revolution of the crank (Agapov 2014, (1) to (8)). It gives a torque
+capacity that the driveline applies as friction, so that it can hold but never drive.
 
-A tooth is ``advance`` deep in the wood: feed since the top, less swing, and the blade's overhang by (6), which makes up for the
-feed of half a turn. Formula (8) takes the depth of a tooth less that of the one below it as the feed per tooth. Here the depth is
-compared with the deepest one of all teeth that passed the same place in this turn and the last one. This is (8) wherever the tooth
-below was the deepest, and it has two things that (8) lacks: the first tooth of a stroke, and a tooth that passes where wood is
-already gone. Only so the teeth take away what the feed brings, at every feed and swing.
+The depth of a tooth in the wood is ``advance``: the feed since the top of the stroke, less the swing, plus the blade's overhang by
+(6), which compensates the feed of half a revolution. Formula (8) takes the depth of a tooth less that of the one below it as the
+feed per tooth. Here the depth is compared with the deepest one of all teeth that passed the same place in this turn and the last
+one. This equals (8) wherever the tooth below was the deepest one. It also covers two cases that (8) does not: the first tooth of a
+stroke, and a tooth at a place where the wood has been cut away already. Only with these cases do the teeth cut the volume that the
+feed brings, at every feed and swing.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 PER_TURN = 0.5 / pi
-HAIR = 1e-12  # share of the stroke by which a place may round
-NO_LOG = 1e-6  # m: feed per turn below which there is no log at the teeth
+HAIR = 1e-12  # share of the stroke: rounding error of a place
+NO_LOG = 1e-6  # m: feed per revolution below which the teeth do not touch a log
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class SawCuttingConfig:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def advance(angle: float, cosine: float, sine: float, feed: float, swing: float) -> float:
-    """Return how deep a tooth is in the wood [m], from the bottom of the kerf of the last turn at the top of the stroke.
+    """Return the depth of a tooth in the wood [m], from the bottom of the last revolution's kerf at the top of the stroke.
 
     It is the path of (4) by (1) to (3), with the share of the overhang (6) that belongs to the tooth's height.
 
@@ -97,7 +98,8 @@ def depth_of_cut(angle: float, feed: float, swing: float, pitch: float) -> float
     """Return the feed per tooth: how deep a tooth is beyond the bottom of its kerf, below 0 where it does not touch it.
 
     On the way down this is the thickness of its chip, on the way up (``angle`` above pi) the depth by which it scrapes. The
-    feed and the swing are those of a steady state. With S_0 = 30 mm and r = 3.25 mm it is (8) from y = t_3 on, but for 0.04 mm.
+    feed and the swing are those of a steady state. With S_0 = 30 mm and r = 3.25 mm it differs from (8) by at most 0.04 mm from y =
+    t_3 on.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def depth_of_cut(angle: float, feed: float, swing: float, pitch: float) -> float
     at_low = advance_down(low, feed, swing)
     at_high = advance_down(high, feed, swing) if high <= 1.0 + HAIR else at_low
     most = max(at_low, at_high)
-    if angle >= pi:  # every tooth has passed
+    if angle >= pi:  # all teeth of the stroke have passed this place
         return here - most
     bottom = most - feed
     gone = share - HAIR
@@ -169,7 +171,7 @@ def fill(world: Record, k: int, h: float) -> None:
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Set the capacity of the teeth at both ends of the step, by the angle that the sash foretells."""
+    """Set the capacity of the teeth at both ends of the step, by the angle that the sash predicts."""
     me, my, line = world.parts.saw_cutting[k], world.values.saw_cutting[k], world.driveline
     cap, f = line.cap, my.element
     capacity = cap[KIN1, f]

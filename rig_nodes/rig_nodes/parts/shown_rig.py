@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a device's message reads of the rig that runs it: testbench.rig.Rig as the ``shown_values`` of a part sees it.
+"""The part of testbench.rig.Rig that the ``shown_values`` of a part reads, for the messages of its devices.
 
 Used in annotations only.
 """

@@ -3,7 +3,7 @@
 
 """Keeps a shaft between two multiples of another shaft's speed, whatever the torques are: the integrator of chapter 9.
 
-It is a part of the engine for comparing one model with another; its changes of speed are in no torque and no energy.
+It is a part of the engine for comparing models; no torque and no energy contains its changes of speed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torque meter in a shaft, between what drives or loads the shaft and all else on it; rigid, so it has no step of its own.
+"""Torque meter in a shaft, between the drive or load at the shaft's end and all else on it; rigid, without a step of its own.
 
 Its torque follows from that of the driveline, see testbench.plan; a compliant meter is a shaft of the driveline.
 """
@@ -18,9 +18,11 @@ from .part import METER, Part, Wire
 class TorqueMeterConfig:
     """Inertia on one side of the meter, and which side this is."""
 
-    inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter, which its body's own counts too")
+    inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter; the body's own inertia includes it")
     side: str = choice(
-        "On which side that is: beyond the meter, with the motor or the load, or within, with the gears", "beyond", "within"
+        "Side of the meter with this inertia: beyond the meter, with the motor or load, or within, with the gears",
+        "beyond",
+        "within",
     )
 
 

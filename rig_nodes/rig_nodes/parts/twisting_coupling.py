@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 LEAST, MOST = radians(25.0), radians(75.0)  # rad: section 4, helix angles between which the threads are chosen
-HARDLY = 1e-7  # rad: a way over a bend that is shorter is taken with the slope behind the bend
+HARDLY = 1e-7  # rad: a shorter twist across a bend is taken with the slope behind the bend
 # pieces of the characteristic, in the order of the twist
 BACK, PLAY, SEAT, SPRINGS, RINGS, END = range(6)
 
@@ -43,7 +43,7 @@ class CouplingConfig:
     spring_preload: float = param("force", 0.0, 1e6, "Force of the springs with the nut at its first stop")
     spring_rate: float = param("stiffness", 1.0, 1e11, "Stiffness of the whole set of springs")
     knee_travel: float = param(
-        "length", 0.0, 1.0, "Travel of the nut at which the softer springs lie on their rings; at or beyond the last stop never"
+        "length", 0.0, 1.0, "Travel of the nut at which the softer springs lie on their rings; from stop_travel on they never do"
     )
     knee_rate: float = param("stiffness", 1.0, 1e11, "Stiffness of the springs that are left beyond the knee")
     spring_friction: float = param(
@@ -79,7 +79,7 @@ def levers(
     Returns
     -------
     tuple of float
-        Travel per twist [m/rad], torque per force while winding and while unwinding [m]; one that locks itself gives 0 or less.
+        Travel per twist [m/rad], torque per force while winding and while unwinding [m]; 0 or less for a thread that locks itself.
     """
     rho = atan(friction)
     a, b = 0.5 * inner_diameter, 0.5 * outer_diameter
@@ -139,9 +139,9 @@ def piece_at(twist: float, my: Record) -> int:
 def on_piece(piece: int, twist: float, my: Record) -> tuple[float, float, float]:
     """Return (torque [Nm], slope [Nm/rad], energy [J]) without friction at a twist [rad] on a piece.
 
-    Twist 0 is where the torque begins to rise from 0 with the nut on its first stop. On the stop (SEAT) the springs give up the
-    nut at the torque of their preload; behind it they yield (SPRINGS, RINGS) up to the last stop (END). Backwards there is the play
-    and then the other flank, with the nut on the first stop (BACK).
+    Twist 0 is where the torque begins to rise from 0 with the nut on its first stop. With the nut on the first stop (SEAT) the
+    coupling is stiff up to the torque of the springs' preload; beyond it the springs yield (SPRINGS, RINGS) up to the last stop
+    (END). In the other direction there is the play and then the other flank, with the nut on the first stop (BACK).
     """
     if piece == SPRINGS:
         begun, torque, slope, energy = my.seat, my.torque_seat, my.slope_springs, my.energy_seat
@@ -183,11 +183,11 @@ def fill(world: Record, k: int, h: float) -> None:
 
 @njit(**INLINED)
 def before(world: Record, k: int, h: float, t: float) -> None:
-    """Give the shaft the piece of the characteristic on which the twist will be, and the friction element its torques.
+    """Set the shaft's stiffness to the piece of the characteristic at the expected twist, and the friction element's torques.
 
-    Within a piece the kernel's step is that of a linear shaft. A step that is expected to pass a bend gets the straight line whose
-    mean torque over the expected way is the difference of the energies by the way, and which ends at the right torque, so that the
-    springs return what they were given.
+    Within a piece the kernel's step is that of a linear shaft. A step that is expected to pass a bend has a straight line that ends
+    at the right torque and whose mean torque is the difference of the energies over the expected change of twist, so that the
+    springs return the energy that they store.
     """
     me, my, line = world.parts.twisting_coupling[k], world.values.twisting_coupling[k], world.driveline
     a, f, cap = my.shaft, my.element, line.cap
@@ -212,7 +212,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     damping = 0.0 if there == PLAY else my.damping if there == SPRINGS or there == RINGS else my.stop_damping
     if slope != line.kc[0, a] or damping != line.kc[1, a]:
         line.kc[0, a], line.kc[1, a] = slope, damping
-        line.work[1] = 0.0  # what the kernel keeps of the stiffness belongs to no set of stuck elements any more
+        line.work[1] = 0.0  # the kernel's matrices for the former stiffness are not valid for any set of stuck elements
     line.twist[a] = me.begun = offset
     first, last = my.seal_friction + my.share * abs(torque), my.seal_friction + my.share * abs(end)
     cap[KIN0, f], cap[HI0, f], cap[LO0, f] = first, first, -first
@@ -221,7 +221,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Take over the twist that the kernel has reached, and what belongs to it."""
+    """Take over the twist that the kernel has reached, with its torque, energies and heat."""
     me, my, line = world.parts.twisting_coupling[k], world.values.twisting_coupling[k], world.driveline
     a, f = my.shaft, my.element
     me.twist += line.twist[a] - me.begun
@@ -235,13 +235,13 @@ def after(world: Record, k: int, h: float) -> None:
 
 
 def shaft(values: CouplingConfig | SimpleNamespace) -> tuple[float, float]:
-    """Return stiffness [Nm/rad] and damping [Nm s/rad] where the springs begin to yield, for what is linear: modes, a picture."""
+    """Return stiffness [Nm/rad] and damping [Nm s/rad] where the springs begin to yield, for linear results such as modes."""
     free, lever, _ = geometry(values)
     return values.spring_rate * free * lever, values.damping
 
 
 def check(values: CouplingConfig) -> tuple[str, str] | None:
-    """Return a value and the rest of a sentence for a coupling that locks itself or has stops that are softer than its springs."""
+    """Return a value and the rest of an error's sentence for a coupling that locks itself or has stops softer than its springs."""
     rho = atan(values.thread_friction)
     for name, angle in (("inner_angle", values.inner_angle), ("outer_angle", values.outer_angle)):
         if not rho < angle < 0.5 * pi - rho:
@@ -262,7 +262,7 @@ def check(values: CouplingConfig) -> tuple[str, str] | None:
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Return the fields of its ClutchState: no drag apart, no oil; what is pressed together are the springs."""
+    """Return the fields of its ClutchState: without a separate drag and without oil; the clamp force is that of the springs."""
     me = rig.device(name)
     may = rig.capacity(name)
     free = (-getattr(rig.config, name).play < me["twist"]) & (me["twist"] < 0.0)

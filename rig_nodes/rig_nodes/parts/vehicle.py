@@ -29,7 +29,7 @@ GRAVITY = 9.80665  # m/s2, standard gravity
 class VehicleConfig:
     """Values of the vehicle and its tyres; the inertia of the wheels is that of their body.
 
-    The tyres are one, a spring in series with the slip (Pacejka, Tyre and Vehicle Dynamics, the model of a single contact point):
+    All tyres are one, a spring in series with the slip (Pacejka, Tyre and Vehicle Dynamics, the model of a single contact point):
     du/dt = r w - v - |v| u / relaxation_length and F = (slip_stiffness / relaxation_length) u + tyre_damping du/dt, so that in
     steady state F = slip_stiffness (r w - v) / |v|.
     """
@@ -38,30 +38,33 @@ class VehicleConfig:
     wheel_radius: float = param("length", 0.01, 5.0, "Radius on which the driven wheels roll")
     slip_stiffness: float = param("force", 1e2, 1e8, "Force of all driven tyres per slip, where the slip is small")
     relaxation_length: float = param(
-        "length", 1e-3, 10.0, "Way in which the force of a tyre follows its slip; slip_stiffness over it is the stiffness at rest"
+        "length",
+        1e-3,
+        10.0,
+        "Distance in which the force of a tyre follows its slip; slip_stiffness over it is the stiffness at rest",
     )
     tyre_damping: float = param("damping", 0.0, 1e7, "Damping of the tyres' deflection")
     adhesion: float = param("ratio", 0.01, 2.0, "Largest force of the driven tyres over the weight of the vehicle")
     rolling_resistance: float = param("ratio", 0.0, 0.5, "Rolling resistance over the force on the road")
-    drag_area: float = param("area", 0.0, 100.0, "Drag coefficient times the area in front")
+    drag_area: float = param("area", 0.0, 100.0, "Drag coefficient times the frontal area")
     air_density: float = param("density", 0.0, 10.0, "Density of the air")
     brake_limit: float = param("force", 0.0, 1e7, "Largest force of the brakes at the wheels' radius")
 
 
 def weight_along(mass: float, grade: float) -> float:
-    """Return the force [N] that pulls a mass [kg] down a road whose grade is rise over way along the level."""
+    """Return the force [N] that pulls a mass [kg] down a road whose grade is its rise over the horizontal distance."""
     return mass * GRAVITY * grade / sqrt(1.0 + grade * grade)
 
 
 def road_force(speed: float, grade: float, vehicle: VehicleConfig) -> float:
-    """Return what the vehicle needs at its wheels at a constant speed, without what the tyres lose.
+    """Return the force that the vehicle needs at its wheels at a constant speed, without the tyres' losses.
 
     Parameters
     ----------
     speed : float
         Speed of the vehicle, forwards [m/s].
     grade : float
-        Rise of the road over its way along the level.
+        Rise of the road over the horizontal distance.
     vehicle : VehicleConfig
         Values of the vehicle.
 
@@ -79,8 +82,8 @@ def road_force(speed: float, grade: float, vehicle: VehicleConfig) -> float:
 def tyre_step(speed: float, deflection: float, surface: float, pull: float, h: float, car: Record) -> tuple[float, float, float]:
     """Return (mean force of the tyres [N], speed [m/s], deflection [m]) after a step, by the implicit midpoint rule.
 
-    The factors |v| of slip and air drag are those at the beginning of the step. A deflection at which the tyres would pull more
-    than their adhesion slides.
+    The factors |v| of slip and air drag are those at the beginning of the step. Where the force of the tyres would exceed their
+    adhesion, they slide at that limit.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ def tyre_step(speed: float, deflection: float, surface: float, pull: float, h: f
     surface : float
         Speed of the tyres' surface in the middle of the step [m/s].
     pull : float
-        Force that pulls the vehicle back, beside the air [N].
+        Force that pulls the vehicle back, without air drag [N].
     h : float
         Length of the step [s].
     car : Record
@@ -110,7 +113,7 @@ def tyre_step(speed: float, deflection: float, surface: float, pull: float, h: f
     if abs(force) > most:
         force = most if force > 0.0 else -most
         gain = h * (force - drag * speed - pull) / (car.mass + 0.5 * h * drag)
-        change = force / stiffness - deflection  # it slides on with the deflection of this force
+        change = force / stiffness - deflection  # the tyres slide with the deflection that belongs to this force
     return force, speed + gain, deflection + change
 
 
@@ -149,14 +152,14 @@ def after(world: Record, k: int, h: float) -> None:
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
-    """Return the fields of its LoadState: it has no pressure line."""
+    """Return the fields of its LoadState; it has no pressure line."""
     me = rig.device(name)
     return (rig.friction_torque(name) + me["torque"], rig.capacity(name), 0.0, 0.0, rig.energies["load"])
 
 
 # grade, on_road: grade of the road and its switch; brake, brake_on: force of the brakes and its switch; slope, braking: present
-# grade and force; speed, way, deflection, force: of the vehicle and its tyres; torque: what the tyres take from the wheels; taken:
-# its work, which becomes motion, lifted (against the weight), air and tyre (what the tyres lose by slip and damping) [J]
+# grade and force; speed, way, deflection, force: of the vehicle and its tyres; torque: torque that the tyres take from the wheels;
+# taken: its work, divided into motion, lifted (against the weight), air, and tyre (losses by slip and damping) [J]
 PART = Part(
     "vehicle",
     40,
@@ -200,7 +203,7 @@ PART = Part(
         Shown("work", "work", "energy", -1e9, 1e9, "Work taken by the vehicle since time 0.", "positive taken from {body}"),
     ),
     takes=(
-        Command("road", {"grade": "ratio"}, "grade", "on_road", "grade of the road, rise over way along the level", "ratio"),
+        Command("road", {"grade": "ratio"}, "grade", "on_road", "grade of the road, rise over horizontal distance", "ratio"),
         Command(
             "brake", {"force": "force"}, "brake", "brake_on", "force of the brakes at the wheels' radius", "force", node="brake"
         ),

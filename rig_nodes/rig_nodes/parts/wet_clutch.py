@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 THIRD = 1.0 / 3.0
-NEAR = 200.0  # Pa: a change up to which the balance is a straight line, so that Newton's method needs no further turn
-CLOSE = 1e-3  # Pa: a change of the chamber's pressure below which nothing moves
-LEVEL = 1.0  # Pa: a rise in a step below which the next is not expected to go on
-LOWEST = -1e4  # Pa: how far the integration may go below the tank's pressure
+NEAR = 200.0  # Pa: change up to which the balance is linear enough for Newton's method to stop
+CLOSE = 1e-3  # Pa: change of the chamber's pressure in a step below which it counts as constant
+LEVEL = 1.0  # Pa: rise in a step below which no further rise is expected in the next step
+LOWEST = -1e4  # Pa: lowest pressure in the integration, below that of the tank
 NO_PRESSURE = 10e3  # Pa: below it the line runs empty
-NOTHING = 0.1  # Pa: pressure that a drained line has no longer; it would need minutes to lose it to the last bit
-STIFF = 9.0  # how often a pack holds up to what damps the piston in half a step; a swing then loses a fifth in each
+NOTHING = 0.1  # Pa: pressure below which a drained line counts as without pressure; the decay to exactly 0 would take minutes
+STIFF = 9.0  # pack's stiffness times half a step over the piston's damping; an oscillation then falls by a fifth per step
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class Cylinder(PackFriction):
     )
     spring_preload: float = param("force", 0.0, 1e5, "Force of the return springs on the released piston")
     spring_rate: float = param("stiffness", 1e2, 1e9, "Stiffness of the return springs")
-    clearance: float = param("length", 1e-5, 5e-2, "Way of the piston from its stop to the kiss point, of a pack that is new")
+    clearance: float = param("length", 1e-5, 5e-2, "Travel of the piston from its stop to the kiss point, with a new pack")
     pack_rate: float = param(
         "stiffness", 1e3, 1e10, "Stiffness of the pack at the kiss point, where only the waves of the steel plates carry"
     )
-    pack_travel: float = param("length", 1e-5, 1e-2, "Way of the piston beyond the kiss point at which the pack lies flat")
+    pack_travel: float = param("length", 1e-5, 1e-2, "Travel of the piston beyond the kiss point at which the pack is flat")
     seal_friction: float = param("force", 0.0, 1e4, "Friction of the piston's seals without pressure")
     seal_friction_share: float = param(
         "ratio", 0.0, 0.5, "Friction of the seals as a share of the pressure's force, in addition to that without pressure"
@@ -60,15 +60,11 @@ class Cylinder(PackFriction):
         "length",
         0.0,
         1.0,
-        "Root of the mean square radius of the chamber's oil on the piston; 0 leaves out what turning does to it",
+        "Root of the mean square radius of the chamber's oil on the piston; 0 leaves out the effect of rotation",
         0.0,
     )
     drained_volume: float = param(
-        "volume",
-        0.0,
-        1e-2,
-        "Volume of the line that runs empty while nothing presses the oil, and is filled first; 0 for none",
-        0.0,
+        "volume", 0.0, 1e-2, "Volume of the line that runs empty while it has no pressure, and is filled first; 0 for none", 0.0
     )
     drain_time: float = param("time", 1e-3, 1e4, "Time constant with which the line runs empty", 1.0)
 
@@ -100,9 +96,9 @@ def pack_force(piston: float, clutch: Record) -> tuple[float, float]:
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def is_stiff(piston: float, half: float, damping: float, clutch: Record) -> bool:
-    """Return whether the pack holds up the piston so much that the trapezoidal rule would let its speed swing.
+    """Return whether the pack is so stiff that the piston's speed would oscillate with the trapezoidal rule.
 
-    The slope of :func:`pack_force` is compared without a division, because every step asks.
+    The slope of :func:`pack_force` is compared without a division, because this is computed in every step.
 
     Parameters
     ----------
@@ -132,9 +128,9 @@ def is_stiff(piston: float, half: float, damping: float, clutch: Record) -> bool
 def piston_step(piston: float, pressure: float, spin: float, h: float, damping: float, clutch: Record) -> tuple[float, float]:
     """Return (piston position after h, its derivative by pressure) by an implicit step of the massless, damped piston.
 
-    The balance is push = springs + pack + damping v + seal friction; the seals hold the piston while the rest is smaller than their
-    friction. The push is area times p and a square term, which the laboratory's force over pressure has (Annex D), and the force of
-    the oil that turns with the chamber.
+    The balance is push = springs + pack + damping v + seal friction; the seals hold the piston while the sum of the other forces is
+    smaller than their friction. The push is area times p and a square term, which the laboratory's force over pressure has (Annex
+    D), and the force of the oil that turns with the chamber.
 
     Parameters
     ----------
@@ -184,7 +180,7 @@ def piston_step(piston: float, pressure: float, spin: float, h: float, damping: 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def oil_stiffness(h: float, oil: Record, clutch: Record) -> tuple[float, float, float]:
-    """Return what the volumes and the feed are to steps of h.
+    """Return the values of the volumes and the feed for steps of h.
 
     Parameters
     ----------
@@ -248,15 +244,15 @@ def balance(
     valve: Record,
     clutch: Record,
 ) -> tuple[float, float, float, float, float, float, float, float]:
-    """Return what a chamber pressure p leads to, for :func:`cylinder_step`.
+    """Return the states that follow from a chamber pressure p, for :func:`cylinder_step`.
 
     Parameters
     ----------
     p : float
         Chamber pressure at the step's end [Pa].
     start, half, per_half : float
-        Position from which the piston is moved by an implicit step [m], the length of this step [s], and one over the time in
-        which the piston goes this way [1/s].
+        Position from which the piston is moved by an implicit step [m], the length of this step [s], and the reciprocal of the time
+        in which the piston makes this travel [1/s].
     line_before, stiff_line, chamber_before, stiff_chamber : float
         Pressures from which the compression of line and chamber counts [Pa], and flows per pressure [m3/(s Pa)].
     laminar_drop : float
@@ -269,8 +265,8 @@ def balance(
     Returns
     -------
     tuple of float
-        Line pressure [Pa], piston position [m] and valve flow [m3/s], the change of each by p, excess of the line's volume flow
-        [m3/s], and the chamber pressure at which Newton's method expects none [Pa].
+        Line pressure [Pa], piston position [m] and valve flow [m3/s], the derivative of each by p, excess of the line's volume flow
+        [m3/s], and the chamber pressure at which Newton's method expects no excess [Pa].
     """
     x, dx = piston_step(start, p, spin, half, damping, clutch)
     feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * (x - start) * per_half
@@ -301,10 +297,11 @@ def cylinder_step(
     """Take one implicit step of line, feed orifice, chamber and piston, whose states are in ``port`` and ``cylinder``.
 
     The step is of second order: the compression of the oil by backward differences over two steps, which damp a stiff volume as a
-    backward step does, and the way of the piston by the trapezoidal rule, or by a backward step on a stiff pack. The chamber
+    backward step does, and the travel of the piston by the trapezoidal rule, or by a backward step on a stiff pack. The chamber
     pressure is the only unknown: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's
-    volume is a monotone function of it, which is solved by Newton's method inside a shrinking bracket. It begins where the last
-    step's rise would lead, and ends with a step so small that all values follow it along their slopes; most steps need one turn.
+    volume is a monotone function of it, which is solved by Newton's method inside a shrinking bracket. It starts from the pressure
+    that continues the rise of the last step, and ends with a correction so small that all values follow linearly; most steps need
+    one iteration.
 
     Parameters
     ----------
@@ -338,8 +335,8 @@ def cylinder_step(
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
     chamber_before = cylinder.chamber + cylinder.chamber_rise * THIRD
     line_before = port.port + port.rise * THIRD
-    # a pressure that fell this fast and then stopped would go below the tank's pressure by the difference over the last step
-    # alone: there a backward step is taken, with which no volume gets below the tank, as nothing draws from it
+    # after a fast fall of the pressure that ends in this step, the difference over two steps would give a pressure below the
+    # tank's. There a backward step is taken, with which no pressure falls below the tank's, as nothing draws oil from the volumes
     if line_before < LOWEST:
         line_before, stiff_line = port.port, clutch.full_line
     if chamber_before < LOWEST:
@@ -349,12 +346,12 @@ def cylinder_step(
     p = max(cylinder.chamber + rise, low)
     half, per_half = 0.5 * h, 2.0 / h
     start = max(0.0, cylinder.piston + half * cylinder.speed)
-    # by the trapezoidal rule the speed of a piston on a stiff pack swings from step to step: there a backward step is taken
+    # with the trapezoidal rule the speed of a piston on a stiff pack oscillates from step to step: there a backward step is taken
     if is_stiff(cylinder.piston, half, damping, clutch):
         half, per_half, start = h, 0.5 * per_half, cylinder.piston
     laminar_drop, laminar = viscosity * clutch.feed_resistance, clutch.laminar * viscosity * viscosity
-    # At most times the first turn is the only one. It is written before the loop, because the compiler computes in every step
-    # what stays the same in a loop's turns
+    # In most steps there is one iteration only. It is written before the loop, because the compiler moves expressions that do not
+    # change in the loop before it, where they would be computed in every step
     line, x, flow, dline, dx, dflow, miss, new = balance(
         p,
         start,
@@ -416,9 +413,9 @@ def cylinder_step(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def at_rest(cylinder: Record, port: Record, state: Record, h: float, damping: float, spin: float, clutch: Record) -> bool:
-    """Return whether the last step has moved nothing, and nothing moves in this one; a step would only repeat the state.
+    """Return whether the last step has changed no state and this step would not either.
 
-    So it is at most times: a cylinder is empty, or its valve holds the pressure with both edges closed. The parameters are those
+    This is so in most steps: a cylinder is empty, or its valve holds the pressure with both edges closed. The parameters are those
     of :func:`cylinder_step`.
     """
     if state.share < 0.0 and state.cut == 0.0 and cylinder.piston == 0.0 and max(abs(port.port), abs(cylinder.chamber)) < NOTHING:
@@ -434,7 +431,7 @@ def at_rest(cylinder: Record, port: Record, state: Record, h: float, damping: fl
 def emptied(empty: float, pressure: float, fills: bool, clutch: Record) -> float:
     """Return the empty part of the line [m3] after a step, in which the valve fills it or does not.
 
-    A line whose oil nothing presses runs empty through the drained valve and the gaps of the rotary feed.
+    A line without pressure runs empty through the drained valve and the gaps of the rotary feed.
     """
     if fills or pressure > NO_PRESSURE:
         return empty

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks what a description of a driveline is given: numbers where numbers belong, names where names belong.
+"""Checks the types of the arguments of a driveline's description.
 
-Used by plant.driveline for all its public methods at once; the annotations of their parameters say what each takes.
+Used by plant.driveline for all its public methods at once; the annotations of their parameters state the types.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Described = TypeVar("Described")
 
 
 def checks_arguments(cls: type[Described]) -> type[Described]:
-    """Let the public methods of a class refuse arguments of another kind than their annotations name, with RigError."""
+    """Make the public methods of a class raise RigError for arguments of another type than their annotations state."""
     for name, method in list(vars(cls).items()):
         if not name.startswith("_") and inspect.isfunction(method):
             setattr(cls, name, _checked(method))
@@ -29,7 +29,7 @@ def checks_arguments(cls: type[Described]) -> type[Described]:
 
 
 def is_number(value: object) -> bool:
-    """True for one real number of Python or numpy; a truth value is none."""
+    """True for one real number of Python or numpy; False for a truth value."""
     return not isinstance(value, str) and np.ndim(np.asarray(value, object)) == 0 and np.asarray(value).dtype.kind in "iuf"
 
 
@@ -38,7 +38,7 @@ def is_pair(value: object) -> bool:
     return isinstance(value, Sequence) and len(value) == 2 and all(map(is_number, value))
 
 
-# annotation -> what it lets pass, in words, and the test; others are checked where they are used
+# annotation -> the accepted values in words, and their test; arguments with other annotations are checked where they are used
 KINDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "float": ("a number", is_number),
     "str": ("a name", lambda value: isinstance(value, str) and value != ""),

@@ -65,8 +65,8 @@ class State:
 class Mesh:
     """A gear mesh with losses, or a planetary set with losses.
 
-    The loss is `share` times the torque that passes in less `before` times the loss itself. This is one straight line for both
-    directions of power.
+    The loss is `share` times (torque into the mesh - `before` times the loss). This is one straight line for both directions of
+    power.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ class System:
 
 
 def check_built(system: object) -> None:
-    """RigError for what is no built driveline, most likely the description itself."""
+    """Raise a RigError for anything but a built driveline; most likely it is the description itself."""
     if not isinstance(system, System):
         raise RigError(f"driveline: a {type(system).__name__} cannot be run; a description becomes a System by its build()")
 
@@ -309,9 +309,9 @@ class Driveline:
         efficiency : float
             Share of the power from a that reaches b, above 0 and at most 1.
         back : float, optional
-            Share of the power from b that reaches a; without it the same as `efficiency`. At 0 the mesh just holds itself against b
-            (self-locking). Below 0 it holds with force to spare, and may jam when b drives it at speed: an impulse then stops it.
-            2 - 1 / efficiency means the same friction between the teeth in both directions.
+            Share of the power from b that reaches a; without it the same as `efficiency`. At 0 the mesh is at the limit of
+            self-locking against b. Below 0 it locks itself with a margin, and may jam when b drives it while it turns: an impulse
+            then stops it. 2 - 1 / efficiency means the same friction between the teeth in both directions.
 
         Raises
         ------
@@ -333,9 +333,9 @@ class Driveline:
         """Add a planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis).
 
         One of the three members may be the ground. The planets have no inertia of their own. With an efficiency its teeth lose
-        power: the product of sun's torque and speed less the carrier's is what passes through the teeth, in either direction
-        (Müller, Die Umlaufgetriebe, 1998). Its loss is then the friction element "`name` loss", and all members that turn need
-        inertia, either their own or that of bodies tied to them.
+        power: the power through the teeth, in either direction, is the sun's torque times the speed of the sun relative to the
+        carrier (Müller, Die Umlaufgetriebe, 1998). Its loss is then the friction element "`name` loss", and all members that turn
+        need inertia, either their own or that of bodies tied to them.
 
         Parameters
         ----------
@@ -843,8 +843,8 @@ class Driveline:
     def _mesh_rows(self) -> dict[str, dict[str, float]]:
         """Return the coefficients of the two friction elements of each mesh and planetary set with losses, by name.
 
-        One is a clutch that never slips. The other brakes the side that is driven from a, b or the ring, with its slip scaled to
-        the speed of a or the sun, so that its torque is that at a. In a set all speeds are those against the carrier.
+        One is a clutch that never slips. The other one brakes the output side of power from a, which is b or the ring; its slip is
+        scaled to the speed of a or the sun, so that its torque is that at a. In a set all speeds are relative to the carrier.
         """
         out = {}
         for name, (a, b, ratio, *_) in self._meshes.items():
@@ -860,9 +860,9 @@ class Driveline:
     def _mesh_of(self, name: str, elements: tuple[str, ...]) -> Mesh:
         """Return the mesh with the coefficients of its loss.
 
-        The loss is (1 - efficiency) x of a power x from a, and (1 - back) x of a power x from b. With a torque t into the mesh at
-        a, and t less the loss out of it, both are `share` times |t - before * loss|, because t is greater than before * loss
-        where a drives and smaller where b drives.
+        Of a power x from a, (1 - efficiency) x is lost, and of a power x from b, (1 - back) x. With a torque t into the mesh at a,
+        and t - loss out of it, both losses are `share` times |t - before * loss|, because t is greater than before * loss where a
+        drives and smaller where b drives.
         """
         there, back = (self._meshes.get(name) or self._lossy_sets[name])[-2:]
         ahead, behind = _losses(there, back)
@@ -931,7 +931,7 @@ class Driveline:
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
 
     def _left_free(self, held: npt.NDArray[np.bool_], w: Floats) -> None:
-        """RigError for what would have to hold speeds that motions prescribe: the speeds `held` (n,), the slips `w` (m, n)."""
+        """Raise a RigError for elements that could hold the prescribed speeds `held` (n,); `w` (m, n) are the slips."""
         elements = self._elements | self._mesh_elements()
         rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes or name in self._lossy_sets]
         if rank(w[np.ix_(rigid, ~held)]) < rank(w[rigid]):

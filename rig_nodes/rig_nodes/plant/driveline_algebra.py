@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
     from rig_nodes.arrays import Floats, Ints
 
-# Modes of a friction element. LOCKED_* carry their stick limit while other locked elements hold them
-# (statically indeterminate share); they stand still like STUCK. abs(mode) >= 2 means no slip.
+# Modes of a friction element. LOCKED_* carry their stick limit while other locked elements prevent their slip (a statically
+# indeterminate system); they do not slip, like STUCK. abs(mode) >= 2 means no slip.
 OPEN, FORWARD, BACKWARD, STUCK, LOCKED_HIGH, LOCKED_LOW = 0, 1, -1, 2, 3, -3
 
-# Kinds of event. CLOSE: open element got capacity while slipping; FREE: capacity is gone.
+# Kinds of event. CLOSE: an open element gets capacity while it slips; FREE: an element loses all capacity.
 LOCK, BREAK, CROSS, FREE, CLOSE = 1, 2, 3, 4, 5
 
 # Rows of `cap`, `el`, `shaft`, `kc`, `q`; places in `count`.
@@ -40,7 +40,7 @@ RANK = 1e-10  # relative size below which a constraint counts as dependent on th
 UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
 CLEAR = 1e-9  # share of a torque by which an element at its limit must be overloaded for its mode to be certain
 HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
-WEAK = 1e10 * HELD  # below this an element has no free speed that it could hold
+WEAK = 1e10 * HELD  # below this no free speed takes part in the slip of an element
 REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
 # work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, [4]: see FIRST
 HEAD = 5
@@ -186,10 +186,10 @@ def has_capacity(cap: Floats, f: int) -> bool:
 
 @njit(**INLINED)
 def if_stuck(f: int, state: Ints | Floats, first: int, torque: Floats, begin: int, w: Floats, orr: int, work: Floats) -> float:
-    """Return the torque [Nm] that a locked element f, which bears its limit, would bear if it stuck like those that hold it.
+    """Return the torque [Nm] that a locked element f, which carries its limit, would carry if it were STUCK.
 
-    Stuck elements share a torque by least norm, as R has it. The modes stand in ``state`` from ``first`` on, the torques of the
-    stuck elements in ``torque`` from ``begin`` on, and R in the work buffer at ``orr``.
+    Stuck elements share a torque by least norm, as in R. The modes are in ``state`` from ``first`` on, the torques of the stuck
+    elements in ``torque`` from ``begin`` on, and R in the work buffer at ``orr``.
     """
     m, n = w.shape
     total = 0.0
@@ -204,7 +204,7 @@ def if_stuck(f: int, state: Ints | Floats, first: int, torque: Floats, begin: in
 
 @njit(**INLINED)
 def beyond(limit: float, mode: float, torque: float) -> float:
-    """Return how far a torque is beyond the limit that a locked element of this mode bears, less what makes it certain [Nm]."""
+    """Return how far a torque exceeds the limit that a locked element of this mode carries, less a margin for rounding [Nm]."""
     return (torque - limit if mode == LOCKED_HIGH else limit - torque) - CLEAR * (1.0 + abs(torque))
 
 
@@ -266,8 +266,8 @@ def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> 
 def refuse(minv: Floats, w: Floats, ost: int, work: Floats, nc: int) -> None:
     """Add to R the torques of nc stuck elements that cannot all stick while prescribed speeds change.
 
-    What no free speed can bring about of the slips' accelerations is a slip against which these elements show a torque far above
-    any capacity (REFUSED), so that one of them breaks away. `pseudo_inverse` has just left its eigenvectors.
+    Where no free speed can compensate an acceleration of the slips, the torque of these elements against it is set far above any
+    capacity (REFUSED), so that one of them breaks away. It uses the eigenvectors that `pseudo_inverse` has just computed.
     """
     noinline()
     m, n = w.shape
@@ -359,7 +359,7 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
 def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
     """Return whether :func:`implicit` has to compute H again: other stuck elements, another step, or too large a change of drag.
 
-    Plates that turn in oil warm it, so their drag changes a little in every step, by far less than affects a step.
+    Plates that turn in oil heat it, so their drag changes a little in every step; this is too little to affect a step.
     """
     gone = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
     m = cap.shape[1]

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of a step for shafts whose stiffness changes: they end at its bends, where a contact begins or ends, and resolve it.
+"""Divides a step at the bends of a shaft's characteristic, where a contact begins or ends, and so that contacts are resolved.
 
-Used by plant/driveline_laws.py. The mean of a characteristic over a way has the right energy but puts the force of a contact into
-the whole step; with the bend at the end of a part it acts from the contact on. In contact the period of the trapezoidal rule is too
-long by the share (angular frequency times step)^2 / 12, which adds up from contact to contact.
+Used by plant/driveline_laws.py. The mean of a characteristic over a twist has the right energy but spreads the force of a contact
+over the whole step; with the bend at the end of a part the force acts from the contact on. In contact the period of the trapezoidal
+rule is too long by the share (angular frequency times step)^2 / 12, which adds up from contact to contact.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from rig_nodes.compiled import INNER, njit
 from rig_nodes.plant.driveline_algebra import noinline
 from rig_nodes.plant.driveline_tables import Tables, line, piece
 
-SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less is left to the mean over the way
-RESOLVED = 0.0015  # rad: a part of a step is at most this part of the oscillation of a shaft whose stiffness changes
-PARTS = 128  # that many parts at most in a step
-NEAR = 1e-4  # share of a way within which a bend counts as at its beginning or end
+SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less does not divide the step
+RESOLVED = 0.0015  # rad: most phase of the oscillation of a shaft with changing stiffness that a part of a step covers
+PARTS = 128  # most parts of a step
+NEAR = 1e-4  # share of a change of twist within which a bend counts as at its beginning or end
 
 
 @njit(**INNER)
@@ -38,7 +38,7 @@ def time_of(x: float, first: float, last: float, d: float, to: float) -> float:
         return d
     t = 2.0 * way / low if first >= 0.0 else -2.0 * way / low
     if t <= 0.0 and half != 0.0:
-        # it turns round first
+        # the rate changes its sign first
         t = -first / half - t
     return t if 0.0 < t < d else d
 
@@ -56,7 +56,7 @@ def bend_inside(
     gap, damping : float
         Half its backlash [rad] and its damping in contact [Nm s/rad].
     x, dx : float
-        Twist at the start, and its way [rad].
+        Twist at the start, and its change [rad].
     first, last : float
         Rate of the twist at both ends [rad/s].
     d : float
@@ -114,7 +114,7 @@ def longest_part(tables: Tables, k: int, x: float, rate: float, stiffness: float
     Returns
     -------
     float
-        The length [s]; infinite where the shaft is free, or straight with two points: that is a shaft like one without a table.
+        The length [s]; infinite where the shaft is in its gap, or where its table has two points only and so no bend.
     """
     noinline()
     if tables.first[k + 1] - tables.first[k] == 2:

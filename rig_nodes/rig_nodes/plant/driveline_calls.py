@@ -3,9 +3,9 @@
 
 """Calls of the driveline's compiled steps by their address, so that each is compiled once for all its callers.
 
-Used by plant/driveline_laws.py, plant/driveline_run.py and engine/general_step.py. The compiler copies all that a function
-calls into its machine code and optimises it again; with the bare step inside five callers this was most of the time to compile
-them. The arrays may have any sizes, so that the machine code does not depend on a rig.
+Used by plant/driveline_laws.py, plant/driveline_run.py and engine/general_step.py. The compiler copies all functions that a
+function calls into its machine code and optimises them again; with the bare step inside five callers this took most of the time to
+compile them. The arrays may have any sizes, so that the machine code does not depend on a rig.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from rig_nodes.compiled import Compiled
 
-# arguments of the bare step after the times: name -> dimensions; some are arrays of whole numbers
+# arrays that the bare step takes after h and t: name -> number of dimensions; some are arrays of whole numbers
 ARGUMENTS = {
     "minv": 2,
     "w": 2,
@@ -55,7 +55,7 @@ def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple
     arguments : dict of str to int
         Number of dimensions of each array by its name.
     whole : tuple of str
-        Names of arrays of whole numbers, beside mode and count.
+        Names of arrays of whole numbers, in addition to mode and count.
 
     Returns
     -------

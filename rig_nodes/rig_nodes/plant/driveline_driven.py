@@ -61,11 +61,11 @@ LAWS = {
     "ends": 2,
     "period": 1,
 }
-# the state of the laws, the work of the parts' torques on bodies, and accelerations at the step's end:
+# then the state of the laws, the work of the parts' torques on bodies, and the accelerations at the step's end:
 KEPT = {"at": 1, "law_torque": 1, "spring": 1, "way": 1, "law_work": 1, "part_work": 1, "accel": 1}
-# and those of the inputs: kind, place and row of the speeds of each; their points; the stick limits of the elements over their
-# capacity; the defaults of the laws' inputs; the mass matrix; torques and capacities at the end of the last step, and whether there
-# was one
+# and those of the inputs: kind, place and row of the speeds of each; their points; the ratios of stick limit to capacity of the
+# elements; the defaults of the laws' inputs; the mass matrix; torques and capacities at the end of the last step, and whether there
+# was a step before
 INPUTS = {
     "given_kind": 1,
     "given_place": 1,

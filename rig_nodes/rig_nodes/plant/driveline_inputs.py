@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 Signal = float | Callable[[float], float] | tuple[Sequence[float], Sequence[float]]
 
 SAME = 1e-6  # share of a step: times that are closer than this count as one
-_FEW = 100  # a table with at most so many points ends a step at each of them, whatever the step
-_SPARSE = 10  # steps per point from which on a longer table ends a step at each of its points
+_FEW = 100  # a table with at most this many points ends a step at each of them, whatever the step's length
+_SPARSE = 10  # least number of steps per point with which a longer table ends a step at each of its points
 
 
 class _Number:
@@ -69,7 +69,8 @@ class _Function:
 class _Table:
     """A table that is linear between its points and has its first and last value beyond them; a jump has its time twice.
 
-    A step ends at every point, unless points are as close as steps: then each step takes the mean of the table over it.
+    A step ends at every point, unless the points are as close as the steps: then each step takes the mean of the table over its
+    length.
     """
 
     def __init__(self, name: str, table: tuple[Sequence[float], Sequence[float]], step: float) -> None:

@@ -52,9 +52,9 @@ from rig_nodes.plant.driveline_losses import FACTOR, LAST, NEXT, ON, SHARE, WEIG
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
 
-MOST_SETS = 3**6  # tried one by one where the pivots do not end: six elements that stick or slip either way
+MOST_SETS = 3**6  # most sets that are tried one by one where the pivots do not end: six elements, each with three modes
 SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
-JAMMED = -1.0  # mark of an element that sticks beyond its limit, and at work[FIRST] of a step in which an impulse has acted
+JAMMED = -1.0  # marks an element that sticks beyond its limit, and, in work[FIRST], a step in which an impulse has acted
 
 
 # int() around a constant argument or start value: a literal would make numba compile the callee once more
@@ -79,9 +79,9 @@ def note(t: float, f: int, kind: int, v: Floats, twist: Floats, events: Floats, 
 
 @njit(**INNER)
 def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
-    """Return whether the elements that are stuck now also hold element f, so that its slip cannot accelerate.
+    """Return whether the elements that are stuck now prevent element f from slipping, so that its slip cannot accelerate.
 
-    A prescribed speed accelerates it where they do not hold it against that.
+    The acceleration by prescribed speeds counts as well.
     """
     n = w.shape[1]
     held = 0.0
@@ -106,7 +106,7 @@ def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
 
 @njit(**INNER)
 def hold(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
-    """Call `project` for the set of stuck elements at ost, unless P and R are those of this set already."""
+    """Call `project` for the set of stuck elements at ost, unless P and R belong to this set already."""
     pattern, bit = 1.0, 1.0
     for f in range(w.shape[0]):
         if work[ost + f] == STUCK:
@@ -118,7 +118,7 @@ def hold(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
 
 @njit(**INNER)
 def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None:
-    """Count as heat the energy that is lost where stuck elements remove more slip than rounding, after a capped step.
+    """After a capped step, count as heat the energy that is lost where stuck elements remove more slip than that of rounding.
 
     An impulse p = G^+ slip takes p slip / 2 from each of them.
     """
@@ -140,7 +140,7 @@ def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None
 
 @njit(**INLINED)
 def limited(f: int, cap: Floats, ocand: int, work: Floats) -> bool:
-    """Return whether an element of which it is open whether it sticks can slip in at least one direction."""
+    """Return whether an undecided element (a candidate) can slip in at least one direction."""
     return work[ocand + f] != 0.0 and not (cap[HI0, f] == np.inf and cap[LO0, f] == -np.inf)
 
 
@@ -148,10 +148,10 @@ def limited(f: int, cap: Floats, ocand: int, work: Floats) -> bool:
 def jammed(minv: Floats, w: Floats, loss: Floats, state: int, op: int, fall: int, work: Floats) -> int:
     """Return the element that jams where the losses have no solution, or -1 where no loss is steep enough for that.
 
-    A loss that grows by at least as much as it takes from the torque on which it depends leaves no torque at which its mesh can go
-    on. A mesh whose speed motions prescribe through what is stuck does not jam, because these go on whatever the torque. The modes
-    stand in the work buffer at ``state``, P of the stuck elements at ``op``, and the decrease of each torque by each loss at
-    ``fall``.
+    Where a loss grows by at least as much as it reduces the torque on which it depends, there is no torque at which its mesh can go
+    on turning. A mesh whose speed a motion prescribes, directly or through stuck elements, does not jam, because the motion goes on
+    whatever the torque. The work buffer has the modes at ``state``, P of the stuck elements at ``op``, and the decrease of each
+    torque by each loss at ``fall``.
     """
     noinline()
     count, n = loss.shape[0], w.shape[1]
@@ -196,8 +196,8 @@ def stop(
     """Stop at once the element ``on`` of a mesh that jams, and return the number of events.
 
     No finite torque satisfies the law of friction there, so an impulse stops it (Genot and Brogliato, New results on Painleve
-    paradoxes, European Journal of Mechanics A 18, 1999). Whatever has no limit of torque passes the impulse on, everything else
-    slips in it. An impulse p = G^+ slip takes p slip / 2 of energy from each element.
+    paradoxes, European Journal of Mechanics A 18, 1999). Elements without a limit of torque pass the impulse on, all others slip.
+    An impulse p = G^+ slip removes an energy of p slip / 2 at each element.
     """
     noinline()
     m, n = w.shape
@@ -268,18 +268,19 @@ def resolve(
 ) -> int:
     """Decide jointly, at acceleration level, which of the zero-slip elements (flagged as candidates) stick and which slip.
 
-    It starts with all of them stuck and releases the worst violator, one by one, in the direction in which it is overloaded. A
-    released element that would move against its friction sticks again, from then on within its kinetic torque (which makes the rest
-    a box-constrained convex problem). After 3 m pivots the lowest index goes first (Murty's rule, which cannot cycle unless a limit
-    grows with a torque). After 12 m, where there are losses, all sets are tried one after the other if they are at most MOST_SETS;
-    where none of them holds, the last set of the pivots is kept and the step counts as capped. An overloaded element that others
-    hold keeps its limit torque instead of slipping. Losses that grow with a torque are solved again for every set that is tried.
-    Where they have no solution a mesh jams: one that stands still sticks whatever its torque, and for one that turns this returns
-    -1 less the element that :func:`stop` must stop first, and decides nothing. It does the same where no set holds and a mesh that
-    turns is steep enough to jam in one of them: an element that can neither stick nor slip beside it lets its loss run away.
+    It starts with all of them stuck. Each pivot releases the most overloaded element in the direction of its overload. A released
+    element that would move against its friction sticks again; from then on its limit is its kinetic torque, which makes the
+    remaining problem convex with box constraints. After 3 m pivots the lowest index is taken first (Murty's rule, which cannot
+    cycle unless a limit grows with a torque). After 12 m pivots, where there are losses, all sets are tried in turn if there are at
+    most MOST_SETS; if none of them is consistent, the last set of the pivots is kept and the step counts as capped. An overloaded
+    element whose slip others prevent keeps its limit torque instead of slipping.
 
-    Where nothing has happened but that an element bears its limit, the present modes are tried before all others: they stay when
-    all that stick are within their limits and that element would be beyond its own if it stuck.
+    Losses that grow with a torque are solved again for every set that is tried. Where they have no solution, a mesh jams. A mesh at
+    rest then sticks whatever its torque. For a mesh that turns, the function decides nothing and returns -1 - f with the number f
+    of the element that :func:`stop` must stop first. It returns the same where no set is consistent and the loss of a mesh that
+    turns is steep enough to jam in one of the sets. Where the only change is that an element carries its limit, the present modes
+    are tried first: they stay when all stuck elements are within their limits and that element would exceed its own limit if it
+    stuck.
     """
     noinline()
     n = minv.shape[0]
@@ -310,7 +311,7 @@ def resolve(
         work[oonce + f] = 0.0
         work[ost + f] = STUCK if work[ocand + f] != 0.0 and not kept else mode[f]
     done = solved = False
-    steep = int(-1)  # a mesh that turns and could jam in one of the sets
+    steep = int(-1)  # number of a mesh that turns and could jam in one of the sets
     pivots = 12 * m + 4
     sets = 1 if losses > 0 else 0
     for f in range(m):
@@ -339,7 +340,7 @@ def resolve(
                 if held and state == 1.0:
                     work[ost + f] *= 3.0
                 elif not held and state == 3.0:
-                    # a held element whose holders have released it slips in the direction in which it was loaded
+                    # an element whose slip is no longer prevented by others slips in the direction in which it was loaded
                     work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
                     changed = True
         put_losses(loss, cap, int(0), int(-1))
@@ -482,7 +483,7 @@ def resolve(
                 against = -accel * state
                 close = 1e-11 * (1.0 + size)
                 if least and losses > 0:
-                    # no more than what the error of the losses accelerates: two choices may be equal but for that
+                    # the acceleration by the error of the losses is the tolerance: two choices may differ by no more than that
                     for i in range(n):
                         for j in range(n):
                             close += 1e-9 * (1.0 + kin) * w[f, i] * minv[i, j] * w[f, j]

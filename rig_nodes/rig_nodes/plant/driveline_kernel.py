@@ -52,8 +52,8 @@ from rig_nodes.plant.driveline_losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
 
-JAM = 1e-3  # share of a step to which the moment is known at which a mesh jams
-UNDECIDED = 3  # per step: a decision that is not reached costs as much as a hundred that are reached
+JAM = 1e-3  # share of a step: accuracy of the time at which a mesh jams
+UNDECIDED = 3  # most failed decisions in a step; one of them takes as much time as a hundred successful ones
 
 
 @njit(**INNER)
@@ -75,7 +75,7 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
         t = 2.0 * y0 / den
         return t if t <= d else (d if y1 <= 0.0 else np.inf)
     if y0 < -tol:
-        # an unfinished root: acceptable while the slip moves to the right side
+        # a root of the last sub-step at which rounding leaves a rest: accepted while the slip moves to the right side
         return 0.0 if b < 0.0 else np.inf
     low = y1 - y0
     if a > 0.0 and b < 0.0 and -b < 2.0 * a * d:
@@ -289,7 +289,7 @@ def driveline_step(
                     made += 1
             elif mo * slip < -tol:
                 if mo * slip < -1e-6 * (1.0 + vmax):
-                    # left by a capped step, or the caller has set another speed
+                    # a capped step has left this mode, or the caller has set another speed
                     mode[f] = -mo
                     note(t, f, int(CROSS), v, twist, events, count)
                     made += 1
@@ -319,7 +319,7 @@ def driveline_step(
                         slip += w[f, j] * v[j]
                     if abs(slip) <= tol:
                         work[ocand + f] = 1.0
-            # a joint decision that did not hold is one between equal choices: decide it with the inputs of a little later
+            # a joint decision that was reversed at once is one between equal choices: decide it with the inputs of a little later
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
             decided = resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
@@ -491,7 +491,7 @@ def driveline_step(
                         speeding += w[f, j] * work[oa + j]
                     if f == hit:
                         gap = y1
-                        # the time lies beyond the end of the step where this end comes before the root
+                        # if the sub-step ends before the root, this time lies beyond that end
                         fall = 2.0 * (y1 - y0) / d - mo * speeding
                         if y1 <= 0.0:
                             again = first_down(y0, mo * speeding, y1, d, tol)
@@ -539,7 +539,7 @@ def driveline_step(
                     break
                 d = first
             else:
-                # linear problems have met the root; with drag, shafts or losses the shortened step does not end exactly there
+                # in a linear problem the shortened step ends at the root; with drag, shafts or losses it does not end exactly there
                 tries += 1
                 if (work[3] == 0.0 and loss.shape[0] == 0) or tries > 60:
                     break
@@ -560,7 +560,7 @@ def driveline_step(
                 else:
                     above = d
                 if above - below <= 1e-15 * h:
-                    # a touch of zero that occurred only in the longer step
+                    # the slip reached zero only in the longer sub-step
                     missed = gap > 1e-9 * (1.0 + vmax)
                     break
                 d = again if below < again < above else 0.5 * (below + above)
@@ -581,7 +581,7 @@ def driveline_step(
                 if mode[f] == STUCK:
                     stuck = True
                 elif mode[f] != OPEN:
-                    el[E_FRIC, f] += d * lam * slip  # for a locked element that others hold this is of rounding size
+                    el[E_FRIC, f] += d * lam * slip  # of rounding size for a locked element
                 el[E_VISC, f] += d * cap[VISC, f] * slip * slip
             for j in range(n):
                 force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))

@@ -1,12 +1,13 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever in a driveline depends on its own motion: torques, capacities, friction, shafts, prescribed motion, inertias.
+"""Elements of a driveline that depend on its motion: torques, capacities, friction, shafts, prescribed motion, inertias.
 
-It replaces the bare step for a description that has any of these: in plant/driveline_run.py, and in plant/driveline_driven.py
-for the engine of a rig. In a step each law is the straight line that has the mean of the law over the way of the step, and its
-slope is in the implicit matrix of plant/driveline_kernel.py. The way is not known in advance: the step is repeated until its way
-is the one for which the lines were made, which in most steps is so at once. Where repeating does not help the step is halved.
+Its step replaces the bare step for a description that has such elements: in plant/driveline_run.py, and in
+plant/driveline_driven.py for the engine of a rig. Each of them is a law: a table over an angle or a speed, its argument. In a step
+a law is replaced by the straight line with the law's mean over the change of its argument, and the slope of this line is in the
+implicit matrix of plant/driveline_kernel.py. The change is not known in advance: the step is repeated until the change equals the
+one for which the lines were made, which in most steps is so at once. Where repeating does not help, the step is halved.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
-CLOSE = 1e-11  # relative error of torques with which the lines of a step may differ from those that its way demands
+CLOSE = 1e-11  # relative tolerance of torques between the lines of a step and those for its final change of the arguments
 TRIES, HALVINGS, FAILURES = 30, 12, 16
 
 
@@ -135,7 +136,7 @@ class LawState(NamedTuple):
     spring : (springs,) array of float
         Torque of each spring with friction [Nm].
     way : (laws,) array of float
-        Way of the last step.
+        Change of each position in the last step.
     work : (1,) array of float
         Work from outside that the work on the speeds does not include [J].
     """
@@ -184,7 +185,7 @@ def law_state(laws: Sequence[Law]) -> LawState:
 
 @njit(**INNER)
 def spring_with_friction(stiffness: float, limit: float, torque: float, dx: float) -> tuple[float, float]:
-    """Return (slope of the straight line from a torque that has the mean over the way dx, torque at its end)."""
+    """Return (slope of the straight line from a torque with the spring's mean over a twist dx, torque after that twist)."""
     noinline()
     way = dx if dx >= 0.0 else -dx
     towards = torque if dx >= 0.0 else -torque
@@ -197,7 +198,7 @@ def spring_with_friction(stiffness: float, limit: float, torque: float, dx: floa
 
 @njit(**INNER)
 def in_contact(gap: float, x: float, dx: float) -> float:
-    """Return the share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
+    """Return the share of the twist from x to x + dx that lies outside the backlash, which reaches from -gap to gap."""
     noinline()
     if gap == 0.0:
         return 1.0
@@ -209,26 +210,26 @@ def in_contact(gap: float, x: float, dx: float) -> float:
 
 @njit(**INNER)
 def contact_damping(damping: float, gap: float, x: float, dx: float, push: float, slope: float, rate: float) -> float:
-    """Return the damping of a shaft over the way from x to x + dx, where the contact at an end of its gap only pushes.
+    """Return the damping of a shaft over the twist from x to x + dx; a contact at an end of its backlash only pushes.
 
-    On the way back to the gap, from where damping would exceed the torque of the spring, there is no torque, as in the Modelica
-    Standard Library's ElastoBacklash2. The spring's energy on the rest of its way is lost.
+    While a contact opens, the torque is zero from the twist on at which the damping would exceed the torque of the spring, as in
+    the Modelica Standard Library's ElastoBacklash2. The energy that the spring still has there is lost.
 
     Parameters
     ----------
     damping, gap : float
         Damping in contact [Nm s/rad] and half the backlash [rad].
     x, dx : float
-        Twist at the start, and its way [rad].
+        Twist at the start, and its change [rad].
     push, slope : float
-        Torque of the characteristic at the start [Nm], and its mean slope on the way [Nm/rad].
+        Torque of the characteristic at the start [Nm], and its mean slope over the change [Nm/rad].
     rate : float
         Mean rate of the twist [rad/s].
 
     Returns
     -------
     float
-        The damping [Nm s/rad] whose mean torque over the way is that of the contact.
+        The damping [Nm s/rad] whose mean torque over the change is that of the contact.
     """
     noinline()
     found = damping * in_contact(gap, x, dx)
@@ -244,13 +245,13 @@ def contact_damping(damping: float, gap: float, x: float, dx: float, push: float
         mean = 0.5 * first * first / (first - last)
     elif last > 0.0:
         mean = 0.5 * last * last / (last - first)
-    # where the way leaves the contact the line is only the mean of the characteristic
+    # where the contact opens within the change, the line is only the mean of the characteristic
     return min(found, max(0.0, (side * mean - push - 0.5 * slope * dx) / rate))
 
 
 @njit(**INNER)
 def least_capacity(tables: Tables, k: int, x: float) -> float:
-    """Return the least value near x of the table of a capacity that counts: what the rounding of x makes of its pieces is less."""
+    """Return the smallest value of a capacity's table near x that is more than the effect of the rounding of x."""
     noinline()
     most = 0.0
     middle = piece(tables, k, x)
@@ -266,8 +267,8 @@ def least_capacity(tables: Tables, k: int, x: float) -> float:
 def capacity_at(tables: Tables, k: int, x: float) -> float:
     """Return the factor on a capacity at x.
 
-    The slip of a locked clutch, and the angle of a body that it holds, are numbers of rounding size and of either sign. Where the
-    table goes through 0 there, they must not open and close a clutch in turn.
+    The slip of a locked clutch, and the change of angle of a body that it holds, are of rounding size and of either sign. Where the
+    table goes through 0 there, this rounding must not open and close the clutch in turn.
     """
     noinline()
     factor = value(tables, k, x)
@@ -386,7 +387,7 @@ def law_step(
         if d >= left * (1.0 - 1e-9):
             d = left
         end = 1.0 if d == left else (done + d) / h
-        # once halving has not helped, the rest of the step is taken without meeting the laws
+        # once halving has not helped, the rest of the step is taken even if the laws are not met
         last = not met or d <= h * 0.5**HALVINGS or failed >= FAILURES
         reached = try_step(
             bare,
@@ -462,9 +463,10 @@ def try_step(
 ) -> float:
     """Take a part d of a step, from its share begin to its share end, and return d if the laws are met.
 
-    Otherwise it returns 0, and nothing has changed unless keep is true. With cut true it returns less than d, and nothing has
-    changed, where a shaft passes a bend, or where modes change inside a prescribed motion, whose work is known best where none do:
-    the next part then has this length.
+    Otherwise it returns 0, and nothing has changed unless keep is true. With cut true it also returns less than d, and nothing has
+    changed, where a shaft passes a bend, or where modes change during a prescribed motion: the next part then has the returned
+    length, so that a bend lies at an end of a part, and that the work of the motion is computed over a part without a change of
+    modes.
     """
     noinline()
     n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
@@ -608,7 +610,7 @@ def try_step(
             if kind == CAPACITY:
                 asked = capacity_at(laws.tables, k, x + dx)
                 error, scale = abs(asked - other[k]), asked
-                # none is as good as the least that counts, which only rounding separates
+                # a capacity of 0 counts as equal to the smallest one that is more than rounding
                 if min(asked, other[k]) == 0.0 and error <= 2.0 * least_capacity(laws.tables, k, x + dx):
                     error = 0.0
             elif kind == FRICTION:
@@ -637,11 +639,11 @@ def try_step(
                 slope[k] = w1
             met = met and error <= CLOSE * scale
             way[k] = dx
-        # where the kernel could not decide who sticks, more tries of the same part cost much and settle nothing
+        # where the kernel could not decide which elements stick, more attempts at the same part take long and do not help
         if met or (attempt >= 3 and count[N_CAPPED] > count0[N_CAPPED]):
             break
     since = work[FIRST]
-    # where an impulse has acted the work of a motion is known from the balance of energy only, however short the step
+    # where an impulse has acted, the work of a motion follows from the balance of energy only, however short the step
     struck = since == JAMMED
     inside = 1e-9 * d < since < d * (1.0 - 1e-9)
     bends = False
@@ -752,7 +754,7 @@ def settle(
     e_in: Floats,
     work: Floats,
 ) -> None:
-    """Set `loss` to the losses by torque that the inputs at the start of a step demand, where these have jumped."""
+    """Set `loss` to the losses by torque that belong to the inputs at the start of a step, where these have jumped."""
     noinline()
     count, events = np.zeros(2, np.int64), np.zeros((0, 3))
     qq, cc, gg = q.copy(), cap.copy(), given.copy()
@@ -807,7 +809,7 @@ def jumped(q: Floats, q_before: Floats, cap: Floats, cap_before: Floats) -> bool
 
 @njit(**INNER)
 def differ(one: float, other: float) -> bool:
-    """Return whether two numbers differ by more than rounding; the same infinity twice does not."""
+    """Return whether two numbers differ by more than rounding; two equal infinities do not differ."""
     return one != other and not abs(one - other) <= 1e-9 * (1.0 + min(abs(one), abs(other)))
 
 
@@ -838,7 +840,7 @@ def settled_step(
     count: Ints,
     work: Floats,
 ) -> int:
-    """Take a step like `law_step`, with losses by torque that follow inputs which have jumped (fresh).
+    """Take a step like `law_step`; where inputs have jumped (fresh), recompute the losses by torque before it.
 
     It counts a step as capped at most once.
     """

@@ -3,8 +3,8 @@
 
 """Losses of gears that grow with the torque that the gears pass on, solved together with the torques that they change.
 
-Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity
-depends on a torque of the same instant: that which clutches carry, or which a meter behind an inertia feels. While the modes
+Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity depends
+on a torque at the same instant: that of clutches, or that at a meter behind an inertia. While the modes
 stay, this torque falls linearly with the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved
 together. A quiet step predicts the losses and compares them with those that the torques at its end demand.
 """
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 # speed that gives the direction of power (WAY); the value of the parabola in the last step, in the step before that and in the
 # next one; then the weights of m friction torques and n accelerations in its torque.
 CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS = range(12)
-STEEPEST = 0.5  # share of the torque that flows backwards: two losses in a path take at most all of it, as no mesh locks itself
+STEEPEST = 0.5  # largest slope where power flows backwards: two losses in a path then take at most all of it, without self-locking
 MOST = 1e15  # Nm, above which the search for a loss ends
-CLOSE = 1e-5  # Nm, size of the last Newton step; the parabolas leave an error of a hundred-thousandth of that
+CLOSE = 1e-5  # Nm, largest last Newton step; with parabolas the remaining error is a hundred-thousandth of that
 FORETOLD = 1e-3  # Nm, largest difference of a predicted loss, which is not solved, from the one that its torque demands
 
 
@@ -39,7 +39,7 @@ def loss_width(n: int, m: int) -> int:
 def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
     """Set the capacities at one end (0 or 1) of the elements that losses own to BASE plus the losses in ``column``.
 
-    ``column`` is LAST or NEXT, or -1 for BASE alone. What is inlined is only the question whether there are losses, as this is
+    ``column`` is LAST or NEXT, or -1 for BASE alone. Only the check whether there are losses is inlined, because this function is
     called in a dozen places.
     """
     if loss.shape[0] > 0:
@@ -95,8 +95,8 @@ def brakes(factor: float, mode: float) -> float:
 def parabola(loss: Floats, k: int, x: float) -> tuple[float, float]:
     """Return (loss, its slope over x) at a torque x, which is positive where power goes from the drive to the load.
 
-    Beyond the top of a parabola that falls there the loss stays constant; it never drives. Backwards it grows by no more than
-    STEEPEST: what comes from the inertia of the load can be lost, and no more than that.
+    Beyond its maximum a parabola stays constant, and it is never negative, so that a loss never drives. Where power flows backwards
+    its slope is at most STEEPEST: a loss takes no more power than the inertia of the load delivers.
     """
     u = abs(x)
     share, square = loss[k, SHARE], loss[k, SQUARE]
@@ -135,10 +135,10 @@ def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: in
     """Set NEXT to the losses at torques y less S times the losses; return False where there is no solution.
 
     y (k,) and S (k, k) stand in the work buffer at oy and os; at oe there is room for (k, k + 2). Newton's method starts from the
-    last losses, which solves parabolas quickly, and takes steps as long as they bring it nearer. Mostly 1 + p' S is positive
-    throughout (the slopes are bounded backwards, and the part of a loss that comes from inertia is less than the loss), so there is
-    one solution. A mesh that locks itself against what is behind it may have a second one, where 1 + p' S is negative and which
-    therefore no disturbance leaves in place: where such a mesh was near it, its search starts without a loss.
+    last losses, from which parabolas converge quickly, and shortens each step until the residual falls. In most drivelines 1 + p' S
+    is positive everywhere (the slopes are bounded for power that flows backwards, and the part of a loss that comes from inertia is
+    less than the loss), so that there is one solution. A self-locking mesh may have a second solution, at which 1 + p' S is
+    negative and which is therefore unstable; a search that would start near such a solution starts without a loss instead.
     """
     noinline()
     count = loss.shape[0]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from rig_nodes.arrays import Floats
 
-_STILL = 1e-7  # share of the highest pole: a pole this slow belongs to a driveline which turns as one
+_STILL = 1e-7  # share of the highest pole: a slower pole belongs to a motion in which all bodies turn as one
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Modes:
 def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     """Return the modes of a driveline with some friction elements locked and all others open.
 
-    Open elements keep their drag. What depends on the motion is taken at the start: a torque with the slope of its table (a damping
-    over a speed, a stiffness over an angle), an inertia with its value. What a prescribed motion moves is held.
+    Open elements keep their drag. Elements that depend on the motion are linearised at the start: a torque has the slope of its
+    table (a damping over a speed, a stiffness over an angle), an inertia its value. Bodies with a prescribed motion are held.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Sensitivities:
 
 
 def sensitivities(system: System, locked: Sequence[str] = ()) -> Sensitivities:
-    """Return by how many per cent each natural frequency changes with one per cent of an inertia or a stiffness.
+    """Return the relative change of each natural frequency per relative change of an inertia or a stiffness.
 
     With a pole p of (p^2 M + p D + K) x = 0 and its left and right shapes y and x,
     d p = -y (p^2 dM + p dD + dK) x / y (2 p M + D) x, and the frequency is |p|. Without damping these are -J x_J^2 / 2 and
@@ -250,7 +250,7 @@ def _found(system: System, locked: Sequence[str]) -> _Found | None:
         return None
     w, sh = system.w[~held], system.sh
     mass, stiffness, drag = _of_laws(system)
-    # a torque over an angle may push away from it, or act on another body than the one whose angle it reads
+    # a torque over an angle may have a negative stiffness, or act on another body than the one whose angle it depends on
     pushes = stiffness.any()
     mass = free.T @ (mass + system.mass) @ free
     stiffness = free.T @ (stiffness + sh.T @ (system.kc[0][:, None] * sh)) @ free

@@ -1,12 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prescribed motion inside a step: its acceleration goes in exactly, its torque comes out.
+"""Prescribed motion inside a step: its acceleration is imposed exactly, its torque is a result.
 
-Used by plant/driveline_laws.py. A prescribed speed is one of the generalised speeds (plant/driveline_ties.py sees to that). To the
-kernel its inertia is 1 / HELD, so large that no torque changes it, and it has the force that gives it its acceleration. The other
-speeds have the inverse of their own part of the mass matrix. The kernel thus finds every event under an acceleration that varies in
-the step as it does under any other torque. A speed over time is taken as a parabola in each step.
+Used by plant/driveline_laws.py. A prescribed speed is one of the generalised speeds (plant/driveline_ties.py chooses them so). In
+the kernel its inertia is 1 / HELD, so large that no torque changes the speed, and a force on it produces its acceleration. The
+other speeds have the inverse of their own part of the mass matrix. The kernel thus finds every event under an acceleration that
+varies in the step as it does under any other torque. A speed over time is taken as a parabola in each step.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def invert(a: Floats, out: Floats) -> None:
 
 @njit(**INNER)
 def moved_by(on: Floats) -> int:
-    """Return the number of the only speed that a prescribed motion with the coefficients `on` (n,) moves."""
+    """Return the number of the one speed that a motion with the coefficients `on` (n,) prescribes."""
     noinline()
     for j in range(on.shape[0]):
         if on[j] != 0.0:
@@ -116,7 +116,7 @@ def hold(mass: Floats, moved: Floats, inverse: Floats) -> None:
 
 @njit(**INNER)
 def drive(mass: Floats, moved: Floats, gains: Floats, q: Floats) -> None:
-    """Add to the forces q (2, n) those that give prescribed speeds their accelerations gains (2, n)."""
+    """Add to the forces q (2, n) those that produce the accelerations gains (2, n) of the prescribed speeds."""
     noinline()
     for j in range(mass.shape[0]):
         if moved[j] > 0.0:
@@ -190,7 +190,7 @@ def work_of(
     shaft: Floats,
     others: float,
 ) -> float:
-    """Return the work of prescribed motions in a part of a step in which modes change: what all else leaves open.
+    """Return the work of prescribed motions in a part of a step in which modes change, as the remainder of the energy balance.
 
     Parameters
     ----------

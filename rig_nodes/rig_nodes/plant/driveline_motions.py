@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can hold the speeds that motions prescribe, and so must be refused before a driveline runs; used by plant/driveline.py."""
+"""Finds elements that could hold prescribed speeds; plant/driveline.py raises an error for them before a driveline runs."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
 
     from rig_nodes.arrays import Floats
 
-_HOLDS = 1e-4  # least share of the greatest torque with which meshes hold a speed: less is the tolerance of the program
+_HOLDS = 1e-4  # least torque with which meshes hold a speed, as a share of the greatest; less is within the solver's tolerance
 
 
 def rank(matrix: Floats) -> int:
-    """Return the rank of a matrix; numpy 1 has none of an empty one."""
+    """Return the rank of a matrix; of an empty one it is 0, for which numpy 1 raises an error."""
     return int(np.linalg.matrix_rank(matrix)) if matrix.size else 0
 
 
 def locks_itself(joints: Sequence[tuple[Floats, Floats, float, float]], others: Floats, held: npt.NDArray[np.bool_]) -> bool:
     """Return whether meshes can hold prescribed speeds with torques of any size, as a worm gear holds its wheel.
 
-    They can when torques balance on all other speeds while each loss is within what its mesh's torque allows: the pair of both is
-    then a sum, with factors of one sign, of the pairs of the two directions of power. The sign is a whole number, so this is a
-    mixed-integer linear program.
+    They can when torques exist that balance on all other speeds while each loss is no larger than its mesh's torque allows. This
+    pair of torque and loss is then a sum of the pairs for the two directions of power, with factors of the same sign. The sign is
+    an integer unknown, so this is a mixed-integer linear program.
 
     Parameters
     ----------
     joints : sequence of (array, array, float, float)
-        For each mesh or set the slips (n,) of its teeth and of its loss by the speeds, and the shares of power that it loses in the
-        two directions.
+        For each mesh or set the coefficients (n,) of the speeds in the slips of its teeth and of its loss, and the shares of power
+        that it loses in the two directions.
     others : (r, n) array of float
         Slips of all else that holds without a limit.
     held : (n,) array of bool

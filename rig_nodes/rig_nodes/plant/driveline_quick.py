@@ -4,8 +4,8 @@
 """One step of a driveline with laws, lossy meshes or inputs over time in which no mode changes: most steps of such a rig.
 
 The engine calls it before plant/driveline_driven.py, which takes the steps that this one leaves. The equations are those of
-plant/driveline_laws.py. What that module finds by repeating a step, Newton's method finds here: the slope of every law over the
-way of the step is in the matrix, also where it acts on other speeds than it reads. A law that stays on one straight piece of its
+plant/driveline_laws.py. Where that module repeats a step, this one uses Newton's method: the slope of every law over the step is in
+the matrix, also where a law acts on other speeds than those that it depends on. A law that stays on one straight piece of its
 table is met at once, and the matrix is kept as long as no slope changes.
 
 It is compiled once for all rigs. Instead of some seventy arrays, each of seven machine words, it is given the address of the
@@ -75,9 +75,9 @@ if TYPE_CHECKING:
 
     from rig_nodes.arrays import Floats, Ints
 
-TRIES = 6  # Newton steps; a step that needs more is left to the other way
+TRIES = 6  # most Newton steps; a step that needs more is left to driven_step
 
-# rows of the room that a step has for each law, friction element, row of shafts, and speed
+# rows of the work arrays for each law, friction element, row of shafts, and speed
 (X, DX, RATE, TORQUE_, SLOPE, OTHER, EXTRA, AHEAD, PUSH0, PUSH1, GAIN, BEGIN, END, VALUE, RISE, MADE) = range(16)
 (SLIP0, GAINED, TORQUE0, TORQUE1, CURVED, DRAG_MADE) = range(6)
 (TURN, TWIST0, LEAD, TURNED, STIFF_MADE, DAMP_MADE) = range(6)
@@ -214,7 +214,7 @@ FIELDS = (
 
 
 def quick_arrays(n: int, m: int, slots: int, laws: int, inputs: int, factors: int) -> dict[str, tuple[int, ...]]:
-    """Return the shapes, by name, of the arrays in which a quick step works; they hold nothing on which a result depends.
+    """Return the shapes, by name, of the work arrays of a quick step; no result depends on what they contain before it.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def whole(_context: TypingContext, address: types.Type, count: types.Type) -> tu
 
 @intrinsic
 def short_loops(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
-    """Tell the compiler that the loops of the function that calls it have few turns: vectors would cost more than they gain."""
+    """Keep the compiler from vectorising the loops of the calling function, which have too few turns for that to save time."""
 
     def mark(_target: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> None:
         builder.function.attributes.add("optsize")
@@ -334,7 +334,7 @@ def make_matrix(
 ) -> None:
     """Compute H = (I + h/2 P B)^-1 P at `oh` of the work buffer, from P at `op`, with room for a matrix at `oa`.
 
-    B has the drag, the shafts, and the slopes EXTRA of laws that act on other speeds than they read.
+    B has the drag, the shafts, and the slopes EXTRA of laws that act on other speeds than those that they depend on.
     """
     noinline()
     short_loops()
@@ -398,7 +398,7 @@ def make_matrix(
 
 @njit(**INNER)
 def add_inertia(inertia: float, on: Floats, k: int, op: int, orr: int, m: int, work: Floats, by_speed: Floats) -> None:
-    """Change P at `op` and R at `orr` of the work buffer to those with an inertia more, which turns with row k of `on`.
+    """Add to P at `op` and R at `orr` of the work buffer the effect of an inertia that turns with row k of `on`.
 
     (M + J u u^T)^-1 = M^-1 - M^-1 u u^T M^-1 / (1 / J + u^T M^-1 u), and the same for P; m is the number of rows of R.
     """
@@ -429,9 +429,8 @@ def add_inertia(inertia: float, on: Floats, k: int, op: int, orr: int, m: int, w
 def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
     """Take a step h from t like `driven_step` on the driveline's record at an address, if no event can happen in it.
 
-    Returns 1 when the step is done. Returns 0 when something may happen: a change of mode, a bend that a shaft passes, a point of
-    an input over time, a motion that is prescribed. Then nothing has changed that the next step needs, and `driven_step` has to
-    be called.
+    Returns 1 when the step is done. Returns 0 when an event is possible: a change of mode, a bend that a shaft passes, a point of
+    an input over time, a prescribed motion. Then no state has changed, and `driven_step` has to be called.
     """
     short_loops()
     n, m, slots, losses, laws, inputs, factors = layout[0], layout[1], layout[2], layout[3], layout[4], layout[5], layout[6]
@@ -537,7 +536,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
                 q_now[0, j] += a * given_on[k, j]
                 q_now[1, j] += b * given_on[k, j]
     if losses > 0:
-        # where inputs have jumped the losses are found anew
+        # where inputs have jumped, the losses are solved again
         for j in range(n):
             if differ(q_now[0, j], q_before[j]):
                 return int(0)
@@ -564,7 +563,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
         by_slot[TWIST0, a] = twist[a]
         by_slot[LEAD, a] = 0.0
         kc_now[0, a], kc_now[1, a] = kc[0, a], kc[1, a]
-    # what the laws read, and the ways that are expected
+    # the arguments of the laws, and their expected changes
     heavy, bent = False, losses > 0
     for k in range(laws):
         rate = dot(of, k, by_speed, DV)
@@ -592,7 +591,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
             by_slot[TWIST0, slot[k]] = 0.0
         begin, end, height, point, rise = line(tables, k, piece(tables, k, here))
         if here == begin:
-            # the piece before it is as near
+            # at a bend the piece before it is as near as the one behind it
             begin = np.inf if by_law[DX, k] < 0.0 else begin
         by_law[BEGIN, k], by_law[END, k], by_law[RISE, k] = begin, end, rise
         by_law[VALUE, k] = height + rise * (here - point)
@@ -615,7 +614,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
     cc = cap_now if bent else cap_given
     met = False
     for _ in range(TRIES):
-        # the lines that the laws are in this step
+        # the straight lines that replace the laws in this step
         if bent:
             for row in range(7):
                 for f in range(m):
@@ -717,7 +716,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
         if not same:
             make_matrix(h, op, at_.h, at_.a, work, w, sh, cc, kc_now, on, of, kind, element, by_law, by_speed)
             before = True
-        # forces at both ends, the latter without what is implicit
+        # forces at both ends, those at the end without the implicit parts
         for j in range(n):
             by_speed[FORCE, j], by_speed[FINAL, j] = q_now[0, j], q_now[1, j]
         for a in range(slots):
@@ -826,7 +825,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
             here = by_law[X, k]
             if not (by_law[BEGIN, k] < here < by_law[END, k] and by_law[BEGIN, k] <= here + by_law[DX, k] <= by_law[END, k]):
                 return int(0)
-        # what was implicit
+        # the implicit parts
         gain = by_law[GAIN, k]
         if kind[k] == CAPACITY:
             push = by_law[EXTRA, k] * gain
@@ -855,7 +854,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
         if push != 0.0:
             for j in range(n):
                 by_speed[FINAL, j] -= w[f, j] * push
-    # whether anything happens
+    # whether an event is possible
     if slipping:
         for i in range(n):
             total = 0.0

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints, Record
 
 EVENT, DONE, CORRECTED = 0, 1, 2  # outcomes of attempt
-ATTEMPTS = 5  # at a step; the error of a predicted loss falls with each by the slope of the loss over its torque
-NEAR = 1e-9  # Nm, as FORETOLD, where stuck elements share a torque: how they do depends on the loss itself
+ATTEMPTS = 5  # most attempts at a step; each multiplies the error of a predicted loss by the slope of loss over torque
+NEAR = 1e-9  # Nm, in place of FORETOLD where stuck elements share a torque, because their shares depend on the loss itself
 
 
 @njit(**INLINED)
@@ -63,9 +63,10 @@ def borne(cap: Floats, f: int, mode: int, end: int) -> float:
 
 @njit(**INLINED)
 def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int, v: Floats) -> tuple[float, ...]:
-    """Return the speeds without the slip that rounding leaves to stuck elements, which would creep over millions of steps.
+    """Return the speeds without the slip that rounding leaves in stuck elements, which would add up over millions of steps.
 
-    R, the torques of the stuck elements by the forces, stands at orr of the work buffer; v tells the number of speeds.
+    R, the torques of the stuck elements per force, begins at orr in the work buffer; v is passed for its length, the number of
+    speeds.
     """
     kept = speed
     for f in range(mode.shape[0]):
@@ -78,12 +79,13 @@ def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int
 def attempt(h: float, line: Record, before: int) -> int:
     """Take the step of :func:`quiet_step` with predicted losses by torque, or with those that the attempts ``before`` corrected.
 
-    Returns DONE; EVENT when something may happen, a change of mode, a root, a limit, or another set of stuck elements than in the
-    last step; or CORRECTED when a loss is another than was predicted. Then nothing has changed but this prediction. Where stuck
-    elements share a torque with one that bears its limit, as brakes of a shaft at rest do, this one keeps its mode if it would be
-    beyond its limit by sticking too.
+    Returns DONE; EVENT when an event is possible (a change of mode, a root, a limit, or another set of stuck elements than in the
+    last step); or CORRECTED when a loss differs from its prediction. After EVENT and CORRECTED nothing has changed but this
+    prediction. Where stuck elements share a torque with an element that carries its limit, as several brakes of a shaft at rest do,
+    this element keeps its mode if its torque would exceed its limit by sticking too.
 
-    The compiler knows the sizes of the driveline from the type of the record, and which elements the losses own.
+    The type of the record contains the sizes of the driveline and which elements the losses own, so that they are constants for the
+    compiler.
     """
     w, sh, kc, q, cap, loss, v = line.w, line.sh, line.kc, line.q, line.cap, line.loss, line.v
     twist, mode, el, shaft, e_in, work, own = line.twist, line.mode, line.el, line.shaft, line.e_in, line.work, line.own.shape
@@ -108,7 +110,7 @@ def attempt(h: float, line: Record, before: int) -> int:
         force = add(force, -(kc[0, a] * twist[a] + kc[1, a] * rate[a]), along)
     pattern = 1.0
     bit = 1.0
-    shared = False  # whether stuck elements hold one that bears its limit
+    shared = False  # whether stuck elements prevent the slip of one that carries its limit
     for f in range(m):
         mo = mode[f]
         along = vector(w, f * n, v)
@@ -131,7 +133,7 @@ def attempt(h: float, line: Record, before: int) -> int:
         return EVENT
     if stale(h, pattern, cap, work):
         implicit(h, w, sh, kc, cap, work)
-    # acceleration at the start, without what is implicit
+    # acceleration at the start, without the implicit parts
     accel = product(work, op, force)
     for f in range(m):
         if mode[f] == STUCK:
@@ -142,7 +144,7 @@ def attempt(h: float, line: Record, before: int) -> int:
                 over = beyond(torque0[f], mode[f], if_stuck(f, mode, int(0), torque0, int(0), w, orr, work))
                 if not over > 0.0:
                     return EVENT
-        speed = held(speed, mode, w, work, orr, v)  # as where such modes are decided
+        speed = held(speed, mode, w, work, orr, v)  # as in the joint decision of such modes
     change = add(vector(q, n, v), -1.0, vector(q, 0, v))
     for f in range(m):
         if mode[f] != STUCK:
@@ -222,11 +224,12 @@ def attempt(h: float, line: Record, before: int) -> int:
 def quiet_step(h: float, line: Record) -> bool:
     """Take a step like `driveline_step` on a driveline's record (engine.world.driveline_dtype) if no event can happen in it.
 
-    Returns True when the step is done. Returns False when something may happen, or when a loss by torque is not met at the last
-    attempt. Then nothing has changed, and `driveline_step` has to be called; it solves the losses that are predicted here.
+    Returns True when the step is done. Returns False when an event is possible, or when a predicted loss by torque is still wrong
+    after the last attempt. Then nothing has changed, and `driveline_step` has to be called; it solves the losses that are predicted
+    here.
     """
     how, before = CORRECTED, int(0)  # int(): a literal would make numba compile the step once more
-    while how == CORRECTED and before < ATTEMPTS:  # a loop, so that the compiled step is there once
+    while how == CORRECTED and before < ATTEMPTS:  # a loop, so that the step is compiled once
         how = attempt(h, line, before)
         before += 1
     return how == DONE

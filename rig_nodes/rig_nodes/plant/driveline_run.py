@@ -134,7 +134,7 @@ class Result:
     pushes : (r, b) array of float
         Torques on the bodies from outside [Nm].
     laws : (r, l) array of float
-        Torque of each law of the system, or its factor, or its inertia at its angle.
+        Torque of each law of the system, or its factor, or, for an inertia over an angle, its value.
     law_angles : (r, l) array of float
         Angle of each law [rad].
     stored, e_in : (r,) array of float
@@ -537,7 +537,7 @@ class Run:
         """Evaluate the inputs at both ends of the k steps between times t.
 
         They are the torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and the inputs of the laws (k, 3, inputs),
-        the last row of which says by how much a prescribed speed is above the mean of its ends in the middle of the step.
+        whose last row has the excess of a prescribed speed in the middle of the step over the mean of its ends.
         """
         s, steps = self.system, len(t) - 1
         pushes = np.zeros((steps, 2, len(s.bodies)))

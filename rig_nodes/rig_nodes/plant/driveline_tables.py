@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Characteristics that are linear between their points: values, slopes and exact means over a way.
+"""Characteristics that are linear between their points: values, slopes and exact means over an interval.
 
-Used by plant/driveline_laws.py. A mean over a way is that of the line itself, not of its ends, so that bends and jumps inside a
-step do not lower the order of accuracy, and a spring gives back exactly what it stores.
+Used by plant/driveline_laws.py. A mean over an interval is that of the characteristic itself, not of its values at the ends, so
+that bends and jumps inside a step do not lower the order of accuracy, and a spring gives back exactly the energy that it stores.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, floa
     return tables.x[i] + shift, tables.x[i + 1] + shift, tables.y[i], tables.x[i] + shift, slope
 
 
-LEAST = 1e-150  # least length of a way whose square is still a number
+LEAST = 1e-150  # least length of an interval whose square is still a normal number
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -191,7 +191,7 @@ def value(tables: Tables, k: int, x: float) -> float:
 
 @njit(**INNER)
 def along(tables: Tables, k: int, x: float, dx: float) -> tuple[float, float]:
-    """Return (value at x, slope) of the line that begins on table k at x and has its mean over the way from x to x + dx."""
+    """Return (value at x, slope) of the line that begins on table k at x and has the table's mean from x to x + dx."""
     noinline()
     number = piece(tables, k, x)
     begin, end, y, at, slope = line(tables, k, number)

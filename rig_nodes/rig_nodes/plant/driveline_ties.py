@@ -88,7 +88,7 @@ def bodies_from_speeds(
 
 
 def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarray) -> np.ndarray:
-    """Return the free speeds at the start from the speeds of some bodies; what they leave open stands still.
+    """Return the free speeds at the start from the speeds of some bodies; speeds that these do not determine are 0.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarra
     Raises
     ------
     RigError
-        When the speeds contradict what ties the bodies together.
+        When the speeds contradict the gears and relations between the bodies.
     """
     v = np.zeros(t.shape[1])
     known: list[int] = []

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vectors of a few numbers in registers, for compiled code that knows their length from the types of its arrays.
+"""Vectors of a few numbers in registers, for compiled code in which the types of the arrays contain their length.
 
 Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats. Arrays are C-contiguous, of float64, and are
 read from a given place on, whatever their dimensions.

@@ -401,7 +401,7 @@ def _place(name: str) -> str:
 def _check_method(method: str, samples: int | None, varied: list[Varied], wheres: dict[str, str]) -> None:
     if method in DRAWN:
         if not samples:
-            raise RigError(f"method {method} draws its members; say how many with --samples (samples: in a file)")
+            raise RigError(f"method {method} draws its members; give their number with --samples (samples: in a file)")
         return
     if samples:
         raise RigError(f"method {method} has as many members as its values make; samples belong to {' and '.join(DRAWN)}")

@@ -148,7 +148,7 @@ def run_member(setup: bytes, member: Member) -> dict:
 
             def make(states: tuple[str, ...]) -> Run:
                 nonlocal plug
-                plug = plugged.load(config) if plugged else None  # a plug is of one run
+                plug = plugged.load(config) if plugged else None  # a plug serves one run
                 return record(config, sequence, member.seed, plant_states=states, controller=plug, delay=delay)
 
             run, tables = recorded_with([on_recording(rig, calculation)], config, make)

@@ -36,7 +36,7 @@ FILE, TABLE = "calculations.py", "CALCULATIONS"
 
 
 class NotRecorded(Exception):
-    """A calculation asks for a signal that this recording does not hold; the run can be made again with it."""
+    """A calculation needs a signal that this recording does not hold; the run can be made again with it."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The conformance set for shift controllers: everything that a rig does to one, done beforehand, with a sentence on each item.
+"""The conformance set for shift controllers: a test of every situation that occurs on a rig, with a sentence on each item.
 
 ``rig controller check`` and the tests use it. Every item gets a new controller, so a program at the other end of a wire must
 take a new run after the end of the last.
@@ -37,7 +37,7 @@ PRESSURE = 3.0e6  # Pa of a clutch on the desk for each ampere of its valve
 # items that do not apply to a controller with a clock of its own (CAN, Modbus), and why
 NOT_BY_ITS_OWN_CLOCK = {
     "timing": "the rig keeps to real time and never waits for it, so a step takes no time of its own",
-    "determinism": "when it looks at the wires is up to its clock, and with that the bits of its answers",
+    "determinism": "its clock decides when it reads its inputs, and with that the bits of its answers",
     "restart": "it is not started with a run but goes on from one to the next, so there is no first bit to compare",
 }
 
@@ -87,7 +87,7 @@ class Desk:
         return Wires(tuple(self.current), tuple(measured))
 
     def follow(self, setpoint: Iterable[float]) -> None:
-        """Advance by a sample towards the currents that the controller asks for (outputs,) [A]."""
+        """Advance by a sample towards the controller's current setpoints (outputs,) [A]."""
         for k, wanted in enumerate(setpoint):
             self.current[k] += 0.05 * (wanted - self.current[k])
 
@@ -338,7 +338,7 @@ class Check:
                     if rig.time - began > SHIFT:
                         held = " and ".join(clutch.name for clutch in locked(rig, box)) or "no clutch"
                         return False, (
-                            f"{SHIFT:g} s after the order of gear {box.names[gear]} it says gear "
+                            f"{SHIFT:g} s after the order of gear {box.names[gear]} it reports gear "
                             f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} "
                             "is locked"
                         )

@@ -79,7 +79,7 @@ class Cuts:
             self._newest[device] = rig.sample, side.step(self.port(device))
 
     def is_due(self) -> bool:
-        """Say whether ports are sent at the rig's present sample."""
+        """Return whether ports are sent at the rig's present sample."""
         return bool(self.devices) and self._rig.sample % self.samples == 0
 
     def port(self, device: str) -> Port:

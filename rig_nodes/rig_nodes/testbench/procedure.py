@@ -73,7 +73,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Procedure:
-    """A checked procedure; ``source`` says where the laboratory's procedure is described."""
+    """A checked procedure; ``source`` names the description of the laboratory's procedure."""
 
     name: str
     description: str

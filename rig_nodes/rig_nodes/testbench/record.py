@@ -84,7 +84,7 @@ class PlantStates:
 
 
 class Listener:
-    """A listener on the topics for a sequence that asks for readings, which also keeps what the sequence's bench sends.
+    """A listener on the topics for a sequence that needs readings, which also keeps what the sequence's bench sends.
 
     It takes the place of Outputs: it publishes nothing, but gives readings as if all had been published.
 

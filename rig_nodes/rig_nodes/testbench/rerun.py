@@ -104,7 +104,7 @@ def _sample(message: Any) -> int:
 
 
 def _changed(settings: Settings, text: str, value: float) -> str | None:
-    """Return the name of the setting that the text of an event says to have changed; None when it is not of this rig."""
+    """Return the name of the setting whose change the text of an event reports; None when it is not of this rig."""
     name = text.partition(" = ")[0]
     return name if name in settings and settings[name].sentence(value) == text else None
 
@@ -124,7 +124,7 @@ def check_whole(bag: Bag) -> None:
     """
     bag.check_began()
     if "configuration" not in bag.run_info():
-        raise RigError(f"{bag.path}: does not say which rig ran; expected a bag of `rig run` or `rig simulate`")
+        raise RigError(f"{bag.path}: does not name the rig that ran; expected a bag of `rig run` or `rig simulate`")
     if bag.recorded_from > 0.0:
         raise RigError(f"{bag.path}: begins {bag.recorded_from:.3f} s after the run; a re-run needs the run from its start")
     if gaps := bag.gaps():
@@ -356,13 +356,13 @@ def _change(config: RigConfig, controller: Plug, text: str, value: float) -> Rig
 
 
 def _others(bag: Bag, wants: Sequence[str]) -> Any:
-    """Return a function of the sample that gives the transducers that a controller asks for beyond those of every controller."""
+    """Return a function of the sample that gives the transducers that a controller wants beyond those of every controller."""
     if not wants:
         return lambda _: ()
     logger = bag.logger(BLOCK)
     lacking = [name for name in wants if name not in logger.channels]
     if lacking:
-        raise RigError(f"{bag.path}: the logger has no {', '.join(lacking)}, which the controller wants at each sample")
+        raise RigError(f"{bag.path}: the logger has no {', '.join(lacking)}, which the controller needs at each sample")
     per_sample = SAMPLE_NS // ROW_NS
     columns = [logger.channels[name] for name in wants]
     return lambda sample: [float(column[min(sample * per_sample, len(column) - 1)]) for column in columns]

@@ -272,7 +272,7 @@ class Rig(RigBase, ShownState):
         return self.gauges.on if setting.dimension == SWITCH else self.gauges.noise(_channel(setting))
 
     def refuses_drive(self, setpoint: Setpoint) -> bool:
-        """Say whether a setpoint belongs to the device that drives a tripped rig, which can only be switched off."""
+        """Return whether a setpoint belongs to the device that drives a tripped rig, which can only be switched off."""
         drives = self.config.structure.device(setpoint.device).role == parts.SOURCE and not setpoint.command.node
         return drives and self.status == RigStatus.TRIPPED
 
@@ -418,7 +418,7 @@ class Rig(RigBase, ShownState):
             self._by = BY_SETPOINT if level == "current" else BY_DUTY
 
     def _may_act(self, level: str, command: Sequence[float]) -> bool:
-        """Say whether a command may act: after a reset, none may before the controller was in neutral with its valves shut.
+        """Return whether a command may act: after a reset, none may before the controller was in neutral with its valves shut.
 
         The valves are shut when the command asks for no more than what leaves them shut. So a clutch that was clamped before the
         trip is not clamped again without a new order.

@@ -32,7 +32,7 @@ SUMS = (": drawn", ": heat")  # endings of the names of values that several part
 
 
 class Tripped(RigError):
-    """A rig that went into its safe state, so that nothing can be measured; the message says what went wrong and when."""
+    """A rig that went into its safe state, so that nothing can be measured; the message has the reason and the time."""
 
     exit_code = 1
 

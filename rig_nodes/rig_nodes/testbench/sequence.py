@@ -47,7 +47,7 @@ class Bench(Protocol):
     """What a sequence needs of a rig; all times are simulated seconds."""
 
     def ready(self) -> bool:
-        """Say whether the rig can take orders."""
+        """Return whether the rig can take orders."""
 
     def set(self, step: str, value: float, enable: bool) -> None:
         """Give a device a setpoint and switch the device on or off.
@@ -66,7 +66,7 @@ class Bench(Protocol):
         """Order a gear by its number."""
 
     def shift_done(self) -> bool:
-        """Say whether the shift that was ordered last has ended."""
+        """Return whether the shift that was ordered last has ended."""
 
     def controller_says(self) -> tuple[int, bool] | None:
         """Return the controller's gear, and True when it is shifting; None before the controller has reported it."""
@@ -75,7 +75,7 @@ class Bench(Protocol):
         """Give a setting of the rig, its shift controller or the user's controller another value [SI]; a switch takes 1 or 0."""
 
     def changed(self) -> bool:
-        """Say whether the setting that was changed last has its new value."""
+        """Return whether the setting that was changed last has its new value."""
 
     def reading(self, signal: str) -> float:
         """Return the newest value of a signal [SI]."""
@@ -93,7 +93,7 @@ class Condition:
     high: float
 
     def met(self, bench: Bench) -> bool:
-        """Say whether the bench's reading is within the range."""
+        """Return whether the bench's reading is within the range."""
         return self.low <= bench.reading(self.signal) <= self.high
 
 
@@ -242,7 +242,7 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
 
 
 def _suits(nodes: Any, path: Path, rig: str) -> bool:
-    """Return True when the steps of a sequence can be read for a rig; a slip of the pen suits none."""
+    """Return True when the steps of a sequence can be read for a rig; a typing error fits none."""
     try:
         _steps(nodes, path, "steps", load_rig(rig), "")
     except RigError:
@@ -702,7 +702,7 @@ class SequenceRunner:
             try:
                 self.bench.set(step.kind, relief_setting_for(step.value, self.bench.reading(speed), load), step.enable)
             except RigError as error:
-                raise RigError(f"{step.text} asks the relief valve, at this speed, for too much: {error}") from None
+                raise RigError(f"{step.text} needs too much of the relief valve at this speed: {error}") from None
 
     def _ended(self, step: Step, t: float) -> bool:
         waited = t - self._since
@@ -727,6 +727,6 @@ class SequenceRunner:
                 value = signal.shown(self.bench.reading(signal.name))
                 seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
             elif step.kind == "shift" and (says := self.bench.controller_says()) is not None:
-                seen = f"; the controller says gear {says[0]}, {'shifting' if says[1] else 'not shifting'}"
+                seen = f"; the controller reports gear {says[0]}, {'shifting' if says[1] else 'not shifting'}"
             raise SequenceFailed(f"{step.where}: '{step.text}' did not come true within {step.timeout:g} s{seen}")
         return done

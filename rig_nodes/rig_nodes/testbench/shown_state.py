@@ -58,7 +58,7 @@ class Facts:
     accounts : mapping of str to str
         Devices that push bodies and do not drive the rig, each with the name of the work that it has taken.
     owned : list of (int, str)
-        Shafts that devices own and know the energy of.
+        Shafts that devices own, and whose energy these devices compute.
     held_by : mapping of int to int
         Number of the gear of each set of locked clutches; bit k of the set is clutch k, and without one there is no gear.
     other : int
@@ -163,7 +163,7 @@ class ShownState(ABC):
         """Return the value that a function takes of the driveline's record."""
 
     def holds(self, name: str) -> Any:
-        """Say whether a clutch or free-wheel, given by its name, does not slip."""
+        """Return whether a clutch or free-wheel, given by its name, does not slip."""
         mode = self.entries("mode")[self.facts.place[name]]
         return (mode >= 2) | (mode <= -2)
 

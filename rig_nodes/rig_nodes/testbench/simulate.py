@@ -105,7 +105,7 @@ class LocalBench:
         self.outputs.event(CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
-        """Say whether the gear that was ordered last is engaged; the event of it is sent once."""
+        """Return whether the gear that was ordered last is engaged; the event of it is sent once."""
         done = not self.rig.shifting and self._ordered in (None, self.rig.gear)
         if done and self._ordered is not None:
             self._ordered = None

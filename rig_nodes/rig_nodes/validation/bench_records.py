@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
 SETTINGS = 0.5e6  # Pa between two settings of p_z in the series
 ALLOWED_PRESSURE = 3e6  # Pa on the plates, thesis 3.3; 8.4 extrapolates to it
-GOOD = 0.10  # chapter 8 speaks of good agreement up to 10 %
+GOOD = 0.10  # chapter 8 calls up to 10 % a good agreement
 
 
 def friction_of(ring: str) -> float:

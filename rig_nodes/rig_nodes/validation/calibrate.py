@@ -235,7 +235,7 @@ def nearby(
     scale : dict of str to float or None
         Factors for the misses of some rows.
     bounded : bool
-        True when a miss costs what :func:`total` says; False when it costs its square.
+        True when a miss costs as in :func:`total`; False when it costs its square.
 
     Returns
     -------
@@ -252,7 +252,7 @@ def nearby(
         try:
             return plain(x)
         except Tripped:
-            return np.full(len(here), UNSHIFTED)  # values far from any real ones, which a long step of the search can reach
+            return np.full(len(here), UNSHIFTED)  # unrealistic values, which a long step of the search can reach
 
     start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method needs a start inside the bounds
     found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20, loss="arctan" if bounded else "linear").x
@@ -263,7 +263,7 @@ def nearby(
 def total(misses: np.ndarray) -> float:
     """Return the cost of misses [tolerances]: their squares while they are small, and each at most pi/2.
 
-    Without this limit, a row that other rows do not allow to be met would move all of them away from what they ask for. A
+    Without this limit, a row that contradicts other rows would move the values away from those at which the others are met. A
     curve's misses come for each millisecond; each is a small part of its whole miss and costs nearly its square.
     """
     return float(np.sum(np.arctan(misses**2)))

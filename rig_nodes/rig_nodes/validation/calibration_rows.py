@@ -40,7 +40,7 @@ CURVES = {  # clutch -> rows of its rising and of its falling pressure in chapte
     "S2": ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
 }
 # Start of a fall after the order. Annex D gives both pressures of a change one time, so the falling one starts with the
-# rising one, as far as two curves that were fitted by hand tell. For II to I that is before ZR-P2 is switched off, so there only
+# rising one, as far as two curves that were fitted by hand show it. For II to I that is before ZR-P2 is switched off, so there only
 # an early start counts.
 FALL_STARTS = {"S1": (0.3306, 0.025), "S2": (0.22, 0.05)}  # s after the order, and s that count as one tolerance
 DELAYS = {"S1": "valve_delay_zr_p1", "S2": "valve_delay_zr_p2"}
@@ -241,7 +241,7 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
     out = [
         Miss(delay.id, sees, (sees - delay.printed[0]) / delay.tolerance),
         Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
-        # in parts, as the curve has them, because it may not be given up: it decides whether S1 still holds when S2 grips
+        # piece by piece, because this curve must be met: it decides whether S1 still holds when S2 begins to carry torque
         Miss(f"{falling.id}: start", fallen + order_to_off, late, (late / np.sqrt(START_PARTS),) * START_PARTS),
     ]
     length = falling.pieces[-1][1]

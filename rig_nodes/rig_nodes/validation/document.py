@@ -51,16 +51,16 @@ Made by `./rig validate --write-docs`; a change by hand is lost. Explanations of
 
 `./rig validate` repeats the measuring programme of thesis 7.1.3 on the rig: every series of every procedure, each as
 often as the laboratory did it (twice, with other noise of the transducers), evaluates the logger's channels by the
-definitions of 7.1.5 ([analysis.md](../background/analysis.md)), averages the repeats, and holds each row of
-[targets.yaml](../../rig_nodes/rig_nodes/rigs/hydmag/targets.yaml) against the result. What a row accepts was set from
+definitions of 7.1.5 ([analysis.md](../background/analysis.md)), averages the repeats, and compares the result with each row of
+[targets.yaml](../../rig_nodes/rig_nodes/rigs/hydmag/targets.yaml). What a row accepts was set from
 the text before the first calibration, and once more before the next where the text leaves no other reading
 (rig_nodes/CHANGELOG.rst names these rows); nothing is added to it, and every single value must lie inside (a trend:
-every line, a curve: every shift), unless the row speaks of a mean, a spread or of most. Where several values are
+every line, a curve: every shift), unless the row is about a mean, a spread or most values. Where several values are
 judged, the worst one is shown with its place.
 
-Only two bases are facts of their own: **calibrated** rows may be fitted, **predicted** ones must come out by
-themselves. **Implied** rows follow from such a row or repeat one, rows of **consistency** come out by construction,
-because the rig was given what they say; both are judged, and counted apart. Rows for **information** cannot be
+Only two bases are facts of their own: **calibrated** rows may be fitted, **predicted** ones must follow from the
+model. **Implied** rows follow from such a row or repeat one, rows of **consistency** are met by construction,
+because the rig was given their content; both are judged, and counted apart. Rows for **information** cannot be
 judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all predicted
 rows are untouched. The form of the friction law, the omission of Annex D's losses by torque and some assumptions were decided with
 them in view (that the plates stick in their splines when clamp force is taken off; that chapter 9's output speed is bounded; the
@@ -70,7 +70,7 @@ The rows of chapter 8 are measured on the clutch bench by its own procedure ([be
 packs follow the thesis's model with stated friction ([friction_models.md](../background/friction_models.md)): k_kor
 against that model comes back as 1 within the instruments' errors, so those rows are consistency. The plant's springs
 and cylinder are the printed polynomials themselves. Rows that compare chapter 9's simulation with a measurement take
-the rig `chapter9` for the one and this rig for the other, for the measured figures are lost.
+the rig `chapter9` for the simulation and this rig for the measurement, because the measured figures are lost.
 
 `./rig validate --pictures FOLDER` draws the figures of chapters 7 to 9 that the text lets one redraw.
 """
@@ -79,11 +79,11 @@ the rig `chapter9` for the one and this rig for the other, for the measured figu
 SIDE_BY_SIDE = """## Chapter 9, side by side
 
 Thesis 9.2 compares four curves of its own simulation with the measurement. Both curves are lost. The rig `chapter9`
-is that simulation rebuilt from Annex D and 9.1, and stands for it; of the measurement there remains what the text
-says, which leaves an interval for each point (a highest distance from the simulation, a range of all measured
+is that simulation rebuilt from Annex D and 9.1, and stands for it; of the measurement there remain the statements of
+the text, which give an interval for each point (a highest distance from the simulation, a range of all measured
 values), in two places one value or the other. A distance is the mean over the points of the distance from a
 measurement anywhere in its interval; in brackets from the least to the most that it can be. A point is open when it
-depends on where in its interval the measurement was. Points of which nothing is said are left out.
+depends on where in its interval the measurement was. Points without a statement are left out.
 """
 
 
@@ -322,8 +322,8 @@ def _summary(rows: list[Row], found: dict, rig: str) -> str:
     ]
     return (
         f"## Summary\n\nRig `{rig}`: {verdict_line(rows)}.\n\n{table}"
-        "\nEach group beside a trivial predictor, which is judged in the same way. It is told the printed "
-        "numbers, so that it meets a row\nthat alone prints a number; the rig is not.\n\n"
+        "\nEach group is compared with a trivial predictor, which is judged in the same way. Its inputs are the printed "
+        "numbers,\nso that it meets a row that alone prints a number; the rig does not have them.\n\n"
         + _table(
             ("group", "trivial predictor", "predicted: rig", "trivial", "calibrated: rig", "trivial"),
             [*groups, ("all", "", *total)],
@@ -363,7 +363,7 @@ def _accuracy(score: dict) -> str:
     return (
         f"Balanced accuracy (the mean of the shares of series with and without a hold phase that the rig gets right): "
         f"{score['hold_balanced_accuracy']:.3f}\nwith series 21 left aside, which contradicts its neighbours, and "
-        f"{score['hold_balanced_accuracy_all_series']:.3f} with it. Whoever always says hold has "
+        f"{score['hold_balanced_accuracy_all_series']:.3f} with it. A predictor that always gives hold has "
         f"{score['hold_balanced_accuracy_always_hold']:.3f}.\n\n"
     )
 
@@ -421,7 +421,7 @@ def _side_by_side(rows: list[Row], found: dict) -> str:
             ("row", "what is printed", "number"),
             [(f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", accepted(row)) for row in stated],
         )
-        + "\nand what the text says of its results:\n\n"
+        + "\nand its results as stated in the text:\n\n"
         + _table(
             ("row", "what is claimed", "laboratory", "rig `chapter9`", "verdict"),
             [

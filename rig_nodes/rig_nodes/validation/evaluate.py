@@ -216,7 +216,7 @@ def _why_not(target: Target, unknown: list[Judged], lacking: list[str]) -> str:
 
 
 class _Missing(Exception):
-    """A value that a judgement needs is missing; the text says which."""
+    """A value that a judgement needs is missing; the text names it."""
 
 
 def _number(record: Record, quantity: str) -> float:

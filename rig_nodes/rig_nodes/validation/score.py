@@ -29,7 +29,7 @@ HOLD = "hold"
 HOLD_WORDS = ("hold", "no hold")
 LEFT_ASIDE = 21  # series of ZR-P1 that contradicts its neighbours (Annex B): 16 and 22, on either side of it, have a hold phase
 PRINTED = "the mean of the printed numbers, and the commoner class"
-# group of rows -> what its trivial predictor says; a group is a procedure, and the hold phase is one of its own
+# group of rows -> the answer of its trivial predictor; a group is a procedure, and the hold phase is one of its own
 PREDICTORS = {
     HOLD: "always hold",
     "valve_response": f"both valves alike: {PRINTED}",

@@ -4,7 +4,7 @@
 """Chapter 9 side by side: the thesis's own simulation and this rig, each by its distance from the laboratory's measurement.
 
 Used by validation.programme and validation.document. The measured and simulated curves of fig. 9.5 to 9.8 are lost. The rig
-chapter9, which is the thesis's simulation rebuilt, stands for the latter, and what the text says of the measurement (rows of
+chapter9, which is the thesis's simulation rebuilt, stands for the latter, and what the text states of the measurement (rows of
 targets.yaml) leaves an interval for each measured value, rarely two.
 """
 
@@ -74,7 +74,7 @@ def _share(simulated: float, rows: Sequence[Target]) -> Pieces:
 
 
 def _shifted(simulated: float, rows: Sequence[Target]) -> Pieces:
-    """As far from the simulated value as the first row says of simulated less measured, within the bounds of the second one."""
+    """At the distance from the simulated value that the first row gives, within the bounds of the second one."""
     return _cut(((simulated - _number(rows[0].high), simulated - _number(rows[0].low)),), *_ends(rows[1:]))
 
 

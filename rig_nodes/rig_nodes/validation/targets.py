@@ -213,7 +213,7 @@ def _procedures(path: str | Path, node: Map) -> tuple[str, ...]:
     check_keys(path, procedures, procedures, (), "procedures")
     for name, meaning in procedures.items():
         if not (isinstance(meaning, str) and meaning.strip()):
-            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must say what it is, found {brief(meaning)}")
+            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must be a description, found {brief(meaning)}")
     return tuple(procedures)
 
 
@@ -339,7 +339,7 @@ class _Row:
         return tuple(str(name) for name in names)
 
     def conditions(self, key: str) -> dict[str, tuple | Span]:
-        """Return what a row asks of the conditions under a key: values or spans [SI]."""
+        """Return the conditions that a row requires under a key: values or spans [SI]."""
         node = self.node[key]
         check_keys(self.path, node, CONDITIONS, (), f"{self.id}.{key}")
         out = {}

@@ -138,7 +138,9 @@ def _of_sweep(folder: Path) -> Campaign:
         record = rig_record(json.loads((table.schema.metadata or {})[MANIFEST])["configuration"])
         box = transmission_of(record) if rows else transmission_of()
     except UNREADABLE as error:
-        raise RigError(f"{folder / RESULTS}: does not say its rig ({type(error).__name__}: {error}); make the sweep anew") from None
+        raise RigError(
+            f"{folder / RESULTS}: does not name its rig ({type(error).__name__}: {error}); make the sweep anew"
+        ) from None
     return Campaign(folder.name, [str(row["member"]) for row in rows], _conditions(given), rows, box)
 
 

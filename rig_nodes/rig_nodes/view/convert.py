@@ -295,7 +295,7 @@ class _Source:
             try:
                 self.report = build_report(Bag(self.bag, recover=True), self.run)
             except RigError:
-                return {}  # the curves say what is wrong
+                return {}  # the curves report the error
         return self.report.get("measured") or {}
 
     def tab(self, wanted: str | None) -> str:

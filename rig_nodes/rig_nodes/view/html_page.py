@@ -98,7 +98,7 @@ def legend(names: Iterable[tuple[str, str]], title: str = "") -> str:
 
 
 def on_white(colour: tuple[int, int, int]) -> str:
-    """Return a colour as hexadecimal text, darkened until it can be told from white."""
+    """Return a colour as hexadecimal text, darkened until it has enough contrast to white."""
     part = np.array(colour, float)
     while 1.05 / (0.05 + _luminance(part)) < CONTRAST:
         part *= 0.95

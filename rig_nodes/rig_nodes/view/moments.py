@@ -250,7 +250,7 @@ class Reader:
             return None
 
     def engages_at_rest(self, order: tuple[float, int, int]) -> bool:
-        """Return True when the input shaft stands still at an order from neutral; False where the bag does not say so."""
+        """Return True when the input shaft stands still at an order from neutral; False where the bag does not show it."""
         recording = self.recording(order, 0.0, 0.0) if order[1] == NEUTRAL and self._pages.box is not None else None
         return recording is not None and stands(recording, order[0])
 

@@ -100,7 +100,7 @@ def take_picture(
 def lightened(image: bytes) -> bytes:
     """Return a PNG of the viewer with dark letters on a light ground, for paper.
 
-    Without a window the viewer is always dark. So lightness is turned round and every hue is kept: what is added to red, green and
+    Without a window the viewer is always dark. So lightness is inverted and every hue is kept: what is added to red, green and
     blue of a pixel is the same for all three. A curve's colour that would become paler is left, so that it stands out.
     """
     from PIL import Image
@@ -203,7 +203,7 @@ class HeadlessViewer:
         return last
 
     def reports(self) -> list[str]:
-        """Return the viewer's complaints as sentences; empty when there are none."""
+        """Return the viewer's warnings and errors as sentences; empty when there are none."""
         return [f"{view.name}: {report.summary}" for view in self.state().views for report in view.reports]
 
     def _connect(self, port: int) -> None:

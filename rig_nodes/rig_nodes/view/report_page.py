@@ -318,7 +318,7 @@ def _provenance(report: Mapping, facts: Facts, box: Transmission | None) -> list
         rows.append(("parent", f"{parent.get('bag')}, run again through {parent.get('through')}"))
         rows.append(("hash of the parent", str(parent.get("hash"))))
     if (basis := report.get("basis")) and box is not None and (report["shifts"] or any((report.get("measured") or {}).values())):
-        taken = ", which were taken because the recording does not say its own" if basis.get("taken") else ""
+        taken = ", which were taken because the recording does not name its own" if basis.get("taken") else ""
         rows.append(
             ("inertias", f"{basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2 of rig {basis['rig']}{taken}")
         )

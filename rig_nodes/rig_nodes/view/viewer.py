@@ -119,6 +119,6 @@ def open_window(view: Path | str, theme: str | None = None) -> int:
         words.seek(0)
         lines = [line.strip() for line in words.read().decode(errors="replace").splitlines() if line.strip()]
     raise RigError(
-        f"the viewer ended at once with code {code} ({lines[-1] if lines else 'without a word'}); "
+        f"the viewer ended at once with code {code} ({lines[-1] if lines else 'it printed nothing'}); "
         f"'rig view RUN --picture view.png' needs no display"
     )

@@ -8,7 +8,7 @@
  *   ./my_controller                                             (in one terminal; ADDRESS PORT behind it choose another rig)
  *   ./rig simulate demo --controller udp:9002 --level current   (in another terminal, started before or after)
  *
- * --level says whether the controller commands currents or duties. Compile this file together with your controller, with
+ * --level states whether the controller commands currents or duties. Compile this file together with your controller, with
  * cc -std=gnu99 -O2 -ffp-contract=off and -I for the folder of rig_udp.h; ./rig controller new udp-c prints the command.
  */
 #include "rig_udp.h"

@@ -27,7 +27,7 @@ class Node : public rclcpp::Node {
     const rclcpp::QoS lasting = rclcpp::QoS(1).transient_local();
     ready_ = create_publisher<ControllerReady>("/" + topics + "/ready", lasting);
     answer_ = create_publisher<ControllerAnswer>("/" + topics + "/answer", rclcpp::QoS(1));
-    // best effort: the rig asks again for a lost answer, and acknowledging each step would take a third of its time
+    // best effort: the rig repeats a step without an answer, and acknowledging each step would take a third of its time
     step_ = create_subscription<ControllerStep>("/" + topics + "/step", rclcpp::QoS(1).best_effort(),
                                                 [this](const ControllerStep &step) {
                                                   if (const ControllerAnswer *answer = box_.step(step))

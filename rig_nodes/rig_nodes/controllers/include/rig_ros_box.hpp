@@ -76,7 +76,7 @@ class Box {
     if (!(rig_controller_abi()->levels & level))
       return ready(ControllerReady::REFUSES, std::string("this run is at level ") +
                                                  (level == RIG_LEVEL_CURRENT ? "current" : "duty") +
-                                                 ", which the controller does not know; choose with --level");
+                                                 ", at which the controller does not work; choose with --level");
     const char *const made_for = rig_controller_abi()->record;
     if (made_for && start.record.id != made_for)
       return ready(ControllerReady::REFUSES,
@@ -88,7 +88,7 @@ class Box {
     if (!why.empty()) return ready(ControllerReady::REFUSES, why);
     for (const std::string &name : start_.signals)
       if (!has(signals_, name))
-        return ready(ControllerReady::REFUSES, "it has no signal " + name + ", which ros:NAME?signals= asks for");
+        return ready(ControllerReady::REFUSES, "it has no signal " + name + ", which ros:NAME?signals= names");
     std::vector<rig_parameter> parameters;
     for (size_t k = 0; k < std::min(start_.parameter_names.size(), start_.parameter_values.size()); ++k)
       parameters.push_back({start_.parameter_names[k].c_str(), start_.parameter_values[k]});

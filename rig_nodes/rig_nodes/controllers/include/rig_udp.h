@@ -189,7 +189,7 @@ static void rig_udp_ready(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_READY, 0);
 }
 
-/* Asks for one of the rig's names until it comes; returns 0 when the rig has gone. */
+/* Requests one of the rig's names until it comes; returns 0 when the rig has gone. */
 static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, rig_udp_frame *frame) {
   for (int tries = 0; tries < RIG_UDP_TRIES && !rig_udp_stop; tries++) {
     rig_udp_frame ask;
@@ -325,7 +325,7 @@ static void rig_udp_told(rig_udp_client *client, rig_udp_frame *frame) {
   frame->body.bye.message[sizeof frame->body.bye.message - 1] = '\0';
   if (strcmp(client->told, frame->body.bye.message) == 0) return;
   memcpy(client->told, frame->body.bye.message, sizeof client->told);
-  fprintf(stderr, "the rig says: %s\n", frame->body.bye.message);
+  fprintf(stderr, "message of the rig: %s\n", frame->body.bye.message);
 }
 
 /* Answers the rig at a numeric address, e.g. "127.0.0.1", and port until rig_udp_stop is set, or with `once` until the first
@@ -355,7 +355,7 @@ static int rig_udp_serve(const char *host, int port, int once) {
     if (!client.running) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
       if (client.running && !client.last) rig_udp_ready(&client); /* repeated until a sample comes */
-      else if (client.running) rig_udp_hello(&client); /* asks whether the same rig is still there */
+      else if (client.running) rig_udp_hello(&client); /* checks whether the same rig is still there */
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);
     } else if (frame.header.kind == RIG_BYE && !client.running) {

@@ -77,7 +77,7 @@ int model_initialize(model *m) {
   info.transducer_count = MODEL_TRANSDUCERS;
   info.gear_count = sizeof MODEL_GEARS / sizeof *MODEL_GEARS;
   if (!(rig_controller_abi()->levels & info.level)) {
-    m->say(m->importer, MODEL_ERROR, "the controller does not know the level that is asked for");
+    m->say(m->importer, MODEL_ERROR, "the controller does not work at the given level");
     return MODEL_ERROR;
   }
   status = rig_controller_create(&info, &m->controller);

@@ -103,7 +103,7 @@ static int receive(model *m) {
     if (m->answer.sentence[0]) m->say(m->importer, (int)m->answer.status, m->answer.sentence);
     return (int)m->answer.status;
   }
-  if (size > 0) snprintf(how, sizeof how, "speaks another protocol");
+  if (size > 0) snprintf(how, sizeof how, "uses another protocol");
   else end_process(m, how, sizeof how);
   snprintf(sentence, sizeof sentence, "the rig's process %s; it is started as '%.300s -m rig_nodes.fmu.rig_process', set "
            "RIG_FMU_PYTHON and RIG_FMU_PATH when these are not the rig's Python and the folder of rig_nodes", how, m->python);

@@ -86,7 +86,7 @@ PACKS = {
 
 
 def spring_force(travel: Numbers) -> Numbers:
-    """Return F_s of the six springs, (8.1) with its lost sign.
+    """Return F_s of the six springs, (8.1) with the corrected sign.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def osinski_factor(surfaces: Numbers) -> Numbers:
 def osinski(pack: PackGeometry, force: Numbers, friction: Numbers, beyond_table: bool = False) -> Numbers:
     """Return k_os times the traditional torque, (6.14), whatever the splines are like.
 
-    Chapter 8 compares with 10 to 18 surfaces, so it must have continued the series.
+    Chapter 8 compares this model at 10 to 18 surfaces, so it must have continued the series.
 
     Parameters
     ----------
@@ -234,9 +234,9 @@ def thesis(
 def chen(pack: PackGeometry, force: Numbers, friction: Numbers, friction_outer_spline: Numbers) -> Numbers:
     """Return the torque of Chen's pack, (6.20), (6.21): pressure falls only at plates with an outer spline, by F_ch / A.
 
-    (6.21) gives the torque on each plate from both its faces; the torque of the pack is the sum over the plates of one kind. The
-    thesis does not say whether the clamped plate, number 0, loses too. Here (6.20) holds for it as well (own), so this is the
-    thesis's model without friction on the inner splines.
+    (6.21) gives the torque on each plate from both its faces; the torque of the pack is the sum over all plates with the same
+    spline, inner or outer. The thesis does not say whether the clamped plate, number 0, loses too. Here (6.20) holds for it as well
+    (own), so this is the thesis's model without friction on the inner splines.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Statements of chapter 8 of the thesis on its bench, as bounds on the friction that it does not print.
+"""Statements of chapter 8 of the thesis on its bench, as bounds on the coefficients of friction, which it does not print.
 
 It can be used alone. The chapter gives k_kor (measured slope over the thesis's model) and k_os (over Osinski's), but neither a
 friction coefficient nor a slope. The ratio of two models does not contain the measured slope, and it depends on the product
@@ -41,7 +41,7 @@ class Statement:
     low: float
     high: float
     said: str
-    read_into: bool = False  # True for an own reading of what a sentence leaves open
+    read_into: bool = False  # True for an own interpretation of an ambiguous sentence
 
 
 def _statements() -> tuple[Statement, ...]:

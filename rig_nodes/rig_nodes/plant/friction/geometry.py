@@ -3,7 +3,7 @@
 
 """Geometry of a plate pack: friction ring, splines, number of friction surfaces.
 
-Base of parts.plates.PlatePack; every model of plant.friction takes a pack of this kind.
+Base of parts.plates.PlatePack; every model of plant.friction takes such a pack.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the engine can pull, what the road asks for, and which shifts of a recording the engine survives."""
+"""Torque that the engine delivers, torque that the road requires, and which shifts of a recording the engine survives."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def axle(config: RigConfig) -> float:
 
 
 def demand(config: RigConfig, gear: int, speed: float, torque: float) -> float:
-    """Return what the input takes in steady state, with the gearbox's losses and without the drag of open clutches.
+    """Return the torque that the input takes in steady state, with the gearbox's losses and without the drag of open clutches.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def largest(config: RigConfig) -> Table:
 
 
 def grid(config: RigConfig) -> Table:
-    """Return for each point of the laboratory's grid the grade, and what steady travel asks of the engine before and after."""
+    """Return for each point of the laboratory's grid the grade, M_wej before the shift and the engine's speed after it."""
     rows = []
     for shift, loads, before, after in (("I-II", UP, 1, 2), ("II-I", DOWN, 2, 1)):
         ratios = config.transmission.ratios
@@ -147,7 +147,7 @@ def climb(config: RigConfig) -> Table:
 
 
 def coast_down(config: RigConfig) -> Table:
-    """Return the way in which the vehicle coasts on the level against rolling resistance and air, by the closed form."""
+    """Return time and distance of coasting on the level against rolling resistance and air, by the closed form."""
     car = config.vehicle
     steady, air = road_force(0.0, 0.0, car), 0.5 * car.air_density * car.drag_area
     mass = car.mass + config.wheels.inertia / car.wheel_radius**2
@@ -156,7 +156,7 @@ def coast_down(config: RigConfig) -> Table:
         reach = sqrt(air / steady) * start
         rows.append((start, mass / sqrt(steady * air) * atan(reach), 0.5 * mass / air * log1p(reach**2)))
     return Table(
-        "Coasting on the level, axle and gearbox free of losses: time and way to a standstill, m dv/dt = -F - c v^2.",
+        "Coasting on the level, axle and gearbox free of losses: time and distance to a standstill, m dv/dt = -F - c v^2.",
         {"from": "km/h", "time": "s", "way": "m"},
         rows,
     )
