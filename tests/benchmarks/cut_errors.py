@@ -16,7 +16,8 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.outputs import Outputs
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import SequenceRunner, load_sequence
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.sequence_runner import SequenceRunner
 from rig_nodes.testbench.simulate import LocalBench, simulate
 
 TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")

@@ -18,7 +18,8 @@ from rig_nodes.config.names import find_of_rigs
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.commands import Commands
 from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.sequence_runner import SequenceFailed, SequenceRunner
 from rig_nodes.testbench.simulate import simulate
 
 RIG = (RIGS_DIR / "hydmag" / "rig.yaml").read_text()

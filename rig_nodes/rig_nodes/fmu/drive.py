@@ -16,7 +16,8 @@ from pathlib import Path
 
 from ..errors import RigError, printable
 from ..testbench.configuration import RigConfig, load_rig
-from ..testbench.sequence import Sequence, SequenceRunner, load_sequence
+from ..testbench.sequence import Sequence, load_sequence
+from ..testbench.sequence_runner import SequenceRunner
 from .importer import Fmu
 from .rig_variables import enable_of
 
@@ -25,7 +26,7 @@ SCALAR = 10  # ms between two messages of a transducer; a sequence reads the new
 
 
 class FmuBench:
-    """The bench of a sequence (testbench.sequence.Bench) over the inputs and outputs of the FMU.
+    """The bench of a sequence (testbench.sequence_runner.Bench) over the inputs and outputs of the FMU.
 
     Parameters
     ----------

@@ -21,7 +21,8 @@ from rig_msgs.msg import RigState
 from ..bags.cdr import encoder
 from ..catalogue import Signal
 from ..config.schema import SWITCH
-from ..testbench.sequence import Sequence, SequenceFailed
+from ..testbench.sequence import Sequence
+from ..testbench.sequence_runner import SequenceFailed
 from .device import publishers_of
 from .message_class import message_class
 from .qos import recorder_profile
@@ -48,7 +49,7 @@ def reader(signal: Signal) -> Callable[[Any], float]:
 
 
 class RosBench:
-    """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, that of the newest sample."""
+    """Implements testbench.sequence_runner.Bench on a node; stamps come from ``stamp_ns``, that of the newest sample."""
 
     def __init__(self, node: Sequencer, config: RigConfig, in_lockstep: bool) -> None:
         """Open the topics; with ``in_lockstep``, readings and state come with the ticks of the container's link, not by topic."""
@@ -117,7 +118,7 @@ class RosBench:
         state = self.rig_state
         return state.reason if state is not None and state.state == RigState.TRIPPED else None
 
-    # ---- testbench.sequence.Bench
+    # ---- testbench.sequence_runner.Bench
 
     def ready(self) -> bool:
         """Return whether the rig runs, the controller takes orders and every needed signal has a reading."""

@@ -20,7 +20,8 @@ from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError
 from ..graph.link import Link, LinkClosed
 from ..parts.load_pump import LoadConfig, relief_setting_for
-from ..testbench.sequence import Sequence, SequenceFailed, SequenceRunner, load_sequence
+from ..testbench.sequence import Sequence, load_sequence
+from ..testbench.sequence_runner import SequenceFailed, SequenceRunner
 from .action_server import GoalServer, finish
 from .device import pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health

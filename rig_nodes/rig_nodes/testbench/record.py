@@ -23,7 +23,8 @@ from ..errors import RigError
 from .configuration import RigConfig
 from .rig import Rig
 from .rig_base import RigStatus
-from .sequence import Sequence, SequenceFailed
+from .sequence import Sequence
+from .sequence_runner import SequenceFailed
 from .simulate import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Heard, States
 

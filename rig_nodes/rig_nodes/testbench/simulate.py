@@ -28,7 +28,8 @@ from .configuration import RigConfig
 from .outputs import Outputs
 from .rig import Rig
 from .rig_base import RigStatus
-from .sequence import Sequence, SequenceFailed, SequenceRunner
+from .sequence import Sequence
+from .sequence_runner import SequenceFailed, SequenceRunner
 
 if TYPE_CHECKING:
     from .record import Listener
