@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.reader import Bag, Logger, Numbers
+from ..bags.reader import Bag, Logger
+from ..bags.sequence_numbers import Numbers
 from ..errors import RigError
 from ..transmission import Transmission
 from . import energy, no_change

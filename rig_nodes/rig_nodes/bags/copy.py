@@ -19,7 +19,8 @@ from .. import __version__
 from ..errors import RigError
 from . import limits
 from .opened import OpenedBags, class_of
-from .reader import Bag, Numbers
+from .reader import Bag
+from .sequence_numbers import Numbers
 from .writer import BagWriter
 
 # not the name of the recorder: its bags begin with their run, these may not

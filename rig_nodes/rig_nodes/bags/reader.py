@@ -33,6 +33,7 @@ from .definitions import Definition, parse
 from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
 from .pieces import files_of_run, plain, told
 from .rig_record import rig_record
+from .sequence_numbers import Numbers, holes, lives_of
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
 _STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
@@ -41,7 +42,6 @@ NOTHING = "nothing was recorded: the run was stopped before its time began"
 OWN = "rig_nodes "  # the project's own recorder begins its library name with this
 ENCODING = "cdr/ros2msg"
 SHIFTED = 1e-7  # s; a stamp that is later than the time of its row by more than this is not so by rounding
-LIFE_BITS = 32  # low bits count messages; the bits above count earlier starts of the publisher
 _PLACES = 40  # bits of a message's place in its file
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -430,7 +430,8 @@ class Bag:
 
         Topics without holes are left out. A topic counts from 0, and from the next multiple of 2^32 after a restart of its
         publisher, so a late start shows as a gap. Where the bag begins later than the run (:attr:`recorded_from`), the count
-        begins at the first recorded number. Messages lost at the very end show only in :func:`missing`.
+        begins at the first recorded number. Messages lost at the very end show only in the
+        counts of their publishers (:meth:`distinct`).
 
         Returns
         -------
@@ -474,7 +475,7 @@ class Bag:
         The bag must be the run's own.
         """
         lives = self._lives(self._streams[topic]) if topic in self._streams else []
-        return _holes(lives[-1]) if lives else 0
+        return holes(lives[-1]) if lives else 0
 
     def distinct(self, topic: str, last_life: bool = False) -> int:
         """Count the messages of a topic without repeated ones; 0 for a topic that the bag does not hold.
@@ -494,7 +495,7 @@ class Bag:
 
     def _lives(self, stream: Stream) -> list[np.ndarray]:
         """Return a topic's sequence numbers, one array from 0 on per start of its publisher; empty for uncounted messages."""
-        return _lives(self._heads(stream)["seq"]) if stream.times and self._counted(stream) else []
+        return lives_of(self._heads(stream)["seq"]) if stream.times and self._counted(stream) else []
 
     def check(self) -> list[str]:
         """Return every fault of the bag as sentences: damage, lost messages and logger rows, wrong metadata.
@@ -693,36 +694,6 @@ class Bag:
         raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
 
 
-class Numbers:
-    """Sequence numbers and first stamps of the topics of a bag, gathered piece by piece.
-
-    Attributes
-    ----------
-    firsts : dict of str to int
-        First stamp of each topic with counted messages [ns].
-    """
-
-    def __init__(self) -> None:
-        self.firsts: dict[str, int] = {}
-        self._seqs: dict[str, list[np.ndarray]] = {}
-
-    def add(self, piece: Bag) -> None:
-        """Take those of the next piece, or of a whole bag."""
-        for topic, stamps, seqs in piece.counted():
-            self._seqs.setdefault(topic, []).append(seqs)
-            self.firsts[topic] = min(self.firsts.get(topic, limits.LAST), int(stamps.min()))
-
-    def gaps(self, begun_late: bool) -> dict[str, int]:
-        """Return what Bag.gaps does; ``begun_late`` is True for a bag that begins later than its run."""
-        found = {}
-        for topic, seqs in self._seqs.items():
-            lives = _lives(np.concatenate(seqs))
-            lost = sum(_holes(life) for life in lives) - (int(lives[0].min()) if begun_late else 0)
-            if lost:
-                found[topic] = lost
-        return found
-
-
 def _read(file: Path, recover: bool) -> Contents:
     with plain(file) as opened:
         return read_mcap(opened, recover)
@@ -769,37 +740,6 @@ def recovered(held: int, last: int, damage: list[str]) -> str:
 def _stamps(head: np.ndarray) -> np.ndarray:
     """Return the stamps [ns] of message heads."""
     return head["sec"].astype(np.int64) * 1_000_000_000 + head["nanosec"]
-
-
-def _lives(seqs: np.ndarray) -> list[np.ndarray]:
-    """Return the sequence numbers of each start of a publisher, from 0 on."""
-    life = seqs >> LIFE_BITS
-    return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life)]
-
-
-def _holes(seqs: np.ndarray) -> int:
-    """Count the numbers from 0 to the highest that are missing."""
-    growing = bool(np.all(seqs[1:] > seqs[:-1]))  # as nearly always; sorting out repeated ones takes longer
-    return int(seqs.max()) + 1 - (len(seqs) if growing else len(np.unique(seqs)))
-
-
-def missing(counts_published: dict[str, int], bag: Bag) -> dict[str, int]:
-    """Count the messages that publishers sent and the bag does not hold.
-
-    Parameters
-    ----------
-    counts_published : dict of str to int
-        Messages sent, by topic.
-    bag : Bag
-        The recording.
-
-    Returns
-    -------
-    dict of str to int
-        Lost messages by topic; topics without loss are left out.
-    """
-    lost = {topic: published - bag.distinct(topic) for topic, published in counts_published.items()}
-    return {topic: n for topic, n in lost.items() if n > 0}
 
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:

@@ -29,7 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from ..atomic_write import atomic_write
-from ..bags.reader import LIFE_BITS
+from ..bags.sequence_numbers import LIFE_BITS
 from ..config.names import DEFAULT_RIG, rig_of
 from ..errors import RigError, printable
 from ..graph.domain import use_own_transports
