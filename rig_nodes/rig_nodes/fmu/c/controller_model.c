@@ -7,10 +7,10 @@
  *
  * Its step from t to t + 1 ms computes the answer to the sample at t. An importer that passes the answer to the rig at t + 1 ms
  * reproduces the rig's delay of one sample. variables.h gives the places of these values: MODEL_LEVEL, MODEL_LIMIT
- * (current_limit), MODEL_RECORD (rig_record), MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of the rig's record, then MODEL_WANTS further
- * transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting, flags, status, then MODEL_SIGNALS signals
- * of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its own); and by name MODEL_ID,
- * MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
+ * (current_limit), MODEL_RECORD (rig_record), MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of
+ * the rig's record, then MODEL_WANTS further transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting,
+ * flags, status, then MODEL_SIGNALS signals of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its
+ * own). It also defines MODEL_ID, MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
  */
 #include "rig_controller.h"
 
