@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time limits of the tests: one that takes far longer than the slowest is failed, and where Python cannot do so, its process ends.
+"""Time limits of the tests: a test far longer than the slowest fails, and where Python cannot stop it, its process is ended.
 
 No two tests use the fixed ports of the templates at the same time.
 """
@@ -28,7 +28,7 @@ def on_own_port():
         ports = {"udp:9002": udp.getsockname()[1], "modbus:5020": tcp.getsockname()[1]}
 
     def moved(kind: str, command: list[str], program: str = "") -> list[str]:
-        """Returns the command; ``kind`` is the template's, ``program`` the file of a template that names its port itself."""
+        """Returns the command for a template of a kind; ``program`` is the file of a template whose port is in the file."""
         words = [f"{word.partition(':')[0]}:{ports[word]}" if word in ports else word for word in command]
         if words[-1] == "&" and kind.startswith("udp-"):
             words[-1:] = ["127.0.0.1", str(ports["udp:9002"]), "&"]

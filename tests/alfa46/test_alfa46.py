@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller box: currents against a trace written by hand from the thesis's rules, orders, current loop."""
+"""The controller box: its currents compared with a trace by hand from the thesis's rules, its orders and its current loop."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ def test_downshift_uses_its_own_delay_and_profiles():
 
 @pytest.mark.parametrize("old, new, delay, wait", [(2, 3, "t23", 60), (3, 2, "t32", -40), (1, 3, "t23", None), (3, 1, "t32", None)])
 def test_the_third_gear_drives_the_third_output_with_delays_of_its_own(old, new, delay, wait):
-    """A change past a gear has no delay."""
+    """A change that skips a gear has no delay."""
     box = box_with("three_speed", **{delay: "60 ms" if wait is None else f"{wait} ms"})
     wait = wait or 0
     box.order(old)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gears that two clutches hold: the box drives both outputs, each by its own profile, and keeps one that stays."""
+"""Gears that two clutches hold: the box drives both outputs, each by its own profile, and keeps an output that both gears use."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 
-# The sun is clutched to the input. The first gear holds the ring, the second one joins input and carrier.
+# A clutch joins the sun to the input. The first gear holds the ring, the second one joins input and carrier.
 TWO = """\
 description: two clutches in each gear
 base: three_speed

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests of this folder import the shifts made by hand."""
+"""Makes the modules with the synthetic shifts importable for the tests of this folder."""
 
 import sys
 from pathlib import Path

@@ -22,7 +22,7 @@ class Engagement:
     rpm: float = 500.0
     rise: float = 0.20  # time at which the pressure leaves its rest
     fill_slope: float = 1.622e6  # Pa/s
-    fill: float = 0.0863  # s from there to the jump
+    fill: float = 0.0863  # s from this time to the jump
     plateau: float = 1.02e6
     plateau_for: float = 0.080  # with 0 the jump continues as the ramp
     ramp: float = 5.87e6  # Pa/s

@@ -25,12 +25,12 @@ def up(shift=Shift(), **kwargs):
 def test_clean_upshift_by_hand():
     row = up()
     assert set(row) == set(KEYS) and row["valid"], row["why"]
-    # fall seen at 1.45 s; slip of 25.8 % in 0.1 s passes 0.05 % 0.2 ms before 1.70 s
+    # the fall is found at 1.45 s; slip of 25.8 % in 0.1 s passes 0.05 % 0.2 ms before 1.70 s
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1.5e-3)
     # p2 grows by 36 bar/s from 1.25 s and is 0.5 bar above its rest 13.9 ms later
     assert row["t_c_s"] == pytest.approx(1.6998 - 1.2639 + 0.330576, abs=1.5e-3)
     # the torque falls linearly from 150 to 88 Nm between 1.70 and 1.80 s: 7.1 ms before the end it is still 5 % above 88 Nm,
-    # and the first sample must itself be inside
+    # and the first sample that counts must itself be within the 5 %
     assert row["t_o_s"] == pytest.approx(0.1 * (150.0 - 88.0 * 1.05) / 62.0, abs=1e-3)
     assert row["input_torque_max_nm"] == 250.0
     assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / I1, rel=1e-9) and row["k"] == pytest.approx(1.0)
@@ -40,7 +40,7 @@ def test_clean_upshift_by_hand():
 def test_departure_of_the_speed_and_its_late_rule():
     """The departure is the first sample at which n_wyj will grow by 2.5 % within the next 10 ms."""
     row = up()
-    # from 1.60 s the output gains 34.8 % in 0.1 s and 2.5 % in 7.2 ms; as 50 samples are looked ahead, it is found 2.2 ms late
+    # from 1.60 s the output gains 34.8 % in 0.1 s and 2.5 % in 7.2 ms; looking 50 samples ahead finds it 2.2 ms late
     assert row["t_p_s"] == pytest.approx(0.0998 - 0.0022, abs=1e-3)
 
 
@@ -75,7 +75,7 @@ def test_energy_is_the_printed_sum():
             2 * 60 * 60 * I2**2
         )
     assert row["e_loss_j"] == pytest.approx(taken - given, abs=1.0)
-    # the plain definition multiplies J_od by (41/40)^2 and has pi: a larger kinetic energy of the output
+    # the plain definition multiplies J_od by (41/40)^2 and contains pi, so that the kinetic energy of the output is larger
     plain = shift_metrics(recording, UP)
     assert 0.0 < row["e_loss_j"] - plain["e_loss_j"] < 0.15 * 0.5 * 0.1273 * (1500 / RPM) ** 2 + 20.0
 

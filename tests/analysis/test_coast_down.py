@@ -16,7 +16,7 @@ STEP = 1e-3
 
 
 def printed(lead=1.0):
-    """Returns (7.7) from ``lead`` seconds on, before that its first value; the shaft stands after the zero at 5.90 s."""
+    """Returns (7.7) from ``lead`` seconds on, before that its first value; the shaft is at rest after the zero at 5.90 s."""
     t = np.arange(0.0, lead + 8.0, STEP)
     s = np.clip(t - lead, 0.0, 5.90)
     return t, np.maximum(0.5735 * s**2 - 11.736 * s + 49.274, 0.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings on different clocks are laid over each other, and what differs shows in the rows that it concerns."""
+"""Recordings on different clocks are aligned, and each difference appears in the rows of its quantity."""
 
 import json
 from dataclasses import replace

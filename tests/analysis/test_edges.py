@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The start of a ramp that leaves its level, also where the ramp soon slows down."""
+"""The start of a ramp that leaves its level, also of a ramp that soon becomes flatter."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Energy balance of a window against an account kept by hand."""
+"""Energy balance of a window, compared with an account by hand."""
 
 from __future__ import annotations
 

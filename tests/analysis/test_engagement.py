@@ -59,7 +59,7 @@ def test_only_a_level_longer_than_a_mains_period_is_a_hold(length, hold):
         Engagement(plateau=0.05e6, fill_slope=0.3e6, plateau_for=0.1),  # nor a level that cannot be distinguished from the rest
         Engagement(plateau=2.15e6, plateau_for=0.1),
     ],
-)  # the last one shows that a level near the end pressure is no hold either
+)  # in the last case the level near the end pressure is no hold either
 def test_what_is_no_hold(engagement):
     assert metrics(engagement)["hold"] == "no hold"
 
@@ -137,7 +137,7 @@ def test_ranks_among_series():
         series(90.5, 0.27, 0.08),
         series(None, 0.3, 0.1),
     ]
-    # 1 is better than 2 in all three; 3 has the lowest peak of those with a hold; 4, without a hold, is better than none
+    # 1 is better than 2 in all three values; 3 has the lowest peak of those with a hold; 4, without a hold, is better than none
     assert engagement_ranks(rows) == [
         "not dominated",
         "dominated",

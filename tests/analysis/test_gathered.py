@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A report made of the pieces of a bag: the same as that of the whole bag, whatever was run, lost or recorded by others."""
+"""A report from the pieces of a bag equals that of the whole bag, for all kinds of runs, lost messages and foreign recorders."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ RUN = {"end": {"reason": "the run left no report"}}
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Folder of a run by what is special about it."""
+    """Folder of each run, by its special property."""
     root = tmp_path_factory.mktemp("runs")
 
     def written(name, keep):

@@ -133,7 +133,7 @@ def test_the_clutch_bench_has_the_frequency_of_its_torque_meter(capsys):
 
 
 def damped_chain(scale=None):
-    """Four bodies with much damping and a branch; ``scale`` is the name of what is larger, and by how much."""
+    """Four bodies with much damping and a branch; ``scale`` is the name of a value and the factor by which it is larger."""
     name, factor = scale or ("", 1.0)
     d = Driveline()
     for one, j in (("a", 0.5), ("b", 0.1), ("c", 0.2), ("d", 3.0)):
@@ -150,7 +150,7 @@ def test_sensitivities_agree_with_differences():
         for name, column in zip(names, values.T):
             up, down = (modes(damped_chain((name, factor))).frequencies for factor in (1.0 + 1e-5, 1.0 - 1e-5))
             assert column == pytest.approx((np.log(up) - np.log(down)) / 2e-5, rel=1e-5, abs=1e-7), name
-    # all inertias together lower a frequency by half a per cent, without damping
+    # one per cent more of all inertias lowers an undamped frequency by half a per cent
     free = Driveline()
     for one, j in (("a", 0.7), ("b", 0.3)):
         free.inertia(one, j)

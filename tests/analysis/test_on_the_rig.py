@@ -75,6 +75,6 @@ def test_an_engagement_whose_current_stays_level_has_a_hold_phase():
     assert row["hold"] == "hold" and 0.05 < row["hold_s"] < 0.35
     # between fill and end pressure; the valve's friction may let it exceed the pressure of 250 mA
     assert 0.1 * row["p_end"] < row["hold_pressure"] < 0.8 * row["p_end"]
-    # only the clutch slips: it closes before the pressure is at its end, with a peak above the closed torque
+    # only the clutch slips: it closes before the end of the pressure's rise, with a peak above the torque of the closed clutch
     assert row["rise_start_s"] < row["kiss_s"] < row["slip_end_s"]
     assert row["engagement_peak_nm"] > 1.5 * row["input_torque_mean_nm"] > 0.0

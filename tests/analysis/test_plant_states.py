@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The metrics of a shift from the plant's states: by hand, and on the sample bag beside those from the transducers."""
+"""The metrics of a shift from the plant's states, compared with values by hand and, for the sample bag, with the transducers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROW = dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_
 
 
 def states():
-    """Returns states at 200 Hz: S2 locks at 1.6 s; the input torque peaks with 250 Nm at 1.55 s; n_wyj dips by 10 % at 1.45 s."""
+    """Returns states at 200 Hz: S2 locks at 1.6 s, the input torque peaks at 250 Nm at 1.55 s, n_wyj dips by 10 % at 1.45 s."""
     t = np.arange(0.0, 3.0, 0.005)
     w = np.full(t.size, 150.0)
     w_wyj = np.interp(t, [1.4, 1.45, 1.5, 1.6], np.array([1 / I1, 0.9 / I1, 1 / I1, 1 / I2]) * 150.0)

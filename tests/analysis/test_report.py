@@ -84,7 +84,7 @@ def test_energy_of_run_and_of_each_shift():
 def test_inertias_are_those_of_the_rig_that_ran():
     plain = build_report(bag(), RUN)
     light = build_report(bag(), {**RUN, "configuration": {"gearbox": {"inertia_in": 1e-9, "inertia_out_z5": 1e-9}}})
-    # the output gains kinetic energy, which looks like a loss when it is not counted
+    # the output gains kinetic energy, which would count as a loss if it were not included
     assert light["shifts"][1]["e_loss_j"] > plain["shifts"][1]["e_loss_j"] + 500.0
 
 
@@ -197,7 +197,7 @@ def test_bad_shift_is_named_under_the_table():
     assert not report["shifts"][1]["valid"]
     text = format_report(report)
     assert "shift 2, I -> II at 1.00 s, is not valid: the output never settled on the ratio of gear II" in text
-    # no heat is given, because heat up to another moment would look like that of a shift
+    # the report gives no heat, because heat up to another moment would be mistaken for that of a shift
     assert report["energy"]["shifts"][1] is None and report["energy"]["run"]["motor_work_j"] > 0.0
     assert "energy of shift 2, I -> II: -, as no end of the shift was found" in text
 

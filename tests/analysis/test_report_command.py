@@ -100,7 +100,7 @@ def run_of(folder):
 
 
 def cut(folder):
-    """Cuts the bag to 4/5; returns the bytes of the whole bag and how many messages are gone."""
+    """Cuts the bag to 4/5; returns the bytes of the whole bag and the number of lost messages."""
     (mcap,) = folder.glob("*.mcap")
     data, held = mcap.read_bytes(), sum(Bag(mcap).counts.values())
     mcap.write_bytes(data[: len(data) * 4 // 5])
@@ -108,7 +108,7 @@ def cut(folder):
 
 
 def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsys):
-    """The rest still gives a report, but the existing report of the whole bag is worth more and is kept."""
+    """A report can be made from the rest, but the existing report of the whole bag is more complete and is kept."""
     before = (sample / "report.json").read_bytes()
     whole, gone = cut(sample)
     assert gone > 1000
@@ -120,7 +120,7 @@ def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsy
     assert "is damaged" in said.err and "left as it is" in said.err
     assert (sample / "report.json").read_bytes() == before
 
-    # without the files beside the bag it is unknown what is lost
+    # without the files beside the bag the lost messages are unknown
     for name in ("report.json", "metadata.yaml"):
         (sample / name).unlink()
     assert main(["report", str(sample)]) == 1

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page of a report: what it shows, that it needs nothing from outside, and how a browser lays it out."""
+"""The page of a report: its contents, its independence of other files and servers, and its layout in a browser."""
 
 import json
 import os

@@ -39,13 +39,13 @@ def test_known_times_and_values(case, seed):
     assert row["t_c_s"] == pytest.approx(case.end, abs=within)
     assert row["t_dt_s"] == pytest.approx(case.end - case.fall, abs=within)
     assert row["t_p_s"] == pytest.approx(case.end - case.depart, abs=within)
-    # S1's kiss pressure of 0.1 MPa is passed slowly, so that noise moves its time by more than that of the others
+    # the pressure passes S1's kiss pressure of 0.1 MPa slowly, so that noise moves this time more than the others
     assert row["overlap_s"] == pytest.approx(case.release - case.engage, abs=2e-3 if clean else 10e-3)
     assert row["input_torque_max_nm"] == pytest.approx(case.peak, abs=0.1 if clean else 1.0)
     # M_wej falls linearly to 88 Nm: it is settled when it is 5 % above that
     settled = case.settle - (case.settle - case.end) * 0.05 * 88.0 / (150.0 - 88.0)
     assert row["t_o_s"] == pytest.approx(settled - case.end, abs=1.5e-3 if clean else 4e-3)
-    # a downshift and its minimum end when the remaining slip is 0.1 % and what encoders cannot resolve
+    # a downshift and its minimum end when the remaining slip is 0.1 % plus the resolution of the encoders
     assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / I1, abs=0.6 if case.up else 2.2)
     assert row["k"] == pytest.approx(1.0, abs=5e-4 if case.up else 2e-3)
 
@@ -97,7 +97,7 @@ def test_downshift_that_dips_ends_after_the_minimum(seed):
 
 
 def test_lingering_on_the_ratio_before_a_dip_does_not_end_a_downshift():
-    """30 ms on the ratio of gear I would be taken for its end without the minimum that follows."""
+    """The 30 ms at the ratio of gear I would count as the end of the shift if no minimum followed."""
     t = np.arange(30000) * PERIOD - 1.0
     w = 1500.0 / RPM
     n_wyj = w * np.interp(t, [0.36, 0.42, 0.45, 0.50, 0.60], [1 / I2, 1 / I1, 1 / I1, 0.9 / I1, 1 / I1])
@@ -132,7 +132,7 @@ def test_slow_end_of_the_slip_is_met_at_the_threshold():
 
 
 def test_undithered_encoders_do_not_hide_a_locked_clutch():
-    """Rounding alone may always show more slip than the threshold, which must not make the shift invalid."""
+    """Rounding alone may cause a slip above the threshold all the time, which must not make the shift invalid."""
     rounded_worst = 0.0
     for rpm in (1001.1, 1004.2, 1500.0, 2008.9):
         channels = dataclasses.replace(UP, rpm=rpm).channels()
@@ -168,7 +168,7 @@ def test_no_supply_pressure():
 
 
 def test_swapped_valves():
-    """The gearbox is in II when I was ordered, and shifts the other way round."""
+    """The gearbox is in II where the order states I, and shifts in the opposite direction."""
     channels = DOWN.channels()
     rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
     assert not rows[0]["valid"]
@@ -198,7 +198,7 @@ def test_engagement_from_neutral_counts_from_the_pressure():
 @pytest.mark.parametrize(
     "order, reason",
     [
-        # the order has wrong gears: gear II has been in for 0.5 s and stays, or gear I is about to be left
+        # the order has wrong gears: gear II has been engaged for 0.5 s and stays so, or gear I is about to be left
         ((2.2, 0, 2), "gear II was in when II was ordered from neutral (slip 0.0 %)"),
         ((1.0, 0, 1), "gear I was in when I was ordered from neutral (slip 0.0 %)"),
         ((1.0, 0, 2), "gear I was in when II was ordered from neutral (slip 0.0 %)"),

@@ -54,7 +54,7 @@ def test_a_shift_is_measured_on_the_clutches_that_it_moves(old, new, releasing, 
     assert row["t_dt_s"] == pytest.approx(case.end - case.fall, abs=1e-3)
     assert row["t_p_s"] == pytest.approx(case.end - case.depart, abs=1e-3)
     assert row["overlap_s"] == pytest.approx(case.both(KISS[releasing], KISS[engaging]), abs=1e-3)
-    assert row["k"] == pytest.approx(1.0, abs=2e-3)  # of the slower of both gears
+    assert row["k"] == pytest.approx(1.0, abs=2e-3)  # relative to the slower of both gears
     assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / max(RATIOS[old], RATIOS[new]), abs=3.0)
     assert row["e_loss_j"] == pytest.approx(loss_by_hand(case), rel=4e-3, abs=8.0)  # slip ends 1 ms early
 
@@ -101,7 +101,7 @@ def test_a_gear_whose_clutch_slips_names_it():
 
 def test_errors_are_those_of_the_clutch_that_is_let_go():
     by_brake, by_clutch = (uncertainty(only(ThreeSpeedShift(*way).recording()), INSTRUMENTS, BOX) for way in ((1, 2), (2, 1)))
-    # B1's transducer has twice the range of C2's, and its error over 70 kPa/s adds to that of the overlap
+    # B1's transducer has twice the range of C2's, and its error divided by 70 kPa/s is a part of the overlap's error
     assert by_brake["overlap_s"] - by_clutch["overlap_s"] == pytest.approx((20e3 - 10e3) / 70e3)
 
 

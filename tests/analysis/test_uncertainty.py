@@ -130,7 +130,7 @@ def test_what_is_missing_has_no_error():
     half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None})
     assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
     assert half["input_torque_max_nm"] > 1.01
-    # for an output that stood still, n_wyj / n_wej is wrong by the encoder's 1 rpm, times i1
+    # for an output at rest, the error of n_wyj / n_wej is the encoder's 1 rpm, times i1
     assert uncertainty(ROW | {"output_speed_min_rpm": 0.0, "k": 0.0})["k"] == pytest.approx(47 / 34 * 1.0 / 1500, rel=1e-3)
     neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None})
     assert "k" not in neutral and neutral["t_dt_s"] > 0.0

@@ -42,7 +42,7 @@ def test_both_printed_delays_come_back_from_clean_traces():
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("hum_hz", [50.0, 49.93])
 def test_hum_pickup_and_noise_move_it_less_than_3_ms(seed, hum_hz):
-    """Hum of 0.05 MPa and pickup of the same size hide the first 40 ms of the rise from the eye."""
+    """Hum of 0.05 MPa and pickup of the same size hide the first 40 ms of the rise."""
     found = valve_delay(*trace(seed=seed, noise=0.02, hum=0.05, hum_hz=hum_hz, pickup=0.05))
     assert found["valve_delay_s"] == pytest.approx(0.3306, abs=3e-3)
     assert found["hum_hz"] == pytest.approx(hum_hz, abs=0.02)

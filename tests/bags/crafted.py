@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags made to break a reader: the fault of each, its bytes, and the words that must stand in the refusal.
+"""Bags that contain a fault for the readers: the fault of each, its bytes, and the words that its refusal must contain.
 
 Run as a program it tries all readers on the files of a folder and prints the result of each as JSON, one line for each file.
 """
@@ -68,7 +68,7 @@ def one(definition=VALUE, data=b"\0\1\0\0" + bytes(8), name="a/msg/B", **options
 
 
 def zstd_of(size):
-    """Returns so many zero bytes, packed without being in memory."""
+    """Returns ``size`` zero bytes in compressed form; they are never in memory uncompressed."""
     packer = zstandard.ZstdCompressor().compressobj()
     return b"".join(packer.compress(bytes(MIB)) for _ in range(size // MIB)) + packer.flush()
 
@@ -220,7 +220,7 @@ BAGS = {
 
 
 def read_all(path):
-    """Makes every request that a program may make of a bag."""
+    """Makes every request to a bag that a program can make."""
     from rig_nodes.bags.reader import Bag
 
     bag = Bag(path)
@@ -231,7 +231,7 @@ def read_all(path):
 
 
 def index_all(path):
-    """Does with a bag what the replay does, except publishing."""
+    """Reads a bag as the replay does, without publishing."""
     from rig_nodes.bags.metadata import read_profile
     from rig_nodes.bags.opened import OpenedBags
     from rig_nodes.errors import RigError
@@ -277,8 +277,8 @@ def try_out(folder):
     from rig_nodes.testbench.configuration import load_rig
     from rig_nodes.view import convert, viewer  # noqa: F401
 
-    load_rig()  # its modules and compiled code are not the memory that a bag takes
-    # a reader that takes far too much memory must be stopped, not the machine
+    load_rig()  # loaded here, so that its modules and compiled code do not count as memory of a bag
+    # the limit stops a reader that takes far too much memory before it affects the machine
     resource.setrlimit(resource.RLIMIT_DATA, (2 << 30, 2 << 30))
     for path in sorted(Path(folder).glob("*/bag.mcap"), key=lambda path: int(path.parent.name)):
         tried = {}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig bag` on the sample and on what other programs make of it: pieces, packed files, sqlite3, damage."""
+"""`rig bag` on the sample bag and on its copies by other programs: pieces, packed files, sqlite3, damage."""
 
 import re
 from pathlib import Path

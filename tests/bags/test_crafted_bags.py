@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags made to break a reader: every reader refuses each in one sentence, soon and without much memory."""
+"""Bags with faults: every reader refuses each of them in one sentence, soon and without much memory."""
 
 import json
 import random

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Damaged and missing bags: one sentence with the place and the remedy, and recovery of what is whole."""
+"""Damaged and missing bags: one sentence with the place and the remedy, and recovery of the undamaged part."""
 
 import io
 
@@ -41,7 +41,7 @@ def put(folder, data):
 
 
 def refused(path, **options):
-    """Returns the sentence with which opening it is refused."""
+    """Returns the sentence of the refusal when a bag is opened."""
     with pytest.raises(BagError) as caught:
         Bag(path, **options)
     sentence = str(caught.value)

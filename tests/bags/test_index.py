@@ -37,7 +37,7 @@ def written_by_others(path, rows, **options):
 
 
 def overlapping():
-    """Two recorders' buffers, written one after the other, and messages that come 300 ms late."""
+    """Two recorders' buffers, written one after the other, and messages that arrive 300 ms late."""
     rows = []
     for block in range(10):
         for topic, late in (("/fast", 0), ("/late", 300), ("/fast", 5)):

@@ -14,7 +14,7 @@ NAME = "rig_msgs/msg/RigState"
 
 @pytest.fixture
 def another_process(tmp_path, monkeypatch):
-    """Returns a function that forgets what this process has read; what is kept on disk lies in a folder of the test's own."""
+    """Returns a function that clears the definitions kept in this process; those on disk are in a folder of the test's own."""
     monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def forget():

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig's writer of the container against the one of the library: the same calls give the same bytes."""
+"""The rig's writer of MCAP files compared with that of the library: the same calls give the same bytes."""
 
 import io
 

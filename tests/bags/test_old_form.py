@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags from before messages had a Header, and users' messages that name a frame: read like those of today."""
+"""Bags of versions without a Header in the messages, and users' messages with a frame_id, are read like those of today."""
 
 from pathlib import Path
 

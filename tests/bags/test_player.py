@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pure player under a clock of the test's own: which messages are due, when, and in which order."""
+"""The player without ROS under a clock of the test's own: the due messages, their times and their order."""
 
 import math
 
@@ -36,7 +36,7 @@ class Run:
         self.taken = []  # (wall time since the start [ms], number or CLOCK, recorded time since T0 [ms])
 
     def drive(self, ms):
-        """Lets wall time pass; returns what became due meanwhile, with the times."""
+        """Advances wall time; returns the messages that become due in it, with their times."""
         before = len(self.taken)
         for _ in range(round(ms) + 1):
             wall = round((self.now - 100.0) * 1e3)

@@ -242,7 +242,7 @@ def test_an_error_in_metadata_has_its_line(run, tmp_path):
 
 
 def recorded_elsewhere(run, folder, keep):
-    """Writes the run as ``ros2 bag record`` does: another program's name, log times of the wall clock, and only what is kept."""
+    """Writes the run as ``ros2 bag record`` does: with another program's name, log times of the wall clock, and chosen messages."""
     folder.mkdir()
     bag, channels = Bag(run), {}
     with open(folder / "theirs_0.mcap", "wb") as file:

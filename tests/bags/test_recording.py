@@ -147,7 +147,7 @@ def test_a_pause_leaves_out_all_but_what_describes_the_run_and_a_real_loss_still
 
     record(tmp_path / "paused", rows, Layout(), act, paused=True)
     bag, left_out = Bag(tmp_path / "paused"), left_out_of(tmp_path / "paused")
-    # the pause at the end leaves no hole in the numbers
+    # the pause at the end leaves no gap in the numbers
     assert left_out["/motor/state"] == 50 and bag.counts["/motor/state"] == whole.counts["/motor/state"] - 50
     assert bag.run_info() and "/rig/run_info" not in left_out
     assert main(["bag", "check", str(tmp_path / "paused")]) == 0

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig of a bag: it is named by the bag's own record, of any age and also without the rig's folder, else by the topics."""
+"""The rig of a bag: it is found from the bag's own record, of any age and without the rig's folder, otherwise from the topics."""
 
 import json
 import shutil

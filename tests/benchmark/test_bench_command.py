@@ -48,7 +48,7 @@ def test_every_rig_runs_a_sequence_of_its_own(monkeypatch, capsys):
 
 
 def test_the_exact_lock_up_is_that_of_the_equations_of_motion():
-    # Euler steps of 1 us with the midpoint's torque, which are of first order only at the kinks of the speeds
+    # Euler steps of 1 us with the torque at the middle of the step; their error is of first order only at the kinks of the speeds
     h, w1, w2, n = 1e-6, two_inertias.W1, 0.0, 0
     while w1 > w2:
         torque = 264.0 * (math.sin(0.5 * math.pi * (n + 0.5) * h / 0.045) if (n + 0.5) * h < 0.045 else 1.0)

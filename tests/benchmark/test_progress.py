@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""While a rig is compiled, the terminal shows that the work goes on, and for how long."""
+"""While a rig is compiled, the terminal shows that the work continues, and the time since its start."""
 
 import io
 import re

@@ -73,7 +73,7 @@ def main() -> int:
             name = "all four" if devices == load_rig().cuttable else devices[0]
             try:
                 report = shifts(sequence, values)
-            except RigError:  # the motor's speed loop is not stable with such a tick
+            except RigError:  # the motor's speed loop is not stable with this tick
                 print(f"| {name} | {tick} | refused, see below | | | | | |", flush=True)
                 continue
             e = errors(reference, report)

@@ -1,12 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the transducers and the logger do to the metrics of a shift: the table of docs/background/physics.md.
+"""Effect of the transducers and the logger on the metrics of a shift: the table of docs/background/physics.md.
 
 .venv/bin/python tests/benchmarks/instruments.py [--seeds N]
 
 Each run has the same seed and the same orders at the same moments with these parts and without them; the noise of the coils'
-currents, which comes back through the current loop, is in all of them.
+currents, which acts on the plant through the current loop, is in all of them.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 
-SETTLED = 6.0  # replaces a wait for a measured value [s]: longer than any of these takes
+SETTLED = 6.0  # time that replaces a wait for a measured value [s]; longer than any such wait
 SPEEDS = {"500 rpm": "delay", "1500 rpm": "grid_point"}
 # metric of a row, its name in (6.85) and the like for I to II and II to I, factor to the printed unit, unit, digits
 METRICS = (
@@ -42,7 +42,7 @@ def settings(kept: tuple[str, ...] = ()) -> dict[str, str]:
     names = [name for name in known if name.startswith("instruments.") and not name.startswith("instruments.current")]
     left_out = [name for name in names if name.endswith(tuple(set(parts) - set(kept)))]
     si = {dimension: unit for unit, (dimension, factor) in UNITS.items() if factor == 1.0}
-    # a gate of 0 is none, so the least that a field may have
+    # the least value of each field, because a gate of 0 is not allowed
     return {name: f"{max(0.0, known[name].low):g} {si[known[name].dimension]}" for name in left_out}
 
 

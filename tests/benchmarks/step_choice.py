@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a shift's metrics are from those of a far finer step, for some steps of the plant: the table of
+"""Differences of a shift's metrics from those with a much finer step, for some steps of the plant: the table of
 docs/background/physics.md.
 
 .venv/bin/python tests/benchmarks/step_choice.py [--steps "100 us" "50 us"] [--reference "1 us"] [--json FILE]

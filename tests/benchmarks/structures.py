@@ -6,8 +6,9 @@ docs/background/physics.md.
 
 .venv/bin/python tests/benchmarks/structures.py [NUMBER ...] [--samples N] [--json FILE]    # numbers: rows of the table, from 1
 
-Each structure is the rig with some settings held and the others drawn over their bounds in calibration.yaml, as many times for
-each. For each fold the draw that costs least on the rows of the other folds is judged on the rows of this one.
+Each structure is the rig with some settings fixed and the others drawn at random within their bounds in calibration.yaml, with the
+same number of draws for each. For each fold, the draw with the least cost on the rows of the other folds is judged on the rows of
+this fold.
 """
 
 import argparse
@@ -38,7 +39,7 @@ ANNEX_D = {
 
 @dataclass(frozen=True)
 class Structure:
-    """Settings that are held, and parameters of the stage ``release`` that are searched."""
+    """Fixed settings, and the parameters of the stage ``release`` that are searched."""
 
     free: tuple[str, ...]
     held: dict[str, str] = field(default_factory=dict)
@@ -62,14 +63,14 @@ def outside(value, low=-np.inf, high=np.inf, tolerance=0.01):
 
 
 def falls(rows, key, most, tolerance):
-    """Returns by how much the last value is above the first one and ``most`` times it [tolerances]."""
+    """Returns the excess of the last value over the first one and over ``most`` times the first one [tolerances]."""
     if rows[0][key] is None or rows[-1][key] is None:
         return UNSHIFTED
     return max(0.0, rows[-1][key] - most * rows[0][key]) / tolerance
 
 
 def folds_of(config):
-    """Returns fold -> misses [tolerances] of what the thesis prints of its figures."""
+    """Returns fold -> misses [tolerances] of the printed results of its figures."""
     up = {(n, m): shift(config, 2, None, n * RPM, m) for n, m in ((1000, 40), (1500, 40), (1500, 120), (2000, 120))}
     down = [shift(config, 1, None, 1500 * RPM, m) for m in (40.0, 160.0, 240.0)]
     late, early, middle = (shift(config, 2, t12) for t12 in (-0.15, -0.19, -0.1))

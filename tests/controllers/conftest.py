@@ -111,7 +111,7 @@ def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):
 
 @pytest.fixture(scope="module")
 def ros_domain():
-    """A ROS domain of the file's own, also for the processes started there; afterwards the environment is as before."""
+    """A ROS domain of the file's own, also for the processes that its tests start; afterwards the environment is restored."""
     before = dict(os.environ)
     with allocate() as held:
         os.environ["ROS_DOMAIN_ID"] = str(held.number)
@@ -141,7 +141,7 @@ MULTICAST = "239.74.163.2"
 
 
 def multicast_works() -> str:
-    """Returns why udp_multicast does not work on this machine, empty when it works."""
+    """Returns the reason why udp_multicast does not work on this machine, empty when it works."""
     import can
 
     from rig_nodes.controllers.can_bus import open_bus

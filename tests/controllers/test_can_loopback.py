@@ -34,7 +34,7 @@ def multicast():
 
 
 def shout(port=PORT, group=GROUP):
-    """Sends packets that are no frames to all programs on the bus."""
+    """Sends packets that are not frames to all programs on the bus."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         for data in FOREIGN:
@@ -95,7 +95,7 @@ def test_foreign_packets_are_counted_and_named_once(config):
 
 
 def test_a_simulated_run_goes_on_while_a_stranger_sends_a_byte_to_its_port(tmp_path, config, capsys):
-    """The byte comes again with each millisecond of the run, between the frames of the two."""
+    """The byte is sent in each millisecond of the run, between the frames of rig and controller."""
     port, stop = 43212, threading.Event()
     bus = open_bus(GROUP, "udp_multicast", "test", port=port)
     controller = CanController(bus, config)
@@ -171,7 +171,7 @@ def plug_frames(bus):
 
 
 def answer_of(bus):
-    """Returns the command that comes back, None when none does within 10 s."""
+    """Returns the command that answers, or None when there is none within 10 s."""
     until = time.monotonic() + 10.0
     while time.monotonic() < until:
         try:

@@ -89,7 +89,7 @@ def test_the_embedded_law_has_its_one_sample(config):
 
 
 def test_the_level_current_is_late_by_the_same(config):
-    """The current loop itself keeps its sample of delay; the setpoint comes later by the difference."""
+    """The current loop itself keeps its delay of one sample; the setpoint arrives later by the difference."""
     seen = {}
     for delay in (1, 4):
         plug = load_controller(f"{PYTHON}@current", config)

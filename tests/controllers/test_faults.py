@@ -122,7 +122,7 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(simulate, config, 
     assert not (tmp_path / "run").exists()
 
 
-# ---- in the run
+# ---- during the run
 
 
 def check_safe_state(folder, oldest):

@@ -124,7 +124,7 @@ def test_a_discarded_sample_and_an_error_are_what_they_are_in_c(build, config, f
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, capfd, fmi):
-    """A text with conversions is not used as a format, and a terminal obeys nothing that the FMU reports or prints."""
+    """A text with conversions is not used as a format, and no text of the FMU acts on the terminal as a control sequence."""
     plug = faulty(build, config, fmi, 1)
     assert ask(plug, 1) is None
     os.kill(plug.process_id, signal.SIGKILL)

@@ -60,7 +60,7 @@ class Example:
             port = self.place = place or free_port()
             self.spec, controller = f"modbus:{port}", ModbusController(port, settings)
         else:
-            # a bus of this kind exists in the process or on the machine, so each test uses one of its own
+            # a bus of this kind is shared within the process or the machine, so each test uses one of its own
             channel = self.place = place or (MULTICAST if kind == "udp_multicast" else f"bus{id(self)}")
             port = {"port": 43201} if kind == "udp_multicast" else {}
             self.bus = open_bus(channel, kind, "example", **port)
@@ -103,7 +103,7 @@ def here(spec, settings, level=None):
 
 
 class Delayed(Alfa46):
-    """The Alfa46 law in lockstep whose setpoints come late, each output by its own number of samples."""
+    """The Alfa46 law in lockstep with delayed setpoints, each output by its own number of samples."""
 
     levels, delays = ("current",), (0, 0)
 
@@ -160,8 +160,8 @@ def late(exact, tmp_path_factory):
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
     """The delay is as docs/how_to/can.md, docs/how_to/modbus.md and docs/how_to/ros_controller.md state it.
 
-    It is one sample more than in lockstep, and more where the machine is busy, for each valve by itself. The range of every
-    metric is what setpoints with these delays give in lockstep.
+    It is one sample more than in lockstep, and more where the machine is busy, separately for each valve. The allowed range of
+    every metric is its range in lockstep with setpoints of these delays.
     """
     if kind == "udp_multicast" and (why := multicast_works()):
         pytest.skip(why)
@@ -188,7 +188,7 @@ def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_
 
 
 def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
-    """The pages predict this."""
+    """The documentation predicts this."""
     later = [late(delay, delay)["t_c_s"] - late(0, 0)["t_c_s"] for delay in (1, 6)]
     assert later == pytest.approx([1e-3, 6e-3], abs=0.6e-3)
 
@@ -196,7 +196,7 @@ def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_either_level_and_either_gear(config, example, kind):
-    """At level duty the current loop is closed over the wire; the coil's current comes near its setpoint all the same."""
+    """At level duty the current loop is closed over the bus; the coil's current still approaches its setpoint."""
     plug = here(example(kind).spec, config, "duty")
     rig = Rig(config, controller="external", level="duty")
     rig.set("oil", 4e6, True)
@@ -211,7 +211,7 @@ def test_either_level_and_either_gear(config, example, kind):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, monkeypatch, kind):
-    monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # shorter, because these items take real time
+    monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # fewer, because these items run in real time
     items = list(itertools.islice(conformance.Check(example(kind).spec, config).items(), 6))
     assert [(item.name, item.ok) for item in items] == [
         ("loads", True),
@@ -351,7 +351,7 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
     [(700, 0, True), (40_000, 0, True), (0, 12_345, True), (40_000, 40_020, False), (65_535, 0, False)],
 )
 def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, anew):
-    """Also the end of a run at 40 s is tested, from where 0 is as far ahead as back in the 16 bits of the counter."""
+    """A run that ends at 40 s is tested too: there the counter of 16 bits is half a cycle away from 0 in both directions."""
     bus = open_bus("jumps", "virtual", "test")
     controller, laws = CanController(bus, config), []
     names = ("n_wej", "n_wyj", "p1", "p2", "current_1", "current_2", "current_3", "gear_request")
@@ -367,7 +367,7 @@ def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, a
 
 @pytest.mark.against_the_clock
 def test_two_controllers_on_one_bus_trip_the_rig(config, example):
-    """A forgotten program that stays in neutral runs beside the Alfa46; a mixture of both answers belongs to neither of them."""
+    """A second program that was left running, always in neutral, answers beside the Alfa46; the answers must not be mixed."""
     stop, controller = threading.Event(), example("virtual")
     bus = open_bus(controller.place, "virtual", "forgotten")
 

@@ -184,7 +184,7 @@ def test_the_rig_claims_its_address_before_it_speaks(make):
     ],
 )
 def test_a_request_is_answered(make, destination, asked, answer):
-    """A request to all or to the rig is answered by the claim and by both messages at once.
+    """A request to all nodes or to the rig is answered at once by the claim and by both messages.
 
     Other requests are refused only when they are sent to the rig alone.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every run first prints its controller, the level, and where the level comes from."""
+"""Every run first prints its controller, the level, and the origin of the level."""
 
 import json
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig's Modbus server, called by pymodbus and by raw bytes: which client may write, what is refused, how long it waits."""
+"""The rig's Modbus server, called by pymodbus and by raw bytes: the client that may write, refusals, and its timeout."""
 
 import socket
 import struct
@@ -176,7 +176,7 @@ def on_modbus(settings, port):
 
 @pytest.mark.parametrize("made", [on_can, on_modbus])
 def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
-    """One command comes at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
+    """One command arrives at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
     plug, end = made(config, free_port())
     plug.said = []
     plug.say = plug.said.append

@@ -36,7 +36,7 @@ steps:
   - motor: {speed: 300 rpm}
   - wait: {for: 1 s}
 """
-# acts as the Alfa46 until FAIL_AT and then does what the test wants
+# acts as the Alfa46 until FAIL_AT and then executes the code of the test
 WRAPPED = """
 from rig_nodes.controllers import ControllerOutputs, Status
 from rig_nodes.controllers.examples.alfa46 import Alfa46
@@ -162,7 +162,7 @@ def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, 
 
 
 def test_an_output_at_zero_is_off_unless_its_flag_holds_it(config):
-    """The loop of an output that is off starts anew, with a kick; a held one continues from its state."""
+    """The loop of an output that was off starts anew, with a peak of the duty; that of a held output continues from its state."""
     seen = {}
     for flags in (0, 1):
         rig = powered(config)

@@ -120,7 +120,7 @@ def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config
 
 
 def test_arithmetic_that_a_library_changes_is_its_own(build, config):
-    """With many compilers -ffast-math does so: tiny numbers become zero, here only in that process."""
+    """With many compilers -ffast-math sets tiny numbers to zero in the whole process, here that of the library only."""
     flush = "#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
     plug = load_controller(f"c:{build(frame('out->command[0] = rig_measured_of(in)->n_wej / 2.0 > 0.0;', flush))}", config)
     tiny = sys.float_info.min
@@ -163,7 +163,7 @@ def test_two_plugs_of_one_library_share_nothing(build, config):
 
 
 def framed(step, extra=""):
-    """A library that wants, records and offers as a setting one number each, so that it is given all kinds of memory."""
+    """A library with one wanted transducer, one signal and one setting, so that it receives all kinds of memory."""
     return (
         frame(step)
         + extra

@@ -204,7 +204,7 @@ def test_the_bytes_are_those_of_the_messages(others, settings):
             unpack_answer(data[:length])
 
 
-# ---- how it begins and ends
+# ---- begin and end
 
 
 def test_waiting_is_told_and_has_an_end(plug, ros_domain):
@@ -234,7 +234,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
     assert rig.reason == f"controller {plug.name}, sample 400: its process has ended"
     rig.advance_samples(100)
     assert max(rig.coil_currents()) < 0.02, "no coil is driven"
-    # as in a rig that is worked by hand: after the reset it continues with a controller that was started again
+    # as in a rig that is operated by hand: after the reset it continues with a controller that was restarted
     rig.reset()
     again = ros_program(plug.topics_name)
     plug.wait(20.0)
@@ -247,7 +247,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
 
 
 def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_program, config):
-    """With --step-timeout none it may be stopped in a debugger, and the answers are the same; with a limit this is fatal."""
+    """With --step-timeout none it may be stopped in a debugger, and the answers are the same; with a limit this ends the run."""
     process = ros_program(plug.topics_name)
     plug.wait(20.0)
     plug.pace(None)
@@ -326,7 +326,7 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
 
 
 def test_a_refusal_displaces_no_other_nodes_ready(plug, thread):
-    """Both messages came before the rig read them, the refusal as the last one."""
+    """Both messages arrive before the rig reads them, the refusal as the last one."""
     controller = Steady()
     user, wrong = thread(controller, plug.topics_name), thread(Steady(), plug.topics_name, ("current",))
     plug.other_side.open()

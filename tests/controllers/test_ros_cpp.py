@@ -146,7 +146,7 @@ def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, lev
     assert last == f"{ControllerReady.LEAVES} enough 0"
 
 
-# one controller with names of its own; each run asks for another set of these names
+# one controller with names of its own; the rig offers another set of these names in each run
 NAMES_MAIN = r"""
 #include "rig_ros_box.hpp"
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig controller new`: what it writes compiles without a warning and shifts, by the same commands that it prints."""
+"""`rig controller new`: the commands that it prints compile the written files without a warning and run them through a shift."""
 
 import json
 import os
@@ -38,7 +38,7 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
     monkeypatch.chdir(tmp_path)
     assert main(["controller", "new", kind, "mine"]) == 0
     wrote, commands = capsys.readouterr().out.split("next:\n")
-    if kind == "ros-cpp":  # what follows these needs a ROS 2 with rclcpp and colcon
+    if kind == "ros-cpp":  # the further commands need a ROS 2 with rclcpp and colcon
         commands = "\n".join(commands.splitlines()[:2])
     assert all(Path(line.removeprefix("wrote ")).is_file() for line in wrote.splitlines())
     programs = []

@@ -147,7 +147,7 @@ def test_every_topic_is_that_of_the_built_in_controller(config, port, program, b
 
 
 class Lossy(threading.Thread):
-    """Between controller and rig it loses every 29th frame, sends every 13th twice and every 17th once more, later."""
+    """A relay between controller and rig that drops every 29th frame, sends every 13th twice and repeats every 17th later."""
 
     def __init__(self, rig_port):
         super().__init__(daemon=True)
@@ -200,7 +200,7 @@ def test_lost_doubled_and_late_frames_change_nothing(config, port, plug, thread)
     proxy.over = True
 
 
-# ---- how it begins and ends
+# ---- begin and end
 
 
 def test_it_gets_what_every_controller_gets(plug, thread, config):
@@ -291,7 +291,7 @@ def test_a_controller_that_is_stopped_says_goodbye(plug, program):
 
 
 def test_after_its_end_another_may_come(plug, program):
-    """As in a rig that is worked by hand: after the reset it continues with a controller that was started again."""
+    """As in a rig that is operated by hand: after the reset it continues with a controller that was restarted."""
     first = program("python")
     plug.wait(20.0)
     ask(plug)
@@ -568,7 +568,7 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
 
 
 def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_program):
-    """At the wrong level, for instance, a program is sent away every second."""
+    """At the wrong level, for example, the program is refused every second."""
     said = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
         rig.settimeout(10.0)

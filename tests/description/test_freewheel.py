@@ -11,7 +11,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
-# beside its brake, the ring of the three-speed gearbox is held against turning backwards
+# in addition to its brake, the ring of the three-speed gearbox has a free-wheel that prevents backward rotation
 FREEWHEEL = """\
 description: three speeds with a free-wheel at the ring
 base: three_speed

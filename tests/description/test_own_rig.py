@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A user's own rig: written, checked, drawn, run, and varied by naming only what differs."""
+"""A user's own rig is written, checked, drawn and run; a variant names only the values that differ."""
 
 import json
 import xml.etree.ElementTree as ElementTree
@@ -107,7 +107,7 @@ def test_the_ratios_follow_from_the_teeth(three):
 
 @pytest.mark.parametrize("gear", RATIOS)
 def test_steady_states_are_those_of_a_calculation_by_hand(three, gear):
-    """The load's torque, drag of 3 Nm at the output and drag of open clutches; 2 Nm and 2 % of the clutches' torque at input."""
+    """By hand: load, 3 Nm of drag at the output and drag of open clutches; 2 Nm and 2 % of the clutches' torque at the input."""
     rig = Rig(three)
     rig.set("oil", 4e6, True)
     rig.advance(0.3)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The transducers that a user adds to a rig: what their signs mean, their ranges, their order and their errors."""
+"""The transducers that a user adds to a rig: the meaning of their signs, their ranges, their order and their errors."""
 
 from dataclasses import MISSING
 
@@ -18,7 +18,7 @@ from rig_nodes.testbench.rig import Rig
 
 @pytest.fixture
 def variant(tmp_path):
-    """A function that writes a rig on hydmag with some lines of its own, and returns its folder."""
+    """A function that writes a variant of hydmag with further lines, and returns its folder."""
 
     def write(text: str):
         into = tmp_path / "variant"

@@ -78,6 +78,6 @@ def test_the_acceleration_of_a_body_counts_the_shaft_on_it():
     for _ in range(20):
         rig.advance(0.001)
         rates.append(float(rig.world.line["rate"][place]))
-    # the only friction of its own is the pack's drag; everything else comes through the shaft
+    # the only friction at this body is the pack's drag; all other torque is transmitted by the shaft
     assert max(map(abs, rates)) > 5.0
     assert sum(rates) * 0.001 == pytest.approx(rig.true("shaft.speed") - before, rel=0.15)

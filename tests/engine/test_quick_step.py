@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steps of a rig with laws in which nothing happens go the quick way, and give what the other way gives."""
+"""Steps without an event, of a rig with laws, are computed by the quick method, with the results of the full method."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files as twelve laboratories would have written one and the same shift, with the profiles that read them."""
+"""Files of one shift in the forms of twelve loggers, with the profiles that read them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def truth():
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A logger and how it writes: heads of time and signals, what stands above and below them, signs, clock and what is lost."""
+    """A logger and the form of its files: heads of time and signals, lines around them, signs, clock and missing values."""
 
     heads: tuple[str, ...]
     name: str = "lab.csv"
@@ -50,13 +50,13 @@ class Laboratory:
     plus: tuple[float, ...] = (0.0,) * 6
     digits: str = "%.9g"
     of_day: bool = False  # times as 12:34:56.789000
-    empty: str | None = None  # what stands in every 97th cell
-    dropped: int = 0  # every so many-th row is not there
-    form: str = ""  # lines of the profile on how the file is written
+    empty: str | None = None  # content of every 97th cell, which has no value
+    dropped: int = 0  # n: every n-th row is missing
+    form: str = ""  # lines of the profile for the form of the file
     mapped: tuple[str, ...] = ()  # column -> signal lines of the profile; by default heads in the order of NAMES
 
     def rows(self):
-        """Times on the logger's clock, and values of each channel there, with zero and scatter."""
+        """Times on the logger's clock, and values of each channel at these times, with zero and scatter."""
         own = truth().t0 + truth().period * np.arange(truth().rows)
         end = own[-1] * (1.0 + self.drift) + self.offset
         t = np.arange(own[0] + self.offset, end, self.period)

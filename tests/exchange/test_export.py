@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run goes into files of other tools and comes back as it was."""
+"""A run is exported to files of other tools and imported again without a change."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of loggers become runs: those of twelve laboratories lie on the simulated shift, and twelve broken ones are refused."""
+"""Files of loggers become runs: those of twelve laboratories agree with the simulated shift, and faulty files are refused."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ WRONG = "rig: hydmag\ncolumns:\n  "
 
 
 def written(folder, text=None, profile=None, name="bad.csv", change=lambda rows: rows):
-    """Writes a small file in the rig's own heads, changed, and a profile; returns the words of the verb."""
+    """Writes a small file with the rig's own heads after ``change``, and a profile; returns the arguments of the verb."""
     path = folder / name
     if isinstance(text, bytes):
         path.write_bytes(text)

@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Calls an FMU's functions as an importer does, in a right and in a wrong order, twice; test_sanitized.py builds it with
+/* Calls an FMU's functions as an importer does, in right and in wrong orders, in two rounds; test_sanitized.py builds it with
  * sanitizers. Its argument is the URI of the folder of resources. It prints the sentence of each refusal.
  */
 #include "fmi2Functions.h"

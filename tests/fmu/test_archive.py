@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Archives and descriptions that no FMU has: each is refused in one sentence, and nothing of them is written."""
+"""Invalid archives and descriptions: each is refused in one sentence, and no file of it is written."""
 
 import stat
 import zipfile

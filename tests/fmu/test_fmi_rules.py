@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What FMI requires of an FMU: the order of calls, the stop time, the content of its description, and how a trip ends a step."""
+"""Requirements of FMI: the order of calls, the stop time, the content of the description, and the end of a step by a trip."""
 
 import zipfile
 from pathlib import Path
@@ -160,7 +160,7 @@ def test_no_output_answers_to_an_input_before_the_next_step(rig_fmu, controller_
 
 
 def test_at_the_initialization_outputs_depend_on_what_the_description_says(rig_fmu):
-    """Each parameter of some parts is changed in the rig itself; every output that changes must name the parameter."""
+    """Each parameter of some parts is changed in the rig itself; every output that changes must list the parameter."""
     description = read_model_description(str(rig_fmu()))
     stated = {unknown.variable.name: {known.name for known in unknown.dependencies} for unknown in description.initialUnknowns}
     config = load_rig()
@@ -206,7 +206,7 @@ Rig.advance_samples = advance_samples
 
 @pytest.fixture
 def tripping(tmp_path, monkeypatch):
-    """The rig behind an FMU trips at 250 ms, exactly then when it records, because it then advances sample by sample."""
+    """The rig of an FMU trips at 250 ms; with a recording the time is exact, because the rig then advances sample by sample."""
     (tmp_path / "sitecustomize.py").write_text(TRIPPING)
     monkeypatch.setenv("RIG_FMU_PATH", f"{tmp_path}:{PACKAGE}")
     return str(tmp_path / "record")

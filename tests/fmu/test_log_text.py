@@ -33,7 +33,7 @@ def test_values_stand_where_the_format_has_them(which, text, speak):
 
 
 def test_a_format_that_is_a_users_text_harms_nothing(speak):
-    """The values taken for its conversions are whatever lay in the processor's registers."""
+    """The values for its conversions are arbitrary contents of the processor's registers."""
     said = speak(1)
     assert said.startswith("100 ") and said.endswith(" of it")
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig as an FMU: how FMPy runs it, that it is the same rig, and what happens to its process."""
+"""The rig as an FMU: its run in FMPy, its equality with the rig itself, and the life of its process."""
 
 import json
 import math
@@ -77,7 +77,7 @@ def test_its_variables_are_the_catalogue_and_the_settings(rig_fmu):
 
 
 def shift_into_first(step, request_at=300):
-    """Returns (time [s], motor, gear request) as inputs of a run of 1.2 s; ``step`` only names whole ms."""
+    """Returns (time [s], motor, gear request) as inputs of a run of 1.2 s; ``step`` is in whole ms."""
     return [(t, t >= 600, 1 if t >= request_at else 0) for t in range(0, 1200, step)]
 
 

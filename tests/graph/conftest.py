@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests of this folder import the helpers that they share."""
+"""Makes the shared helper modules importable for the tests of this folder."""
 
 import os
 import subprocess

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A process of its own that receives topics and writes, per topic, their number and a hash over them in the order of their coming.
+"""A separate process that receives topics and writes, per topic, the number of messages and a hash over them in order of arrival.
 
-Arguments: file to write, then topic=package/msg/Name pairs. It ends when all publishers have left and nothing comes any more.
-Of /clock it also writes the times.
+Arguments: file to write, then topic=package/msg/Name pairs. It ends when all publishers have ended and no message arrives any
+more. For /clock it also writes the times.
 """
 
 import json
@@ -22,7 +22,7 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import publisher_profile, recorder_profile
 
-PATIENCE = 60.0  # s without a message, for a publisher that never comes
+PATIENCE = 60.0  # s; longest wait for a message, in case that a publisher never starts
 
 
 def main(out, pairs):

@@ -72,7 +72,7 @@ class Client:
         self._services, self._heard = {}, []
 
     def forget(self):
-        """Ends all subscriptions: as long as messages come that are not read, the executor is never done."""
+        """Ends all subscriptions, because unread messages would occupy the executor."""
         while self._heard:
             self.node.destroy_subscription(self._heard.pop())
 
@@ -93,7 +93,7 @@ class Client:
     def listen(self, topic: str, depth: int = 1000) -> list:
         """Returns a list that grows with the messages of a topic.
 
-        At depth 1 it gets the newest message whenever there is time for one, so that a busy machine does not look at old ones.
+        At depth 1 it receives only the newest message each time, so that a busy machine does not process old ones.
         """
         messages = []
         kind = message_class(catalogue().topics[topic].ros_type)
@@ -121,11 +121,11 @@ class Client:
         return self._services[name]
 
     def call(self, kind, name: str, again: float = 2.0, **fields):
-        """Returns the response of a service to a request with these fields; it is sent again when none comes in so many seconds."""
+        """Returns the response of a service to a request with these fields; the request is repeated after ``again`` seconds."""
         client, asked = self.service(kind, name), []
 
         def answered():
-            # asks again after a while, because the server may not yet be connected to the client that waits for its answer
+            # the request is repeated, because the server's answers may not yet reach the client
             if not asked or time.monotonic() - asked[-1][1] > again:
                 asked.append((client.call_async(kind.Request(**fields)), time.monotonic()))
             return next((future for future, _ in asked if future.done()), None)
@@ -141,7 +141,7 @@ class Client:
 
 
 class Goal:
-    """A goal that was sent: ``feedback`` grows, and :meth:`result` waits for the end, which ``status`` then names."""
+    """A goal that was sent: ``feedback`` collects its feedback, and :meth:`result` waits for the end and sets ``status``."""
 
     def __init__(self, user: Client, client: ActionClient, goal):
         self.user, self.client, self.feedback, self._result, self.status = user, client, [], [], None
@@ -224,7 +224,7 @@ class RigRun:
 
 
 class Traces:
-    """What a run uses on this machine now, to check later that all of it is gone."""
+    """Processes and shared memory that a run uses at this time, for a later check that they are gone."""
 
     def __init__(self, run: RigRun):
         self.children = run.children()

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Number and hash of the messages of topics in their order, of what was sent and of what came, to be compared."""
+"""Number and hash of the messages of topics in their order, to compare sent messages with received ones."""
 
 import hashlib
 
@@ -10,7 +10,7 @@ from rig_nodes.bags.definitions import installed
 
 
 class Streams:
-    """Messages per topic, in the order in which they are added; what DDS pads at their ends does not count."""
+    """Messages per topic, in the order in which they are added; the padding of DDS at their ends is left out."""
 
     def __init__(self):
         self.total = 0

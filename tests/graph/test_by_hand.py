@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The verbs for working by hand, gear, set, status, stop and reset, typed beside a rig that runs."""
+"""The verbs for operation by hand, gear, set, status, stop and reset, beside a running rig."""
 
 import contextlib
 import json
@@ -45,21 +45,21 @@ def rig(domain: int, *words: str) -> tuple[int, str, str]:
 
 @pytest.fixture(scope="module")
 def ask(graph):
-    """Calls the verbs at the graph, each in a new process in which Python is loaded already."""
+    """Calls the verbs for the graph, each in a new process in which Python is already loaded."""
     with Verbs() as verbs:
         yield lambda *words: verbs.run(*words, "--domain", str(graph.domain.number))
 
 
 @pytest.fixture(scope="module")
 def found(graph):
-    """The rig as a verb finds it."""
+    """The running rig in the form in which a verb finds it."""
     with running_rig.RunningRig(graph.domain.number) as rig:
         yield rig
 
 
 @pytest.fixture
 def ask_on(graph, found, monkeypatch, capsys):
-    """Calls the verbs in this process on a rig that is found already, so that it is not looked for each time."""
+    """Calls the verbs in this process for a rig that has been found before, which saves the search for it."""
     monkeypatch.setattr(os, "environ", os.environ.copy())
     monkeypatch.setattr(running_rig, "RunningRig", lambda number: contextlib.nullcontext(found))
     return lambda *words: (main([*words, "--domain", str(graph.domain.number)]), *capsys.readouterr())

@@ -113,7 +113,7 @@ steps:
     "arguments", [("--speed", "max"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["lockstep", "real time"]
 )
 def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_own(tmp_path, arguments):
-    """In lockstep it gets the transducers of each sample, as in simulate; in real time the newest value of each topic."""
+    """In lockstep it receives the transducers of each sample, as in simulate; in real time the newest value of each topic."""
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "sequence.yaml").write_text(SEQUENCE)
     spec, sequence = f"python:{tmp_path / 'own.py'}:Own", tmp_path / "sequence.yaml"

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices in processes of their own: the bits of `simulate` in lockstep, and the rig's reaction when they fall silent."""
+"""Devices in processes of their own: the bits of `simulate` in lockstep, and the rig's reaction when they stop answering."""
 
 import json
 import math

@@ -49,7 +49,7 @@ class Failing(Alfa46):
 
 
 class Watcher(Client):
-    """Keeps the newest status of each device and the times at which its messages came."""
+    """Keeps the newest status of each device and the arrival times of its messages."""
 
     def __init__(self, domain):
         super().__init__(domain)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The running graph as a process of the user sees it."""
+"""The running graph, tested from a process of the user."""
 
 import itertools
 import math
@@ -60,7 +60,7 @@ def still(user):
 
 
 def logs(user) -> list:
-    """Returns a list that grows with the messages of /rosout, those that came before included."""
+    """Returns a list that grows with the messages of /rosout, including earlier ones."""
     said = []
     profile = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     user.node.create_subscription(Log, "/rosout", said.append, profile)

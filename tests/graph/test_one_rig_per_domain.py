@@ -48,7 +48,7 @@ def test_a_second_rig_in_a_domain_is_refused_and_the_first_goes_on(tmp_path, rig
 
 @pytest.mark.against_the_clock  # the command searches the domain for a short time only
 def test_a_rig_that_only_dds_shows_is_found_too(tmp_path, rig_command):
-    """A rig in another container is like this: it holds no socket here."""
+    """A rig in another container is such a case: it holds no socket here."""
     with allocate() as domain:
         user = Client(domain)
         try:

@@ -59,7 +59,7 @@ def user(graph):
 
 
 def told(user, topic, name):
-    """Returns the newest event of this name as soon as it has come."""
+    """Returns the newest event of this name as soon as there is one."""
     return user.until(lambda: [e for e in user.events[topic] if e.name == name][-1:], name)[0]
 
 
@@ -111,7 +111,7 @@ def test_a_shift_that_has_begun_is_carried_to_its_end(user):
 
 def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
     container = graph.supervisor.children["container"].pid
-    os.kill(container, signal.SIGSTOP)  # no sample comes, so the controller does not take the order
+    os.kill(container, signal.SIGSTOP)  # without samples the controller does not accept the order
     try:
         goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=2))
         answer = goal.cancel()
@@ -131,7 +131,7 @@ def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
 
 
 def test_a_sequence_cancelled_in_a_shift_leaves_the_shift_to_its_end(user, tmp_path):
-    """The shift takes two seconds, so that a cancel that comes late on a busy machine still finds it."""
+    """The shift takes two seconds, so that it is still running when a cancel arrives late on a busy machine."""
     path = tmp_path / "shift.yaml"
     steps = ("shift: {to: I}", "set: {alfa46.t12: 2 s}", "shift: {to: II}", "motor: {speed: 300 rpm}")
     path.write_text("description: x\nsteps:\n" + "".join(f"  - {step}\n" for step in steps))
@@ -160,7 +160,7 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(user, tmp_pa
 
 
 def test_an_emergency_stop_takes_every_order_back(user):
-    """Whatever was clamped or ordered before, only a new order clamps a clutch after the reset."""
+    """After the reset only a new order clamps a clutch, regardless of the clutches and orders before."""
     clutch, valve, motor = (user.listen(f"/{name}/state") for name in ("clutch_s1", "valve_zr_p1", "motor"))
     said = []
     user.node.create_subscription(Log, "/rosout", said.append, 100)

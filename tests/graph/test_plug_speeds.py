@@ -67,7 +67,7 @@ def expected(sequence, tmp_path_factory):
 
 
 def process_of(run, word):
-    """Returns the process below `rig run` or beside it that has this name, or this word in its command line."""
+    """Returns the child process of `rig run`, or a process beside it, with this name or this word in its command line."""
     parents, found = {}, []
     for folder in Path("/proc").glob("[0-9]*"):
         try:

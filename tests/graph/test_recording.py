@@ -59,7 +59,7 @@ def test_what_was_asked_for_is_in_the_bag_and_nothing_is_lost(recorded, capsys):
     times = [time * 1e-9 for time, topic, _ in bag.timeline(["/motor/state"])]
     first = [t for t in times if t <= asked + 0.5 and t < paused - 1.2]
     last = times[len(first) :]
-    # the bounds leave time for the way of a request on a busy machine
+    # the bounds allow for the delay of a request on a busy machine
     assert resumed - 0.5 < first[0] and 0.9 < first[-1] - first[0] < 1.1 and abs(first[-1] - asked) < 0.5
     assert 0.9 < last[-1] - last[0] < 1.1 and abs(last[-1] - paused) < 0.5
     assert "/gearbox/state" not in bag.counts and "/instruments/hmg4000" in bag.counts and bag.run_info()

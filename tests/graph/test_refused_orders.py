@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The orders in a bag: each was taken by the rig, or its refusal stands beside it as an event with the reason."""
+"""The orders in a bag: each was accepted by the rig, or the bag has its refusal as an event with the reason."""
 
 import math
 

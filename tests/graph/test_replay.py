@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig replay` as a user starts it: what reaches another process over DDS, and how it is controlled and ended."""
+"""`rig replay` as a user starts it: the messages that reach another process over DDS, its control and its end."""
 
 import itertools
 import json
@@ -84,7 +84,7 @@ class Replay:
 
 
 def heard(domain, folder, path, *arguments, patience=PATIENCE):
-    """Replays a bag to a listener in another process; returns [number, hash] by topic as it came, the clock, and the output."""
+    """Replays a bag to a listener in another process; returns [number, hash] by topic as received, the clock, and the output."""
     out = folder / "heard.json"
     with OpenedBags([path]) as bag:
         topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig worked by hand survives the end of its processes: safe state, the reason, a new process, a complete bag."""
+"""A rig that is operated by hand survives the end of its processes: safe state, the reason, a new process, a complete bag."""
 
 import signal
 import time
@@ -31,8 +31,8 @@ def seconds(stamp) -> float:
 def shifting(user, commands) -> None:
     """Runs the short sequence up to its shift.
 
-    The dead sequencer is still listed for 20 s, and a sequence that has just failed may not have ended yet. Therefore the
-    order is sent again until it is obeyed.
+    The killed sequencer is still listed for 20 s, and a sequence that has just failed may not have ended yet. Therefore the
+    order is repeated until it is executed.
     """
     client = ActionClient(user.node, RunSequence, "/sequencer/run")
     user.until(client.server_is_ready, "a sequencer")
@@ -57,7 +57,7 @@ def test_a_killed_process_is_started_again(tmp_path, victims, controller):
     trips = []
     try:
         states, commands = user.listen("/rig/state"), user.listen("/controller/command", depth=1)
-        newest = user.listen("/rig/state", depth=1)  # a client that lags finds an old state at the head of its queue
+        newest = user.listen("/rig/state", depth=1)  # depth 1, because with a queue a slow client would receive an old state first
         for victim in victims:
             shifting(user, commands)
             others = {name: child.pid for name, child in graph.supervisor.children.items() if name != victim}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments after --ros-args: taken as every ROS program takes them, or refused in one sentence before anything starts."""
+"""Arguments after --ros-args: used as by every ROS program, or refused in one sentence before any process starts."""
 
 import signal
 import subprocess

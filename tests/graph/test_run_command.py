@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig run` as a user starts it, and what remains when it or one of its processes is ended."""
+"""`rig run` as a user starts it, and the remains after the end of it or of one of its processes."""
 
 import json
 import os

@@ -51,7 +51,7 @@ class User(Client):
         return self._topics[topic]
 
     def forget(self):
-        """Ends what one test has subscribed to: with all topics a busy machine never gets through the old messages."""
+        """Ends the subscriptions of one test, because with all topics a busy machine could not process the old messages."""
         always = [self._heard.pop(0) for _ in ALWAYS]
         super().forget()
         self._heard, self._topics = always, {topic: self._topics[topic] for topic in ALWAYS}
@@ -63,7 +63,7 @@ class User(Client):
         return self._nodes[node]
 
     def ask(self, node, **values):
-        """Returns the SetParametersResult of values that are set together; dots of names are written as double underscores."""
+        """Returns the SetParametersResult of values that are set together; a dot in a name is written as a double underscore."""
         names = {name.replace("__", "."): value for name, value in values.items()}
         future = self._at(node).set_parameters_atomically([Parameter(n, value=v) for n, v in names.items()])
         self.until(future.done, f"the answer of {node}")
@@ -72,7 +72,7 @@ class User(Client):
         return future.result().result
 
     def set(self, node, **values) -> float:
-        """Sets valid values; returns the time [s] at which they were taken, from the event that reports it."""
+        """Sets valid values; returns the time [s] at which they were accepted, from the event that reports it."""
         topic = "/controller/events" if node == "alfa46" else "/rig/events"
         events, states = self.events[topic], self.heard("/rig/state")
         seen = len(events)
@@ -93,7 +93,7 @@ class User(Client):
         return Parameter.from_parameter_msg(type("Message", (), {"name": name, "value": future.result().values[0]})()).value
 
     def acted(self, topic, when: float, is_new):
-        """Checks that the setting acts in every message from two ticks after it was taken on, and in none before it was taken."""
+        """Checks that the setting acts in every message from two ticks after its acceptance on, and in none before it."""
         messages = self.heard(topic)
         after = self.until(lambda: [m for m in messages if seconds(m) >= when + TWO_TICKS][:3], f"what {topic} says then")
         assert all(is_new(message) for message in after), after

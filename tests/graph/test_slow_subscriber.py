@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A reliable subscriber that no longer reads costs the rig nothing: neither a trip, nor a message, nor processor time."""
+"""A reliable subscriber that no longer reads does not affect the rig: it causes no trip, no lost message and no processor time."""
 
 import os
 import signal
@@ -58,7 +58,7 @@ def deaf(graph):
 
 
 def senders_again(pid):
-    """Scheduling policy of each thread of Fast DDS that sends messages again, and of the process's other threads of DDS."""
+    """Scheduling policy of each thread of Fast DDS that repeats messages, and of the process's other threads of DDS."""
     policies = {True: [], False: []}
     for thread in os.listdir(f"/proc/{pid}/task"):
         name = Path(f"/proc/{pid}/task/{thread}/comm").read_text()
@@ -77,8 +77,8 @@ def test_a_subscriber_that_stands_still_neither_trips_the_rig_nor_costs_a_messag
         assert states[-1].state == RigState.READY, states[-1].reason
     finally:
         user.close()
-    # What a slow subscriber costs shows only once seconds of messages are due to it, longer than a test may take. So this
-    # is held, by which it cannot cost more: the threads that send again give way to everything else on the machine.
+    # The cost of a slow subscriber appears only after seconds of undelivered messages, which is too long for a test. So the test
+    # checks the property that limits the cost: the threads that repeat messages have the lowest priority on the machine.
     for name in ("container", "alfa46", "recorder"):
         again, others = senders_again(graph.supervisor.children[name].pid)
         assert again and set(again) == {os.SCHED_OTHER}, name

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run that lost messages or time reports it in its last line and ends with exit code 3; a full disk has a sentence."""
+"""A run that lost messages or time reports it in its last line and ends with exit code 3; a full disk is reported in a sentence."""
 
 import json
 import os
@@ -26,7 +26,7 @@ def part_of(folder) -> dict:
 def stop_for(pid: int, seconds: float) -> None:
     """Stops a process by SIGSTOP, as a debugger or a paused container does."""
     os.kill(pid, signal.SIGSTOP)
-    time.sleep(seconds)  # this time is what the tests need
+    time.sleep(seconds)  # the length of the stop is the condition of the tests
     os.kill(pid, signal.SIGCONT)
 
 
@@ -83,7 +83,7 @@ def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
     assert code == 3, output
     assert behind["times"] >= 1 and behind["limit_s"] == 0.1 and 0.9 < behind["longest_s"] < 3.0
     assert "the rig fell behind real time by more than 100 ms" in output.splitlines()[-1]
-    # while the rig catches up, the recorder may fall behind too; the messages that this costs are counted by topic
+    # while the rig catches up, the recorder may fall behind too; the messages lost by this are counted by topic
     assert part_of(run.folder)["lost"] == sum(part_of(run.folder).get("lost_by_topic", {}).values())
 
 

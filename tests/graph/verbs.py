@@ -15,7 +15,7 @@ LOADED = ["pytest", "rig_nodes.cli.main", "rig_nodes.nodes.running_rig", "rig_no
 
 
 class Verbs:
-    """A context manager in which :meth:`run` does what a terminal does, without the start of Python."""
+    """A context manager in which :meth:`run` runs a verb as a terminal does, but without the start of Python."""
 
     def __enter__(self) -> "Verbs":
         fresh = multiprocessing.get_context("forkserver")

@@ -33,7 +33,7 @@ def commands() -> list[tuple[str, str]]:
 
 
 def understood(words: list[str]) -> None:
-    """Lets the verb read its arguments; RigError when it does not take them. Nothing is run."""
+    """Parses the arguments by the verb's own parser; RigError when they are not valid. Nothing is run."""
     verb, *arguments = words
     if verb not in VERBS:
         raise RigError(f"there is no verb {verb}")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ROS expects of a package beside its code."""
+"""Files that ROS expects in a package beside its code."""
 
 import re
 import xml.etree.ElementTree as xml

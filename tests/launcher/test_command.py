@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command line as people use it: quick help, one sentence for mistakes, foreign shell settings."""
+"""The command line: quick help, one sentence for each mistake, foreign shell settings."""
 
 import importlib
 import json

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A test that hangs is failed and the next one runs; when it cannot be failed, its place in the code is shown and pytest ends."""
+"""A test that hangs fails and the next one runs; when it cannot be stopped, its place in the code is shown and pytest ends."""
 
 import subprocess
 import sys

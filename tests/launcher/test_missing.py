@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a machine lacks is reported in one sentence with the name of the package that helps."""
+"""A missing program or library is reported in one sentence with the name of its package."""
 
 import shutil
 import subprocess

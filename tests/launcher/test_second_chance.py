@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig test` without arguments: every file is in one part, and some failures are tried once more."""
+"""`rig test` without arguments: every file is in one part, and some failed tests are run once more."""
 
 import json
 import subprocess

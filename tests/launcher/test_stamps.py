@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A complete environment is left as it is; an incomplete, damaged or outdated one is noticed."""
+"""A complete environment is not changed; an incomplete, damaged or outdated one is detected."""
 
 import fcntl
 import os

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests of this folder import the reference solution."""
+"""Makes the reference solution importable for the tests of this folder."""
 
 import sys
 from pathlib import Path

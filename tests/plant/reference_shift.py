@@ -6,14 +6,14 @@
 Used by test_reference_shift.py. Nothing here depends on the kernel's step or its order of computation: every device is a
 differential equation in continuous time, solved to a relative tolerance between events.
 
-What is not smooth is treated as follows:
+Functions that are not smooth are treated as follows:
 
-* duty: constant over a controller sample, so each millisecond is integrated for itself; in it the coil's current is an
-  exponential, and the magnet's hysteresis (a play operator) has its exact value, as the current does not turn round.
-* clutches that slip, stick, break away: events; the speeds are projected on the locked state, torques jump there.
-* memory of splines and contact (play operators on clamp force and piston): pulled into their band within PULL.
-* empty part of a line: it takes all of the valve's flow until FILLED is left.
-* friction of spool and seals, stops, limits: continuous with corners, left to the tolerance control.
+* duty: constant over a controller sample, so each millisecond is integrated separately; in it the coil's current is an
+  exponential, and the magnet's hysteresis (a play operator) has its exact value, because the current does not reverse.
+* clutches that slip, stick, break away: events; the speeds are projected on the locked state, and torques jump there.
+* hysteresis of splines and contact (play operators on clamp force and piston): pulled into their band within PULL.
+* empty part of a line: it takes all of the valve's flow until only FILLED is left.
+* friction of spool and seals, stops, limits: continuous functions with corners, left to the tolerance control.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rig_nodes.plant.friction import closed, drag
 SAMPLE = 1e-3  # s between two duties
 ROW = 1e-4  # s between two logger rows
 PULL = 1e-6  # s
-FILLED = 1e-10  # m3: below it the empty part of a line takes less and less
+FILLED = 1e-10  # m3: below this volume the empty part of a line takes a decreasing share of the flow
 LAMINAR = 2e3  # Pa, below which the valve's orifice is linear in any case (docstring of its flow)
 RPM = pi / 30.0
 # slips from the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
@@ -157,7 +157,7 @@ class Equations:
         target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
         moving = (target - spool) / (v.spool_time * self.thick / oil.viscosity)
         if (spool >= v.spool_stroke and moving > 0.0) or (spool <= -v.spool_dead_band - v.spool_stroke and moving < 0.0):
-            moving = 0.0  # it lies at a stop
+            moving = 0.0  # it is at a stop
 
         lost, emptying = 0.0, 0.0
         if spool > 0.0:
@@ -203,11 +203,11 @@ class Equations:
 
     @staticmethod
     def between(boundary, ends):
-        """Returns the value for a share of boundary friction from those at rest and in fast slip."""
+        """Returns the value at a share of boundary friction, between those at rest and in fast slip."""
         return ends[1] + (ends[0] - ends[1]) * boundary
 
     def pressing(self, z):
-        """Returns the force on the plates, with what splines and waves add to the clamp force [N]."""
+        """Returns the force on the plates [N]: the clamp force with the additions by splines and waves."""
         return z[HELD] + self.waves * z[REST]
 
     def settling(self, z, slip):
@@ -219,7 +219,7 @@ class Equations:
         return (share - z[BOUNDARY]) / (pack.film_time * thicker)
 
     def capacities(self, k, z, force):
-        """Returns (friction torque that the clutch can have, slipping or stuck [Nm], drag [Nm s/rad])."""
+        """Returns (largest friction torque of the clutch, slipping or stuck [Nm], drag [Nm s/rad])."""
         x, pack = self.cylinders[k], self.pack
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
         torque = factor * self.pressing(z) * self.between(z[BOUNDARY], (self.slow[0], self.fast[0]))
@@ -227,7 +227,7 @@ class Equations:
         return torque, self.film * self.viscosity(z[HEAT]) / gap * max(0.0, 1.0 - force / pack.film_force)
 
     def shafts(self, y, capacities):
-        """Returns what the shafts do with the present modes.
+        """Returns the motion of the shafts in the present modes.
 
         These are accelerations, friction torques and drag torques of the clutches, their slips, and the torque at the output's
         meter; the first four are given for w_wej and w_wyj or for S1 and S2.
@@ -319,7 +319,7 @@ class Equations:
         return out
 
     def meters(self, t, y):
-        """Returns what the logger would read, as CHANNELS: the torque meters sit outside the gearbox's own inertia."""
+        """Returns the logger's readings in the order of CHANNELS; the torque meters are outside the gearbox's own inertia."""
         *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
         m_wej = y[TORQUE] - (self.c.w0.inertia - self.c.M_wej.inertia) * accelerations[0]
         return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + CHAMBER], y[FIRST + PER_CLUTCH + CHAMBER], y[SUPPLY]
@@ -327,7 +327,7 @@ class Equations:
     # ---- stick and slip
 
     def margin(self, k, t, y):
-        """Returns what falls through zero at the next event of clutch k: its slip, or, while it sticks, the torque to spare."""
+        """Returns the value whose zero is the next event of clutch k: its slip, or, while it sticks, its torque margin."""
         y = y.tolist()
         if self.modes[k] != STUCK:
             a, b = SLIPS[k]

@@ -11,7 +11,7 @@ import pytest
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import run
 
-# time s, element, kind, speed of J1 rad/s (kind None: only the speed counts)
+# time [s], element, kind, speed of J1 [rad/s] (kind None: only the speed is compared)
 TABLE = [
     (0.400000, "c2", "close", 6.166300),
     (0.709621, "c2", "lock", 4.429701),

@@ -29,7 +29,7 @@ COS30 = math.sqrt(3) / 2
 def torque_by_balance(surfaces, radius, arms, friction, spline):
     """Returns the torque per force [Nm/N] from every plate's axial balance as one linear system.
 
-    Plate p stands between surfaces p - 1 and p and loses spline * (torque of both) / arm to its spline; ``arms`` and
+    Plate p is between surfaces p - 1 and p, and its spline takes the force spline * (torque of both) / arm; ``arms`` and
     ``spline`` are those of the first plate and of the second.
     """
     balance, clamp = np.zeros((surfaces, surfaces)), np.zeros(surfaces)
@@ -100,12 +100,12 @@ def test_models_with_spline_friction_meet_the_balance_of_every_plate(surfaces):
 
 
 def test_chen_by_the_pressures_of_neighbouring_surfaces():
-    """(6.20) from plate to plate, (6.21) summed over the plates with inner splines, which have every surface once."""
+    """(6.20) from plate to plate; (6.21) is summed over the plates with inner splines, which together have every surface once."""
     area, factor = math.pi * (0.038**2 - 0.025**2), 2 / 3 * math.pi * 0.3 * (0.038**3 - 0.025**3)
     pressures, lost = [2000.0 / area], 0.0
     for plate in range(12):
         before = pressures[-1]
-        if plate % 2:  # the inner spline loses nothing
+        if plate % 2:  # the inner spline takes no force
             pressures.append(before)
             continue
         below = before
@@ -344,7 +344,7 @@ def test_slip_torques_of_every_pack():
         for n in pack.surfaces:
             torques = bench.slip_torques(pack.geometry(n), force, 0.12, 0.058)
             assert all(t.shape == (3,) and np.all(np.diff(t) > 0) for t in torques.values())
-            # losses on both splines, on one, on none; Osinski's model lies below all of them here
+            # the splines take force on both sides, on one, on none; Osinski's model is below all of these here
             assert np.all(torques["osinski"] < torques["thesis"])
             assert np.all((torques["thesis"] < torques["chen"]) & (torques["chen"] < torques["traditional"]))
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compiled code is kept under a key of its sources, whichever module is imported first."""
+"""Compiled code is kept under a key of its sources, independent of the module that is imported first."""
 
 import os
 import stat
@@ -57,7 +57,7 @@ def test_a_start_prepares_the_compiler_only_where_it_must_compile(tmp_path):
 
 @pytest.mark.parametrize("first", ["numpy", "numba"])
 def test_what_is_read_from_the_cache_works_in_what_is_compiled_then(tmp_path, first):
-    """A function from the cache can be called from Python and from what is compiled in the same process."""
+    """A function from the cache can be called from Python and from code that is compiled in the same process."""
     (tmp_path / "own.py").write_text(
         "import numpy as np\nfrom rig_nodes.compiled import njit, use_kernel_cache\n\nuse_kernel_cache()\n\n"
         "@njit(cache=True)\ndef twice(x):\n    return 2.0 * x\n\n"

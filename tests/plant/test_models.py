@@ -41,7 +41,7 @@ def test_torque_per_force_of_the_gearbox_pack(config, friction, torque):
 
 
 def test_force_is_held_while_the_plates_stick_on_their_splines():
-    # twice the clamp force as the pack is let go: rises with the clamp, stays down to half of it, then follows
+    # on release the force stays until it is twice the clamp force: it rises with the clamp, stays down to half of it, then follows
     force, seen = 0.0, []
     for clamp in (0.0, 1000.0, 2000.0, 1500.0, 1000.0, 800.0, 0.0):
         force = plates.held_force(force, clamp, 2.0)
@@ -195,7 +195,7 @@ def test_plates_heat_cool_and_wear(config):
         ),
     )
     hot, wear = plates.plates_after(40.0, 0.0, 1000.0, 40.0, *plates.plates_cooling(1e-3, c), c)
-    # 200 J/K over 50 W/K are 4 s: of 5 K that come evenly within 1 ms half of 1/4000 has gone again
+    # 200 J/K over 50 W/K are 4 s: of 5 K at a constant rate within 1 ms, half of 1/4000 is lost again
     assert hot == pytest.approx(45.0 - 5.0 / 8000.0, abs=1e-6) and wear == pytest.approx(1e-12)
     assert plates.friction_factor(hot, c) == pytest.approx(0.995, rel=1e-6)
     cooler, more = plates.plates_after(hot, wear, 0.0, 40.0, *plates.plates_cooling(0.1, c), c)
@@ -226,7 +226,7 @@ def test_a_bore_beside_the_spool_limits_the_flow_of_a_wide_edge(config, edge, bo
 
 
 def test_the_spools_stops_limit_its_way_and_not_its_speed(config):
-    """Far from what is asked for the spool closes faster than by a stroke per time constant, and it stands still at its stop."""
+    """Far from its target the spool closes faster than by a stroke per time constant, and it stays at rest at its stop."""
     values = dataclasses.replace(config.valve_zr_p1, full_opening_pressure=0.2e6, spool_time=15e-3, spool_stroke=0.5e-3)
     v, cracks = record(values), values.pressure_gain * values.cracking_current
     closed = valve.spool_position(0.5e-3, 1.0e6 + cracks, 2.0e6, 1e-3, 1.0, 0.0, v)
@@ -332,7 +332,7 @@ def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
 
 @pytest.mark.parametrize("part, linear, square", [("clutch_s1", 2408.2, 140.0), ("clutch_s2", 2454.4, 123.55)])
 def test_the_clamp_force_grows_with_the_pressure_as_annex_d_says(config, part, linear, square):
-    """F_p = linear p + square p^2 (p in MPa) less an offset: what a rising piston gains from 1 to 2 MPa."""
+    """F_p = linear p + square p^2 (p in MPa) less an offset: increase of the force of a rising piston from 1 to 2 MPa."""
     cylinder = dataclasses.replace(getattr(config, part), pack_rate=5e6, pack_travel=5e-3)
     c, forces = record(cylinder, config.plate_pack), []
     for pressure in (1e6, 2e6):

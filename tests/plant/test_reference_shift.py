@@ -26,7 +26,7 @@ CLOSE = 2e-3
 def whole_rig():
     """The rig with every effect on the plant, averaged PWM, the thesis's clutch models, and channels that show true values.
 
-    Its oil supply yields enough to be seen; its oil keeps a temperature at which it is thicker than where its viscosity is stated.
+    Its supply pressure falls visibly with the flow; its oil keeps a temperature below that of its stated viscosity.
     """
     oil = {"relief_droop": "0.1 bar/(l/min)", "temperature": "35 degC", "tank_heat_capacity": "0 J/K"}
     config = load_rig("hydmag", {f"oil_supply.{name}": value for name, value in oil.items()})
@@ -134,8 +134,8 @@ def test_every_metric_is_that_of_the_reference(shift, reference):
 def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
     """Metrics consider a few moments; between them no channel is off by a tenth of a percent of its span on average.
 
-    There is one exception: a pressure that exceeded its limit is reduced until the drain edge closes, with 100 MPa/s or 10 kPa
-    in a step, and it stays so for seconds.
+    There is one exception: a pressure above its limit falls at 100 MPa/s, 10 kPa in a step, until the drain edge closes, and then
+    stays constant for seconds.
     """
     rows, events = reference
     off = np.abs(shift.channels[10 * BEFORE :] - rows).mean(axis=0) / np.ptp(rows, axis=0)
@@ -152,7 +152,7 @@ def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
 
 @pytest.mark.campaign
 def test_the_reference_is_converged(shift, reference, monkeypatch):
-    """A tenth of the tolerance, of the pull into the splines' band and of the last of a line's filling, and another method."""
+    """Another method, and a tenth of the tolerance, of PULL and of FILLED."""
     first = shift.metrics(reference[0])
     monkeypatch.setattr(reference_shift, "PULL", 1e-7)
     monkeypatch.setattr(reference_shift, "FILLED", 1e-11)

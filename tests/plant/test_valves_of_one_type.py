@@ -1,13 +1,13 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of one type have one set of values; what differs between them is what they are joined to."""
+"""Parts of one type have one set of values; they differ only in their connections."""
 
 import dataclasses
 
 from rig_nodes.testbench.configuration import load_rig
 
-# what belongs to the pack and its oil ways, which are the same design in both clutches
+# values of the pack and its oil passages, which have the same design in both clutches
 OF_THE_PACK = (
     "pack_rate",
     "pack_travel",
@@ -21,7 +21,7 @@ OF_THE_PACK = (
 
 
 def test_both_valves_are_one_valve():
-    """Both are of the type 3WZCDE6 (tab. 3.4); no value belongs to a specimen."""
+    """Both are of the type 3WZCDE6 (tab. 3.4); no value is that of a single specimen."""
     config = load_rig("hydmag")
     assert dataclasses.asdict(config.valve_zr_p1) == dataclasses.asdict(config.valve_zr_p2)
 

@@ -7,7 +7,7 @@
 Run by hand or by a release job, as root (docs/how_to/release.md). Packages and commands are read from the README of
 the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: the check could not be made.
 Standard library only. Mounts and processes live in namespaces of their own, so the kernel ends them with the
-script, however that ends; nothing has to be unmounted.
+script in every case; nothing has to be unmounted.
 """
 
 import argparse
@@ -34,7 +34,7 @@ ACCESS = re.compile(r"PIP_\w+|(https?|all|no)_proxy|SSL_CERT_(FILE|DIR)|REQUESTS
 
 
 class CheckError(Exception):
-    """Why the check cannot be made here, in one sentence."""
+    """The reason why the check cannot be made here, in one sentence."""
 
 
 # --- what is checked ------------------------------------------------------------------------------
@@ -145,7 +145,7 @@ def make_root(root, suite, mirror, packages):
 
 
 def mount_filesystems(root):
-    """Mounts what a booted system has: /proc, /sys, shared memory for DDS, terminals."""
+    """Mounts the file systems of a booted system: /proc, /sys, shared memory for DDS, terminals."""
     for kind, options, where in (
         ("proc", "nosuid,nodev,noexec", "proc"),
         ("sysfs", "ro,nosuid,nodev,noexec", "sys"),

@@ -26,7 +26,7 @@ RIG, OWN = 3, 33  # source addresses
 ETC1, ETC2 = 61442, 61445
 STATE, COMMAND = 0x10, 0x11  # low bytes of PGN 65296 and 65297: CONTROL_STATE, CONTROL_COMMAND_CURRENT
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
-OVERLAP, RELEASE = 0.25, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
+OVERLAP, RELEASE = 0.25, 130.0  # s during which both clutches are on; mA of the old one while the new one takes the torque
 SILENT = 3.0  # s
 REQUESTED = 250  # answers after which the node asks the rig for ETC2
 
@@ -48,7 +48,7 @@ class Node(can.Listener):
         self.node.start()
 
     def send(self, can_id, extended_id, data, fd_format=False):
-        """Send what can-j1939 has made."""
+        """Send a frame of can-j1939."""
         self.bus.send(can.Message(arbitration_id=can_id, is_extended_id=extended_id, data=data, is_fd=fd_format))
 
     def on_group(self, priority, pgn, source, timestamp, data):

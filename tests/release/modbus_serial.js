@@ -5,12 +5,12 @@
 //
 //     npm install modbus-serial && NODE_PATH=node_modules node tests/release/modbus_serial.js 5020
 //
-// It waits for a rig, answers it until that ends, and then ends itself. See docs/how_to/release.md.
+// It waits for a rig, answers it until the rig ends, and then ends itself. See docs/how_to/release.md.
 
 const ModbusRTU = require("modbus-serial");
 
 const FILL = 0.3, PLATEAU = 220, SLOPE = 1200, HELD = 740; // s, mA, mA/s, mA
-const OVERLAP = 0.25, RELEASE = 130; // s in which both clutches are on; mA of the old one while the new one takes over
+const OVERLAP = 0.25, RELEASE = 130; // s during which both clutches are on; mA of the old one while the new one takes the torque
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
 let gear = 0, old = 0, since = -10;
@@ -31,7 +31,7 @@ async function connected(port) {
       client.setTimeout(500);
       return client;
     } catch {
-      await pause(100); // the rig is not there yet
+      await pause(100); // the rig is not listening yet
     }
   }
 }

@@ -12,7 +12,7 @@ See docs/how_to/release.md.
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Integer, Real
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 0.22, 1.2, 0.74  # s, A, A/s, A
-OVERLAP, RELEASE = 0.25, 0.13  # s in which both clutches are on; A of the old one while the new one takes over
+OVERLAP, RELEASE = 0.25, 0.13  # s during which both clutches are on; A of the old one while the new one takes the torque
 
 
 class Shifter(Fmi2Slave):

@@ -25,7 +25,7 @@ PACKAGES = ("rig_msgs", "rig_nodes")
 EXECUTABLES = ("alfa46", "device", "recorder", "replay", "rig", "rig_container", "sequencer")  # sorted as ros2 prints them
 TIMES, CURRENTS = "[0.01, 0.1, 0.4, 0.01, 0.1, 0.2]", "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]"
 PROFILE = "{output: 1, times: %s, currents: %s}"
-# Words after `ros2`, and what the answer has to show: without a rig, then with one that is worked by hand.
+# Words after `ros2`, and texts that the answer must contain: without a rig, then with one that is operated by hand.
 WITHOUT = (
     ("interface show rig_msgs/msg/ValveCommand", r"^\s*float64\[\] duty", r"^std_msgs/Header header"),
     ("interface show rig_msgs/action/Shift", r"^uint8 gear"),
@@ -111,7 +111,7 @@ ANSWERED = re.compile(r"^(response:|Result:|Set parameter|Setting parameter)", r
 
 
 class CheckError(Exception):
-    """Why the check cannot be made, in one sentence."""
+    """The reason why the check cannot be made, in one sentence."""
 
 
 class Check:

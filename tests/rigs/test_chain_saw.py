@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The chain saw: clutch, chain and wood against their formulas, the paper's numbers, and what its runs show beside them."""
+"""The chain saw: clutch, chain and wood compared with their formulas, and the paper's numbers compared with runs."""
 
 import json
 import re
@@ -112,7 +112,7 @@ def test_every_number_of_the_paper_has_its_row():
 def test_the_shelf_that_is_left_puts_the_centre_of_mass_of_both_shoes_at_22_mm(config):
     values = {row["what"]: row["value"] for row in cells(CALCULATIONS["shelf"].table(config))}
     thinner = 3.5 - values["shelf left [mm]"]
-    # the new shoe is the worn one, drawn back by what wore off, with the lost 7.08 g between it and the drum
+    # the new shoe equals the worn one moved inwards by the lost thickness, with the lost 7.08 g between it and the drum
     centre = (41.07 * (22.0 - thinner) + 7.08 * (34.4 - 0.5 * thinner)) / 48.15
     assert centre == pytest.approx(22.0, abs=1e-9)
     assert values["shelf left by rounding, least [mm]"] < 0.8 and values["shelf left by rounding, most [mm]"] > 1.0
@@ -192,7 +192,7 @@ def test_a_held_chain_stops_the_drum_the_clutch_slips_and_lets_go_again(demo, co
     held = demo["n_drum"] < 1.0
     jam = held & (demo["n_engine"] > 500.0) & (demo["F_feed"] > 50.0)
     assert 0.05 < 1e-4 * jam.sum() < 0.3
-    # the engine goes on at the speed at which the clutch takes what it gives
+    # the engine continues at the speed at which the torque of the clutch equals its own
     assert demo["M_clutch"][jam].mean() == pytest.approx(3.0, abs=1.0)
     after = np.flatnonzero(jam)[-1]
     assert demo["n_drum"][after:].max() > 500.0 and demo["n_drum"][-1] < 1.0

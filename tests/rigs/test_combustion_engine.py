@@ -170,7 +170,7 @@ def test_the_starter_turns_it_until_it_fires(rig):
     one = rig(irregularity="0 %")
     one.set("engine", 0.0, True)
     one.advance(0.1)
-    # 6 Nm less 1.5 Nm of drag, and what the drag grows by
+    # 6 Nm less 1.5 Nm of drag and less the growth of the drag
     assert one.true("crank.speed") == pytest.approx(4.5 / 0.05 * 0.1, rel=0.06)
     one.advance(12.0)
     assert one.true("crank.speed") == pytest.approx(90.0, rel=1e-2)
@@ -180,7 +180,7 @@ def test_an_engine_that_is_held_down_stalls_until_it_is_switched_off_and_on(rig)
     one = rig()
     one.set("engine", 0.0, True)
     one.advance(5.0)
-    one.v[0] = 10.0  # below the stall speed, as a clutch that bites would pull it
+    one.v[0] = 10.0  # below the stall speed, to which a closing clutch would pull it
     one.advance(2.0)
     assert one.true("engine.runs") == STALLED
     one.advance(5.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every rig that is only a folder, with each verb with which the laboratory's rig is tested.
+"""Every rig that consists of a folder only, with each verb with which the laboratory's rig is tested.
 
 Rigs with gears shift on a short sequence, because their demos are long; the others run their demo.
 

@@ -144,7 +144,7 @@ def test_the_derivatives_of_the_travel_are_those_of_its_difference_quotients():
 
 
 def test_the_sash_turns_like_the_slider_crank_of_the_driveline(config):
-    """A crank that is let go at speed, without motor, weight and drag: plant.driveline_laws solves it in another way."""
+    """A crank that coasts from a speed, without motor, weight and drag; plant.driveline_laws solves this in another way."""
     free = {
         "bearings.drag": "0 Nm s/rad",
         "saw.blades": "0 -",
@@ -187,7 +187,7 @@ def test_the_sash_is_of_second_order_in_the_step():
 
 
 def test_speed_and_power_over_a_turn_are_those_of_scipy(sawn, config):
-    """The integration by scipy has the formulas of the paper and the rig's values, and nothing of the engine."""
+    """The integration by scipy uses the formulas of the paper and the rig's values, but no code of the engine."""
     _, recording = sawn
     ours, theirs = table("ripple", config, recording), table("steady_turn", config)
     for mine, other in zip(ours, theirs, strict=True):

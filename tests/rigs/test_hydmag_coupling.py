@@ -16,7 +16,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
 ROOT = Path(__file__).resolve().parents[2]
-# a motor winds the coupling against a flywheel; without a word on it the coupling has neither friction nor play
+# a motor winds the coupling against a flywheel; by default the coupling has neither friction nor play
 BENCH = """\
 description: a coupling between a motor and a flywheel
 step: [100 us, "test"]
@@ -114,7 +114,7 @@ def test_winding_and_unwinding_have_the_torques_of_the_threads_and_a_cycle_loses
         steady = leg[300:-10]
         assert abs(steady[:, 2] / (factor * force(steady[:, 1])) - 1.0).max() < 1e-6
     assert min(free * (leg[:, 1].min() - seat) for leg in legs[1:]) < knee < max(free * (leg[:, 1].max() - seat) for leg in legs)
-    # from the end of one unwinding to the same twist of the next one, once down, up and down: a closed cycle and what is beside it
+    # from the end of one unwinding to the same twist of the next one: a closed cycle, with further travel down, up and down
     cycle = np.concatenate(legs[2:])
     first, back = cycle[300], cycle[1000 + 300 :]
     at = np.interp(first[1], back[::-1, 1], back[::-1, 0])

@@ -70,7 +70,7 @@ def test_it_stands_uphill_on_its_brakes_and_rolls_back_without(config):
     rig = Rig(config)
     rig.set("road", 0.08, True)
     rig.set("brake", 20e3, True)
-    rig.advance(15.0)  # until the tyres have swung out
+    rig.advance(15.0)  # until the oscillation of the tyres has decayed
     assert abs(float(rig.device("vehicle")["speed"])) < 1e-3
     assert float(rig.device("vehicle")["force"]) == pytest.approx(5000 * 9.80665 * math.sin(math.atan(0.08)), rel=1e-3)
     rig.set("brake", 0.0, False)
@@ -79,7 +79,7 @@ def test_it_stands_uphill_on_its_brakes_and_rolls_back_without(config):
 
 
 def test_energy_closes_and_the_vehicle_knows_where_its_work_went(config):
-    """Motion, tyres' deflection, height, air and slip make up what the tyres took from the wheels."""
+    """The energy in motion, deflection, height, air and slip equals the work that the tyres took from the wheels."""
     rig = Rig(config)
     rig.set("oil", 4e6, True)
     rig.set("motor", 1500 * RPM, True)
@@ -94,7 +94,7 @@ def test_energy_closes_and_the_vehicle_knows_where_its_work_went(config):
     assert abs(energy["residual"]) < 1e-9 * energy["motor"]
 
 
-# plates of 0.12 without M_rest carry less than the engine gives; those of the rig hold it at rest
+# plates with friction of 0.12 and without M_rest transmit less than the engine's torque; those of the rig hold it at rest
 WEAK = {"plate_pack.friction_static": "0.12 -", "plate_pack.friction_kinetic": "0.12 -", "plate_pack.rest_torque": "0 Nm"}
 
 

@@ -71,7 +71,7 @@ def test_a_steady_state_is_the_one_by_hand(config, steady, by_hand):
 
 
 def test_energy_closes_with_the_losses_of_the_oil(config, steady):
-    """What the shafts gave to the drive is what leaks, valves and friction made of it and what the oil still holds."""
+    """The work of the shafts on the drive equals the losses in leaks, valves and friction and the energy stored in the oil."""
     me, energy = steady.device("hydrostatic").copy(), steady.energy()
     heat = sum(float(me[name]) for name in HEATS)
     assert heat + stored(config, me) == pytest.approx(energy["hydrostatic"], rel=1e-5) and heat > 1000.0

@@ -49,7 +49,7 @@ def test_pressures_follow_annex_d_along_its_ramps(rises, name):
 
 @pytest.mark.parametrize("name", CURVES)
 def test_no_pressure_rests_while_the_current_ramps(rises, name):
-    """Annex D has 1.3 to 1.6 MPa/s while a cylinder fills and 5.9 MPa/s after that: half of it is no rest."""
+    """Annex D has 1.3 to 1.6 MPa/s while a cylinder fills and 5.9 MPa/s after that: at half of this it is not at rest."""
     rise, least = rises[name], iter((0.65e6, 2.9e6))
     first = round(1e3 * first_true(rise > rise[0] + FIRST_RISE, 9.0))
     for begins, ends in RAMPS[name]:
@@ -80,7 +80,7 @@ def test_no_pressure_falls_below_vacuum(temperature):
 
 
 def test_a_sequence_waits_for_a_temperature_that_comes_by_itself(tmp_path):
-    """10 l/min at 4 MPa are 667 W: 2 K of a tank of 1 kJ/K take 3 s, and some more by what the tank gives off."""
+    """10 l/min at 4 MPa are 667 W: 2 K of a tank of 1 kJ/K take 3 s, and slightly more because of the tank's cooling."""
     text = """\
 description: oil warms by what its pump does
 steps:

@@ -137,7 +137,7 @@ def test_the_spectrum_of_a_recorded_run_has_the_peak_of_the_order_that_meets_a_f
 
 
 def test_a_run_that_is_never_switched_off_has_no_ringing_and_says_so():
-    # the sentence names the sequence in which it does ring
+    # the error names the sequence in which the shafts ring
     ringing, config = calculations_of("ural2")["ringing"], load_rig("ural2")
     with pytest.raises(RigError, match="nothing is switched off; take a run of the sequence step"):
         ringing.table(config, Recorded(np.arange(10) * 1e-4, [(0.0, "step", "motor 3000 rpm", 1.0)], {}, str))

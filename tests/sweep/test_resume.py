@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A killed sweep continues where it was: no finished member is run again, and nothing half written counts."""
+"""A killed sweep continues: no finished member is run again, and a partly written line is ignored."""
 
 import json
 import os

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Members, their rows and the command: the same bits wherever a member runs; a failed member is a row as well."""
+"""Members, their rows and the command: a member has the same bits in any process, and a failed member has a row too."""
 
 import json
 import sys

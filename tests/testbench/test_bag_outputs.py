@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag that is made in blocks holds the messages that a listener would receive one by one, in the same order and bit for bit."""
+"""A bag that is written in blocks has the same messages, bit for bit and in the same order, as one written message by message."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ READ = ("n_wej", "p1", "gear_ordered", "s1_torque", "motor_work", "energy_residu
 
 
 def acts(rig, outputs):
-    """What is done to the rig at the samples of a run, each with its message: starting, a shift, other noise, an emergency stop."""
+    """Actions on the rig at samples of a run, each with its message: start, a shift, other noise, an emergency stop."""
 
     def give(step, value, enable=True):
         rig.set(step, value, enable)
@@ -48,12 +48,12 @@ def acts(rig, outputs):
 
 
 def known(rig):
-    """Returns those of the signals that are read which the rig has."""
+    """Returns those signals of the test that the rig has."""
     return [name for name in READ if name in rig.config.catalogue.signals]
 
 
 def one_by_one(config, end):
-    """Returns the messages of a run and what was read at some ticks, one sample at a time."""
+    """Returns the messages of a run and the values read at some ticks; the rig advances one sample at a time."""
     rig = Rig(config, 3)
     outputs = Outputs(rig, {"seed": 3}, commands=config.structure.shifts)
     todo, messages, read = acts(rig, outputs), [], []
@@ -68,7 +68,7 @@ def one_by_one(config, end):
 
 
 def in_blocks(config, end, folder, step):
-    """Returns the same of a run that moves as far as it may, but at most ``step`` samples at once."""
+    """Returns the same of a run that advances as far as possible, but at most ``step`` samples at once."""
     rig = Rig(config, 3)
     with BagWriter(folder, "run", topics=config.catalogue.all_topics) as bag:
         outputs = BagOutputs(bag, rig, {"seed": 3}, commands=config.structure.shifts)

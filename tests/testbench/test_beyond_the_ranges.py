@@ -26,7 +26,7 @@ STIFF_VALVE = {
     "valve_zr_p2.drain_area": "1000 mm2",
 }
 
-# the spool's edges meet, so that the valve answers every move of the piston
+# without a dead band of the spool the valve reacts to every motion of the piston
 STIFF_PACK = {"clutch_s1.pack_rate": "10000000 N/mm", "valve_zr_p1.spool_dead_band": "0 mm", "load_pump.mechanical_loss": "1.5 Nm"}
 
 
@@ -63,7 +63,7 @@ def longest_alternation(values, least):
 
 
 def nonsense(channels, rig):
-    """Returns sentences on everything that is impossible in a run, none for a possible run."""
+    """Returns sentences on all impossible values in a run; none for a possible run."""
     said = [f"{name} is not finite" for name, x in channels.items() if not np.isfinite(x).all()]
     said += [f"{name} falls to {x.min():g} Pa" for name, x in channels.items() if name[0] == "p" and x.min() < VACUUM]
     said += [
@@ -170,7 +170,7 @@ def drawn(rng):
 
 
 def run_drawn(seed):
-    """Returns what is wrong with the run of a drawn rig."""
+    """Returns sentences on the faults of a run of a drawn rig."""
     values, config = drawn(random.Random(seed)), load_rig("hydmag", {"effects.transducers": "off"})
     for (part, field), value in values.items():
         config = config.replaced(**{part: dataclasses.replace(getattr(config, part), **{field: value})})

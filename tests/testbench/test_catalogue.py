@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The catalogue against what it describes: messages, the kernel's channels, the written page."""
+"""The catalogue compared with messages, the kernel's channels and the written page."""
 
 from pathlib import Path
 

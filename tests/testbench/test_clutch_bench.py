@@ -79,7 +79,7 @@ def test_the_torque_at_slip_is_that_of_hand_calculation():
     clamp = 2631.836 - spring
     assert test["clamp_n"] == pytest.approx(clamp, rel=1e-4)
     assert test["pressure_pa"] == pytest.approx(clamp / AREA, rel=1e-4)
-    # the contact, 8000 N/mm from 2 mm on, gives way by the same force
+    # the contact, 8000 N/mm from 2 mm on, is compressed by the same force
     assert clamp == pytest.approx(8000.0 * (s - 2.0), rel=2e-3)
     assert test["m_eks_nm"] == pytest.approx(18 * 0.12 * MEAN_RADIUS * clamp, rel=1e-3)
 
@@ -99,7 +99,7 @@ def test_the_pack_is_let_go_at_once():
     slips = np.flatnonzero((channels["n"] > 0.5 * RPM) & (channels["p_z"] > 0.5e6))
     clamped = slips[slips > np.argmax(channels["M_e"]) - 10]
     assert 0 < len(clamped) * period < 0.2
-    assert channels["n"].max() < 85 * RPM  # the flow regulator holds the speed when the load is gone
+    assert channels["n"].max() < 85 * RPM  # the flow regulator holds the speed without the load
 
 
 def test_the_springs_bring_the_piston_back_to_its_stop():
@@ -148,7 +148,7 @@ def test_seals_hold_the_falling_cylinder_the_other_way():
 
 def test_the_spring_bench_gives_8_1_back():
     travels = np.array([0.5e-3, 1e-3, 2e-3, 3e-3, 4e-3])
-    # (8.1) by hand with the minus that the print lost
+    # (8.1) by hand with the minus that is missing in print
     printed = [101.7, 276.8, 573.5, 780.1, 913.9]
     assert spring_line(force_bench("spring_bench").recording, travels) == pytest.approx(printed, abs=0.4)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices cut out of the plant: close to the whole rig, at rest where it is at rest, passive, or refused."""
+"""Devices cut out of the plant: close to the whole rig, at rest where that is at rest, passive, or refused."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,7 +25,7 @@ from rig_nodes.testbench.simulate import simulate
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")
 # The symmetrical optimum, J / (2 T), for the drive's 3.3 ms and one and a half ticks of 5 ms. A drive behind such a cut can
-# have this loop; with the calibrated gains it swings (docs/how_to/cuts.md).
+# have this loop; with the calibrated gains it oscillates (docs/how_to/cuts.md).
 GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_gain_integral": "760 Nm/rad"}}
 
 

@@ -77,7 +77,7 @@ def test_energy_balances_within_a_hundredth_of_the_clutch_heat(demo):
 def test_the_output_never_turns_backwards(demo):
     bag, _ = demo
     assert bag.series("n_wyj")[1].min() >= 0.0
-    # a shaft that has come to rest stands still except for rounding
+    # a shaft that has come to rest stays at rest except for rounding
     assert min(m.speed_out for _, m in bag.messages("/gearbox/state")) > -1e-12
 
 

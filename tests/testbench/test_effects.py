@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each effect of the thesis's list, left out of one shift: what it affects changes, and what comes before it does not."""
+"""Each effect of the thesis's list is left out of one shift: the values that it affects change, and earlier values do not."""
 
 import dataclasses
 import math
@@ -18,8 +18,8 @@ from rig_nodes.testbench.simulate import advance_with
 RPM = math.pi / 30.0
 SPEED = 1200 * RPM
 CHANNELS = ("current", "setpoint", "line", "piston", "clamp", "held", "kinetic", "static", "drag", "temperature", "wear")
-# strong enough to be seen, whatever the rig's own values are; the oil is colder than the temperature of its given viscosity.
-# Neither speed nor heat leads from the shafts back to the pistons
+# effects of a measurable size, independent of the rig's own values; the oil is colder than the temperature of its given viscosity.
+# Neither speed nor heat of the shafts acts back on the pistons
 STRONG = {
     "loss_in.share": "5 %",
     "loss_out.drag": "1 Nm",
@@ -170,7 +170,7 @@ def piston_goes_where_its_springs_want_it(on, off):
 
 
 def force_follows_the_clamp(on, off):
-    """While S1 is released, its plates stick on their splines, and so more force presses them than the piston gives."""
+    """During the release of S1 its plates stick on their splines, and so the force on them is larger than that of the piston."""
     falling = (off.clamp[:, 0] < 0.7 * off.clamp[0, 0]) & (off.clamp[:, 0] > 100.0)
     without_it, with_it = (s.held[falling, 0] / s.clamp[falling, 0] for s in (off, on))
     assert without_it == pytest.approx(1.0)
@@ -224,11 +224,11 @@ def test_an_effect_that_is_left_out(strong, whole, name, changes, unmoved):
     off = without(strong, name)
     changes(whole, off)
     for channel in unmoved:
-        # only wear, a few nanometres, leads from the shafts back to the pistons
+        # of the shafts' effects only wear, a few nanometres, acts back on the pistons
         size = largest(getattr(whole, channel))
         assert largest(getattr(off, channel) - getattr(whole, channel)) < 1e-6 * size, channel
     for s1, s2 in (off.modes, whole.modes):
-        # without a loss by torque, or with thin oil, S1 catches once more before it opens
+        # without a loss by torque, or with thin oil, S1 locks once more before it opens
         assert s1 in ([2, 1, 0], [2, 1, 2, 1, 0]) and s2 == [0, 1, 2], "S1 slips and opens, S2 grips and locks"
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the rig's channels show in addition to the true values: each transducer's error, hum, pickup and steps, one by one."""
+"""Difference of the rig's channels from the true values: each transducer's error, hum, pickup and steps, one by one."""
 
 import math
 
@@ -143,7 +143,7 @@ def test_hum_is_on_torques_and_pressures_with_the_amplitude_that_is_set():
 
 
 def pulses(rig) -> np.ndarray:
-    """Returns what is added to p1 in 20 ms at half duty on ZR-P1."""
+    """Returns the addition to p1 in 20 ms at half duty on ZR-P1."""
     for sample in range(100):
         rig.set_duty(sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, True)
         rig.advance_samples(1)

@@ -12,7 +12,7 @@ from rig_nodes.testbench.procedure import load_procedure, run_repeat
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
 def test_the_inertia_of_the_rig_comes_back_within_2_percent(config, share):
-    """Parabola and tangent of 7.1.3.2 are taken on noisy channels; the inertia of w0 is 20 % less, as it is, and 20 % more.
+    """Parabola and tangent of 7.1.3.2 are fitted to noisy channels, with the inertia of w0 20 % less, unchanged, and 20 % more.
 
     The torque meter's class is left out, because half a Nm of 5 Nm is its error, not that of the procedure.
     """

@@ -57,7 +57,7 @@ class Planted:
 
 
 def damaged(content: bytes):
-    """Returns what may lie in the place of the kept file."""
+    """Returns possible contents in the place of the kept file."""
     yield from (b"", content[:-7], content[: len(content) // 2], b"[" * 100_000, b"null", b"{}", b"\xff\xfe")
     yield content.replace(b"1500 rpm", b"9999 rpm")
     yield content.partition(b"\n")[0] + b"\nnull"

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time passes in one way only: any division into calls and any repetition gives the same bits."""
+"""The division of a time into calls does not matter: any division and any repetition gives the same bits."""
 
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def test_e_stop_beats_commands_until_reset(config):
     assert rig.status == RigStatus.STARTING
     rig.advance(0.05)
     assert rig.motor["torque"] == 0.0, "a setting made while stopped must not start the motor"
-    # a controller that did not receive the stop acts so: the reset does not restore the current that it held
+    # as by a controller that did not receive the stop; the reset does not restore the current that it held
     for _ in range(200):
         rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, False)
         rig.advance_samples(1)

@@ -3,8 +3,8 @@
 
 """A value that is no finite number ends every verb that moves a rig: a sentence with name and time, and exit code 1.
 
-No setting of the rig gives one; the tests put it into the plant's state. tests/graph/test_cut.py tests the same on the graph,
-tests/fmu/test_rig_fmu.py in the FMU.
+No setting of the rig causes such a value; the tests write it into the plant's state. tests/graph/test_cut.py tests this on the
+graph, tests/fmu/test_rig_fmu.py in the FMU.
 """
 
 import json
@@ -23,7 +23,7 @@ from rig_nodes.validation.calibration_rows import Miss
 
 @pytest.fixture
 def spoil(monkeypatch):
-    """Lets every rig in this process get a heat that is no number in the first step after a sample."""
+    """Makes a heat of every rig in this process NaN in the first step after a sample."""
     advance = Rig.advance_samples
 
     def spoil(after, only=lambda rig: True):

@@ -151,7 +151,7 @@ def test_the_first_series_runs_to_its_end_with_its_orders(first_runs, name):
 def test_shifts_are_made_at_the_speed_and_load_of_the_conditions(first_runs, name):
     series, run = first_runs[name]
     rows = shifts(run.recording)
-    # with the delays of the first series the output stops, which is measured all the same and reported
+    # with the delays of the first series the output stops; this is measured and reported too
     reasons = [why for row in rows for why in row["why"]]
     assert all("the output stood still" in why for why in reasons) and (name == "delay_series" or not reasons), reasons
     wanted = {"I-II": [1], "II-I": [2]}.get(series.conditions.get("shift"), [1])
@@ -268,7 +268,7 @@ def test_two_processes_give_what_one_gives(small):
 
 
 def pid_of(_item):
-    """Returns the process id of the process that works."""
+    """Returns the process id of the worker."""
     return os.getpid()
 
 

@@ -11,7 +11,7 @@ from rig_nodes.testbench.configuration import load_rig
 
 
 def test_points_are_taken_together_whatever_their_order(config):
-    """P1 at 340 ms would lie behind the P2 that is set, 330 ms, if it were taken alone."""
+    """P1 at 340 ms alone would be later than the present P2 at 330 ms."""
     changed = load_rig(
         "hydmag", {"alfa46.output_1.P1": "340 ms 160 mA", "alfa46.t12": "-100 ms", "alfa46.output_1.P2": "420ms,170mA"}
     )

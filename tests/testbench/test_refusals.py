@@ -369,7 +369,7 @@ HOSTILE = "\x1b[2J\x9b31m\u202e\r\nrig: all is well"
 
 
 def shown(capsys):
-    """Returns the output on the terminal; fails when it holds something that a terminal obeys."""
+    """Returns the output on the terminal; fails when it contains a control sequence."""
     out, err = capsys.readouterr()
     obeyed = [c for c in out + err if not c.isprintable() and c != "\n"]
     assert not obeyed, f"{obeyed} in {out + err!r}"

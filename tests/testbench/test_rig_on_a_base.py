@@ -77,7 +77,7 @@ def shift_up(rig):
 
 
 def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_asks_for(tmp_path):
-    """Bounded, the output's speed at 100 rad/s stays between those of gear I and of gear II; free, the output falls."""
+    """With a bound the output's speed at 100 rad/s stays between those of gear I and of gear II; without it the speed falls."""
     rig = Rig(load_rig("chapter9"))
     driving, driven = shift_up(rig)
     assert driving == pytest.approx([100.0] * 600, abs=0.01)
@@ -98,13 +98,13 @@ def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_a
 
 
 def variant(tmp_path, text: str):
-    """Returns the rig three_speed with something else in it."""
+    """Returns the rig three_speed with changes."""
     (tmp_path / "rig.yaml").write_text(f"description: a variant\nbase: three_speed\n{text}")
     return load_rig(tmp_path)
 
 
 def test_a_variant_leaves_out_what_it_names_with_nothing(tmp_path):
-    """Without its transducer, the temperature of the oil is no signal; all else stays."""
+    """Without its transducer, the temperature of the oil is no signal; all other signals remain."""
     base, other = (
         load_rig("three_speed"),
         variant(

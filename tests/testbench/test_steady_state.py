@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Both gears in steady state against a calculation by hand, and the signs that go with it."""
+"""Both gears in steady state compared with a calculation by hand, and the signs of the values."""
 
 import dataclasses
 import math
@@ -31,10 +31,10 @@ def open_drag(config, gear: int, n_wej: float, n_wyj: float) -> tuple[float, flo
 
 
 def hand(config, gear: int, rpm: float) -> dict:
-    """Returns speeds and torques where nothing accelerates.
+    """Returns speeds and torques in steady state.
 
-    The losses are those of Annex D, by the load's torque and by w0's torque, and of (7.7), by its speed. The loss by the load
-    brakes w0 with the power that it takes, or behind the clutches (torque_side).
+    The losses are those of Annex D, by the load's torque and by w0's torque, and that of (7.7), by the speed of w0. The loss by the
+    load either brakes w0 with the power that it takes, or acts behind the clutches (torque_side).
     """
     into, out = config.loss_in, config.loss_out
     n_wyj = rpm / RATIO[gear]
@@ -55,7 +55,7 @@ def hand(config, gear: int, rpm: float) -> dict:
 
 
 def test_the_loss_by_load_costs_the_motor_the_same_on_either_side(config):
-    """The power is equal: without a loss by w0's own torque, M_wej is the same in both readings."""
+    """The power is equal: without a loss by w0's own torque, M_wej is the same in both cases."""
     found = []
     for side in ("driving", "driven"):
         rig = Rig(

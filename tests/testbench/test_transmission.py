@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The transmission as data: its ratios from the wheels, its signals and devices as the rest of the rig names them."""
+"""The transmission as data: its ratios from the wheels, and the names of its signals and devices."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from rig_nodes.uninterrupted import Uninterrupted
 
 
 class Interrupted:
-    """A struct of the writer in which one call raises Ctrl-C."""
+    """A struct of the writer in which one call raises KeyboardInterrupt."""
 
     def __init__(self, original, call: int):
         self._original, self._left, self.size = original, call, original.size

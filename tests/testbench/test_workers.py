@@ -15,7 +15,7 @@ from rig_nodes.testbench.workers import Workers
 
 
 def loaded(_item):
-    """Returns (own parent, whether the plant is loaded before anything asks for it) of the process that works."""
+    """Returns the worker's parent, and whether the plant is loaded before the first use."""
     return os.getppid(), "rig_nodes.engine.loop" in sys.modules
 
 

@@ -317,7 +317,7 @@ def read_procedure(path):
 
 
 def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
-    """Every kind of YAML that the program reads is tried; which files are taken does not matter."""
+    """Every kind of YAML that the program reads is tried, with arbitrary files of each kind."""
     files = [
         ("sweep.yaml", SWEEP, read_plan),
         ("rigs/mine.yaml", ON_BASE, load_rig),

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tuner: what it may ask of the hardware, rigs stored at operating points, fronts, sampled rigs, and a small whole tuning."""
+"""The tuner: limits of the hardware, rigs stored at operating points, fronts, sampled rigs, and a small complete tuning."""
 
 import json
 from dataclasses import replace
@@ -64,7 +64,7 @@ def test_settings_of_a_rig_leave_the_configuration_alone(config):
 
 
 def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
-    """With other noise and another way into the operating point the shift is the same within the instruments' errors."""
+    """With other noise and another path to the operating point the shift is the same within the instruments' errors."""
     quick = {way: bench.shift(Point(way, 1500.0 * RPM, 80.0), config.alfa46) for way in WAYS}
     run = record(config, load_sequence("grid_point", {"speed": "1500 rpm", "load_up": "80 Nm", "load_down": "80 Nm"}))
     for way, row in zip(WAYS, shifts(run.recording)[-2:]):
@@ -85,7 +85,7 @@ def test_a_shift_does_not_depend_on_the_one_before(config, bench):
 
 
 def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
-    """Its profiles are over long before its end: the time is the same as in a window that covers the whole shift."""
+    """The profiles end long before the shift does: the time is the same as in a window that covers the whole shift."""
     point = Point("I-II", 1500.0 * RPM, 80.0)
     settings = space.settings(config.alfa46, "I-II", space.BEGIN["I-II"], transmission_of(config))
     whole = bench.shift(point, settings)
@@ -415,7 +415,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
 
 @pytest.mark.campaign
 def test_the_thesis_range(config, tmp_path, capsys):
-    """Both ways, with the defaults, on fresh rigs and in fresh operating points.
+    """Both directions, with the defaults, on new rigs and in new operating points.
 
     The settings found are better in the peak and in the time from the order in every single shift, I-II also in the time
     from the fall of the pressure, which II-I may miss on a rig at the largest load. At 240 Nm II-I needs more than the

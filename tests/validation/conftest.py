@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lets the tests of this folder use the shifts made by hand in the analysis's tests."""
+"""Makes the synthetic shifts of the analysis's tests importable for the tests of this folder."""
 
 import sys
 from pathlib import Path

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calculations of a rig's folder: their tables, the rows that take cells of them, the verb, and how wrong ones are refused."""
+"""Calculations of a rig's folder: their tables, the rows that use their cells, the verb, and refusals of faulty ones."""
 
 import json
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration: what may change and how far, the rows that judge it, and the way of the result into the rig's files."""
+"""Calibration: its parameters and their bounds, the rows that judge it, and the writing of the result to the rig's files."""
 
 import dataclasses
 import shutil
@@ -123,7 +123,7 @@ def test_wrong_arguments_are_refused(capsys, arguments, sentence):
 
 
 def made_up(config, targets):
-    """Returns two rows that a constant loss of the driven side of 2 and of 6 Nm would meet, and one that it does not affect."""
+    """Returns two rows that a constant loss of the driven side of 2 Nm and of 6 Nm would meet, and one independent of this loss."""
     loss = config.loss_out.drag
     return [rows.Miss("low", loss, loss - 2.0), rows.Miss("high", loss, (loss - 6.0) / 2.0), rows.Miss("far", 0.0, 3.0)]
 
@@ -133,7 +133,7 @@ LEAST, SECOND = 2.059, 5.934
 
 
 def test_of_two_rows_that_exclude_each_other_one_is_met(config):
-    """Least squares would give 2.8 Nm, which meet neither row; here a row that cannot be met has no influence any more."""
+    """Least squares would give 2.8 Nm, which meets neither row; here a row that cannot be met has no influence."""
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
 
     def found(loss, generations):
@@ -216,7 +216,7 @@ def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
 
 
 def test_a_downshift_that_does_not_end_counts_in_every_row(config):
-    """It gives as many misses as other shifts; otherwise a search by least squares could not compare the two."""
+    """Such a shift has as many misses as others; otherwise a search by least squares could not compare the two."""
     weak = config.replaced(plate_pack=dataclasses.replace(config.plate_pack, friction_correction=0.3))
     ends, never = (rows.s2_releases(one, TARGETS) for one in (config, weak))
     assert [miss.row for miss in never] == [miss.row for miss in ends]

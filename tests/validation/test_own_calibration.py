@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The calibration of a rig's folder: the values to which its validation rows lead, and how wrong files are refused."""
+"""The calibration of a rig's folder: the values that result from its validation rows, and refusals of faulty files."""
 
 import re
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Validation rows of a rig's folder: the values that they take from a run, their judgement, and how wrong ones are refused."""
+"""Validation rows of a rig's folder: their values from a run, their verdicts, and refusals of faulty rows."""
 
 import json
 

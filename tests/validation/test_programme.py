@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From runs to records: what the readers take from shifts made by hand, which series exist, and what must run."""
+"""From runs to records: the values that the readers find in synthetic shifts, the series, and the necessary runs."""
 
 from math import pi
 from types import SimpleNamespace
@@ -208,7 +208,7 @@ def test_only_what_rows_need_is_run():
 
 
 def test_the_series_hold_every_condition_that_rows_list():
-    """A row with a list or a single value for which there is no series would never have an answer."""
+    """A row with a list or a single value without a series could never be evaluated."""
     lacking = []
     for target in TARGETS.values():
         if target.procedure not in programme.READERS or target.role == "information":

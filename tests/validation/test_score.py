@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a validation is worth: hold phase, trivial predictors, and chapter 9 side by side, on records made by hand."""
+"""Score of a validation: hold phase, trivial predictors, and the comparison with chapter 9, on records made by hand."""
 
 from math import pi
 

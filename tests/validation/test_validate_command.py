@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig validate`: what people and programs get from it, its refusals, its figures, and that Ctrl-C ends it."""
+"""`rig validate`: its output for people and programs, its refusals, its figures, and its end by Ctrl-C."""
 
 import json
 import os

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view: what early and late viewers see, its limits in memory, the topics to which it subscribes, its end."""
+"""The live view: its contents in early and late viewers, its limits of memory, its subscriptions, its end."""
 
 import os
 import re
@@ -67,7 +67,7 @@ def messages(recorded):
 
 
 def feed(sender, messages):
-    """Hands over messages, never more than the queue holds."""
+    """Passes messages to the sender, never more than the queue can hold."""
     for begin in range(0, len(messages), 2000):
         for _, topic, data in messages[begin : begin + 2000]:
             sender.put(topic, data)

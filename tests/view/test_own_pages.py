@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pages of the view from a rig's folder: they replace the ones made from its parts, or stand beside them."""
+"""Pages of the view from a rig's folder: they replace those that are made from its parts, or are added to them."""
 
 import json
 import re

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig view` as a person uses it: its output, its refusals, how it opens a window."""
+"""`rig view` as a user starts it: its output, its refusals, its window."""
 
 import os
 import signal

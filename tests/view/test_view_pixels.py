@@ -121,7 +121,7 @@ def test_legends_and_numbers_are_written(tabs, tab, title, names):
         assert not any(legend_text(other, PAGES.colour(name)) for other in without), "a legend that is off"
     ground = int(np.median(image))
     assert (image[-18:].max(axis=2) > ground + 60).sum() > 20, "no times below"
-    # the viewer writes them the fainter the denser they stand
+    # the viewer draws these numbers fainter where they are denser
     assert (image[:-18, :26].max(axis=2) > ground + 30).sum() > 20, "no values at the left"
 
 

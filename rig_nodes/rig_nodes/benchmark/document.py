@@ -24,59 +24,60 @@ TITLES = {
 
 _INTRO = """# Performance
 
-Made by `./rig bench --write-docs`; a change by hand is lost. All numbers are of one run on one machine, so their
-ratios hold:
+Made by `./rig bench --write-docs`, which overwrites changes by hand. All numbers are from one run on one machine, so that
+they can be compared with each other:
 
 {machine}
 
-Times are of the processor, the fastest of several, unless "wall" is stated. `./rig bench PART` measures one part,
-`--json` gives everything to programs. Aims: the kernel with 10 kHz logging at least 400 times real time; `simulate
-demo` warm under 1.5 s and its first run under 20 s; the bare problem at least 5000 times real time at 1e-3 of the
-lock-up time.
+Times are processor times, the shortest of several, unless "wall" is stated. `./rig bench PART` measures one part;
+`--json` prints the results for programs. Aims: the kernel with 10 kHz logging runs at least 400 times as fast as real
+time; `simulate demo` takes under 1.5 s with everything compiled and under 20 s in its first run; the bare problem is
+solved at least 5000 times as fast as real time, with an error of at most 1e-3 of the lock-up time.
 """
 
 _PROSE = {
     "kernel": """\
-12 s of a gear change up and down at 1500 rpm under load. "Standing": motor off; "running": in gear; "shifting": the
-600 ms from an order on. A row of the logger is computed in every step, because the transducers' low passes and
-counters go on in any case; "logging" keeps all rows in memory, as `procedure`, `sweep` and `validate` do.""",
+A run of 12 s with an upshift and a downshift at 1500 rpm under load. "Standing": motor off; "running": in gear;
+"shifting": the 600 ms after an order. A row of the logger is computed in every step in all variants, because the
+transducers' low passes and counters depend on the step before; "logging" keeps all rows in memory, as `procedure`,
+`sweep` and `validate` do.""",
     "rigs": """\
-Each installed rig with its demo, or the first sequence of its folder, recorded in memory with the rows of the 10 kHz logger and the
-sequencer's own work.""",
+Each installed rig runs its demo, or else the first sequence of its folder. The run is recorded in memory with the rows of
+the 10 kHz logger, and its time includes the sequencer.""",
     "demo": """\
-Programs of their own, from the shell's call to their end, bag and report written: 13.3 s of simulated time, 72,000
-messages. In the first run everything is compiled, by two processes.""",
+Each program is timed from the call in the shell to its end, with bag and report written: 13.3 s of simulated time,
+72,000 messages. In the first run everything is compiled, by two processes.""",
     "graph": """\
 `./rig run demo --speed max`: all nodes, every topic published on DDS and recorded; `speed_factor` of its report.""",
     "controllers": """\
-One step of the reference controller through each plug ([controllers.md](../how_to/controllers.md)), by the clock on the wall.""",
+Wall time of one step of the reference controller through each plug ([controllers.md](../how_to/controllers.md)).""",
     "scaling": """\
-One run in gear, second by second: neither the cost nor the memory may grow with its length. What fades for ever (a
-coil's current, a line's pressure) is zero below 1e-200, because denormal numbers slowed a run down by a fifth after
-ten seconds. Into a bag, the index of the chunks stays in memory until the file is closed, 4 KB per simulated second.
-Clutches: a row of bodies with a clutch between each two, all closing at once, at a step of 100 us. The sweep's
-members are whole runs of `demo` with metrics, on processes that are warm, the table included; the best of three sweeps
-with each number of processes in turn.""",
+The first table has one run in gear in parts of equal length: neither the cost nor the memory may grow with the length of a
+run. A value that decays exponentially (a coil's current, a line's pressure) is set to zero below 1e-200, because denormal
+numbers slowed a run down by a fifth after ten seconds. With a bag, the index of the chunks stays in memory until the file
+is closed, 4 KB per simulated second. Clutches: a row of bodies with a clutch between each two neighbours, which all close
+at the same time, at a step of 100 us. The members of the sweep are whole runs of `demo` with metrics, on processes in
+which everything is compiled; the time includes the table and is the best of three sweeps for each number of processes.""",
     "peers": """\
-Two inertias (0.7 and 0.127 kg m2, 1500 rpm and 0), a clutch whose capacity rises to 264 Nm in 45 ms, 2 s; 60 Nm drive
-the one, 40 Nm brake the other. Exact lock-up: {lock:.9f} s. Every tool is tried with many settings; shown is the
-cheapest one whose lock-up time errs at most so much, so no tool is shown at less than the best that was found for it.
-What is built once (models, diagrams, compiled code) does not count, setting the state back does. "Free": one call;
-"stopped": 2000 calls of 1 ms, as a controller needs it. It is an input of every tool that the rise ends at 45 ms and
-that the capacity is constant after it.
+Two inertias (0.7 kg m2 at 1500 rpm, 0.127 kg m2 at rest) and a clutch whose capacity rises to 264 Nm in 45 ms run for
+2 s; 60 Nm drive the first, 40 Nm brake the second. Exact lock-up: {lock:.9f} s. Every tool is measured with many settings;
+the tables show the cheapest setting whose error of the lock-up time is at most that in the head of the column, so that
+each tool is shown at its best. Time to build models, diagrams and compiled code is not counted; time to reset the state
+is. "Free": the run is one call; "stopped": it is 2000 calls of 1 ms, as a controller needs it. Every tool is given that
+the rise ends at 45 ms and that the capacity is constant after it.
 
-- This project: the general driveline, lock-up as a root inside the step, capacity in each step as the straight line
-  through its two Gauss points. After the rise it is exact for any step, so the rest may be one; "stopped" has no such
-  help.
+- This project: the general driveline finds the lock-up as a root inside the step, and takes the capacity in each step as
+  the straight line through its values at two Gauss points. After the rise the result is exact for any step, so that
+  "free" takes the remaining time in one step; "stopped" cannot.
 - scipy: `solve_ivp` (RK23, RK45, DOP853, LSODA) with a terminal event, and the older `ode` (dopri5, dop853), whose
-  loop is compiled, with a look at every step; that one is the faster by far. Slipping and locked are systems of their
-  own.
+  loop is compiled, with a check after every step; `ode` is by far the faster. The slipping and the locked clutch are
+  separate systems.
 - pathsim: one ODE block with a zero-crossing event, adaptive methods of three orders and RK4 with fixed steps.
-- MuJoCo: dry friction of a fixed tendon over two hinges, as hard as the solver takes it; Euler, implicitfast and RK4;
-  `rollout` (steps in C) as soon as the capacity is constant, with a longer step there; the mean capacity over each
-  step.
-- Drake: a system of one's own in Python with a witness function; and built-in systems in C++ for rise, slip and lock,
-  stopped by a monitor on the steps, which is the faster by far.""",
+- MuJoCo: dry friction of a fixed tendon over two hinges, as stiff as the solver allows; Euler, implicitfast and RK4;
+  `rollout` (steps in C), with a longer step, as soon as the capacity is constant. The capacity of a step is its mean
+  over the step.
+- Drake: a system written in Python with a witness function; and built-in systems in C++ for rise, slip and lock, which
+  a monitor of the steps stops. The second is by far the faster.""",
 }
 
 

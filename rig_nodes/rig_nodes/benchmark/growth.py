@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measures how the cost grows: with the length of a run, the number of clutches, the members of a sweep (part ``scaling``).
+"""Measures the growth of the cost with the length of a run, the number of clutches and the processes of a sweep (part ``scaling``).
 
-Lengths and clutches are measured by processor time in this process; the sweep by the clock on the wall, because it has
+Lengths and clutches are measured by processor time in this process; the sweep is measured by wall time, because it has
 processes of its own.
 """
 
@@ -31,19 +31,19 @@ from .two_inertias import END, Ours
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-LENGTH, PART = 100, 10  # simulated s of the long run and of each of its parts
+LENGTH, PART = 100, 10  # simulated time [s] of the long run and of each of its parts
 CLUTCHES = (1, 2, 4, 8, 16)
-MEMBERS, ROUNDS = 60, 3  # members of a sweep; sweeps with each number of processes
+MEMBERS, ROUNDS = 60, 3  # members of a sweep, and sweeps with each number of processes
 
 
 def _memory() -> float:
-    """Return the memory of this process now [MB]."""
+    """Return the present memory of this process [MB]."""
     with open("/proc/self/statm", encoding="ascii") as file:
         return int(file.read().split()[1]) * resource.getpagesize() / 1e6
 
 
 def by_length(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
-    """Return the cost per simulated second of each part of one run in gear under load; the median second of the part counts."""
+    """Return the cost per simulated second in each part of one run in gear under load: the median of the part's seconds."""
     rig = Rig(load_rig())
     drive(rig, lambda _phase, seconds: rig.advance(seconds))
     out = []
@@ -67,7 +67,7 @@ def by_length(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
 
 
 def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
-    """Return the same cost with a bag as ``simulate`` writes it: all topics, on disk."""
+    """Return the same cost for a run whose topics are all written to a bag on disk, as by ``simulate``."""
     rig = Rig(load_rig())
     out, size = [], 0
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, BagWriter(folder, "long") as bag:
@@ -98,7 +98,7 @@ def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
 
 
 def by_clutches(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
-    """Return the cost of a row of bodies with a clutch between each two, all closing at once, at a step of 100 us."""
+    """Return the cost of a row of bodies with a clutch between each two neighbours, which all close at once; the step is 100 us."""
     out = []
     for clutches in CLUTCHES:
         tell(f"{clutches} clutches")
@@ -109,7 +109,7 @@ def by_clutches(tell: Callable[[str], object] = lambda text: None) -> list[dict]
 
 
 def by_members(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
-    """Return members per second of a sweep over ``demo`` with its table, for one and two processes in turn; the best of each."""
+    """Return members per second of a sweep over ``demo`` with its table, the best of several, for one and for two processes."""
     best: dict[int, dict] = {}
     for number in range(ROUNDS):
         for processes in (1, 2):
@@ -121,7 +121,7 @@ def by_members(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
 
 
 def _sweep(processes: int) -> dict:
-    """Measure one sweep on warm processes, from the first member to the written table; a single process is this one."""
+    """Measure one sweep from its first member to the written table, with everything compiled; a single process is this process."""
     vary = {"alfa46.t12": "-250 ms .. -150 ms"}
     plan, first = make_plan("demo", vary, samples=MEMBERS), make_plan("demo", vary, samples=4 * processes)
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, Workers(processes) as workers:
@@ -136,6 +136,6 @@ def _sweep(processes: int) -> dict:
 
 
 def bench_scaling(tell: Callable[[str], object] = lambda text: None) -> dict:
-    """Return all of these measurements, and the largest memory of this process [MB]."""
+    """Return the measurements of this module, and the largest memory of this process [MB]."""
     out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell), "sweep": by_members(tell)}
     return out | {"most_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6}

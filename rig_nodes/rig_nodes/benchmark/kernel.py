@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measures how fast the compiled kernel is: real-time factors, cost by phase of a run, with and without the logger's rows.
+"""Measures the speed of the compiled kernel: real-time factors and cost by phase of a run, with and without the logger's rows.
 
 It is a part of ``rig bench``. The kernel runs in one thread; its time is processor time, so that other processes on the
 machine affect it as little as possible.
@@ -21,7 +21,7 @@ from ..testbench.rig import Rig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# variant -> settings of the rig, and whether the logger's rows are kept as in ``record``; the first is the usual one
+# variant -> settings of the rig, and whether the logger's rows are kept as in ``record``; the first is the usual variant
 VARIANTS = {
     "10 kHz logging, averaged PWM": ({}, True),
     "no rows kept, averaged PWM": ({}, False),
@@ -54,7 +54,7 @@ class _Clock:
 
 
 def drive(rig: Rig, go: Callable[[str, float], None]) -> None:
-    """Run 12 s of a rig: oil, gear I, 1500 rpm, load, up and down again.
+    """Run 12 s of a rig: oil supply on, gear I, 1500 rpm, load, an upshift and a downshift.
 
     Parameters
     ----------
@@ -89,12 +89,12 @@ def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
     rows : bool
         Whether the logger's rows are kept.
     repeats : int
-        Number of drives; the fastest counts, for each phase.
+        Number of runs; for each phase the fastest counts.
 
     Returns
     -------
     dict
-        Step [s], real-time factor of the whole drive, and ns per step of each phase.
+        Step [s], real-time factor of the whole run, and ns per step of each phase.
     """
     config = load_rig(overrides=settings)
     step = config.kernel.step

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The machine that was measured on (processor, cores, versions), and the timing of calls and of programs.
+"""Description of the measuring machine (processor, cores, versions), and the timing of calls and of programs.
 
 The other modules of this package and the verb ``bench`` use it.
 """
@@ -20,11 +20,11 @@ from typing import NamedTuple
 from ..errors import RigError
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
-TIMEOUT = 600.0  # s that one program may take
+TIMEOUT = 600.0  # s; longest time of one program
 
 
 def machine() -> dict[str, str | int | float]:
-    """Return the processor, the usable cores, versions, and how many processes waited for the cores at the beginning."""
+    """Return the processor, the usable cores, the versions, and the load: the number of processes that waited for the cores."""
     with open("/proc/cpuinfo", encoding="utf-8") as info:
         names = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
     return {
@@ -46,12 +46,12 @@ def installed(name: str) -> str | None:
 
 
 class Spent(NamedTuple):
-    """Time that something took.
+    """Time of a call or a program.
 
     Parameters
     ----------
     wall : float
-        Time by the clock on the wall [s].
+        Wall time [s].
     cpu : float
         Processor time of this process, or of its children [s].
     """
@@ -61,12 +61,12 @@ class Spent(NamedTuple):
 
 
 def fastest(action: Callable[[], object], budget: float = 0.25, least: int = 3, most: int = 200) -> Spent:
-    """Time the fastest of several calls, after one that is not counted.
+    """Return the time of the fastest of several calls, after one that is not counted.
 
     Parameters
     ----------
     action : callable
-        What is called.
+        The call to time.
     budget : float
         Time for all calls [s].
     least, most : int
@@ -88,7 +88,7 @@ def fastest(action: Callable[[], object], budget: float = 0.25, least: int = 3, 
 
 
 def timed_rig(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
-    """Time ``rig`` with these arguments, with the children it waits for.
+    """Return the time of ``rig`` with these arguments, including the child processes for which it waits.
 
     Parameters
     ----------

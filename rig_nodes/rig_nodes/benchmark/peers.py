@@ -1,12 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bare problem of two_inertias on other tools, each in its best way: cost against error of the lock-up time.
+"""The bare problem of two_inertias in other tools, each with its best settings: cost against error of the lock-up time.
 
-``rig bench peers`` uses it. A tool is a function that yields candidates (way, setting, call -> lock-up time [s]); what
-is built once is outside the call. All candidates are measured, and the cheapest one that is exact enough represents its
-tool, so that no tool is shown below the best of its candidates. docs/reference/performance.md gives the reasons for
-the choice of candidates.
+``rig bench peers`` uses it. A tool is a function that yields candidates (way, setting, call -> lock-up time [s]); models
+are built before the call. All candidates are measured, and the cheapest one that is exact enough represents its tool, so
+that each tool is shown at its best. docs/reference/performance.md describes the candidates.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ class Point(NamedTuple):
 
 
 def ours() -> Iterator[Candidate]:
-    """Yield our driveline with the lock-up as a root inside its step: equal steps, some for the rise and one, or 1 ms a call."""
+    """Yield our driveline, which finds the lock-up inside a step: equal steps, one step after the rise, or calls of 1 ms."""
     line = problem.Ours()
     for steps in (1, 2, 3, 5, 10, 20, 40, 80, 160):
         yield "free", f"{steps} steps and one", lambda steps=steps: line.run_straight(steps)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measures how fast each installed rig runs a sequence of its own, with the rows of the 10 kHz logger kept.
+"""Measures the speed of each installed rig with a sequence of its own, with the rows of the 10 kHz logger kept.
 
-It is a part of ``rig bench``. A run includes its sequencer, in the processor time of one thread.
+It is a part of ``rig bench``. The time is the processor time of one thread and includes the sequencer.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SEQUENCE = "demo"
 
 
 def own_sequence(rig: str) -> str | None:
-    """Return the file of a rig's demo, or of another sequence of its folder or its bases; None when they have none."""
+    """Return the file of a rig's demo, or else of another sequence of its folder or of its base rigs; None when there is none."""
     for path, _ in with_bases(rig):
         found = {one.stem: str(one) for one in sorted((path.parent / "sequences").glob("*.yaml"))}
         if found:
@@ -39,9 +39,9 @@ def bench_rigs(repeats: int = 5, tell: Callable[[str], object] = lambda text: No
     Parameters
     ----------
     repeats : int
-        Number of runs of each; the fastest counts.
+        Number of runs of each rig; the fastest counts.
     tell : callable
-        Takes the name of the rig that is measured.
+        Receives the name of each rig before it is measured.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def bench_rigs(repeats: int = 5, tell: Callable[[str], object] = lambda text: No
     Raises
     ------
     RigError
-        When a run does not end as its sequence has it.
+        When a run does not reach the end of its sequence.
     """
     out = {}
     for rig in installed("rigs"):

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measures what a user waits for: ``simulate demo`` cold and warm, help and report, and the node graph in lockstep.
+"""Measures whole commands: ``simulate demo`` before and after compilation, help, report, and the node graph in lockstep.
 
-These are the parts demo and graph of ``rig bench``. Everything is a program of its own, measured by the clock on the
-wall and by its processor time.
+These are the parts demo and graph of ``rig bench``. Each command is a separate program; its wall time and its processor
+time are measured.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def bench_demo(repeats: int = 5, tell: Callable[[str], object] = lambda text: No
 
 
 def bench_graph(repeats: int = 3, tell: Callable[[str], object] = lambda text: None) -> dict | str:
-    """Return real-time factors of the lockstep graph on demo, of all repeats; or one line on what is missing."""
+    """Return the real-time factor of the lockstep graph on demo in each repeat; or one line on a missing package."""
     if find_spec("rclpy") is None:
         return "rclpy is not installed"
     factors = []

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bare problem: two inertias and a clutch that closes; exact lock-up time, our driveline on it, longer chains.
+"""The bare problem of two inertias and a clutch that closes: its exact lock-up time, our driveline for it, and longer chains.
 
 ``rig bench peers`` and ``rig bench scaling`` use it. Inertias, capacity and times are as in the laboratory's gearbox:
-0.7 and 0.127 kg m2, 0 to 264 Nm in 45 ms, 2 s. The capacity rises as a quarter of a sine, so that no tool is exact by
-chance with straight lines. Both sides carry a torque, so that the common speed goes on changing after the lock-up.
+0.7 and 0.127 kg m2, 0 to 264 Nm in 45 ms, 2 s. The capacity rises as a quarter of a sine wave, so that no tool is exact by
+chance with straight lines. A torque acts on both sides, so that the common speed goes on changing after the lock-up.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 J1, J2 = 0.7, 0.127  # kg m2
 CAPACITY, RISE, STICK = 264.0, 0.045, 1.1  # Nm, s, break-away over kinetic torque
 DRIVE, LOAD = 60.0, -40.0  # Nm on the first and the last body
-W1 = 1500.0 * math.pi / 30.0  # rad/s of the first body; the second body stands still
+W1 = 1500.0 * math.pi / 30.0  # rad/s; initial speed of the first body; the second is at rest
 END = 2.0  # s
 
 
@@ -47,7 +47,7 @@ def lock_up() -> float:
 
 
 def end_speed() -> float:
-    """Return the exact common speed at the end [rad/s], from the whole momentum."""
+    """Return the exact common speed at the end [rad/s], from the total angular momentum."""
     return (J1 * W1 + (DRIVE + LOAD) * END) / (J1 + J2)
 
 
@@ -80,7 +80,7 @@ class Ours:
         line["q"][:, 0], line["q"][:, -1] = DRIVE, LOAD
         line["cap"] = s.limits()
         self.state = State(*(line[field.name] for field in fields(State)))
-        self._advance = _advance.made  # a call may be one short step
+        self._advance = _advance.made  # numba's own function, because a call may be one short step
 
     def start(self) -> None:
         """Set the state of time 0."""
@@ -95,7 +95,7 @@ class Ours:
         self.t += step * steps
 
     def run(self, step: float, parts: int = 1) -> float:
-        """Run the whole time in steps of one length and return the time of the first lock-up.
+        """Run until END in steps of one length and return the time of the first lock-up.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class Ours:
         return self.lock()
 
     def run_straight(self, steps: int) -> float:
-        """Make the rise in some steps and the rest in one step, which is exact for torques that are straight lines over time.
+        """Compute the rise in some steps and the rest in one step, which is exact for torques that are straight lines over time.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 @njit(cache=True, error_model="numpy", nogil=True)
 def _advance(begin: float, steps: int, h: float, lines: Record, addresses: tuple[int, int, int]) -> None:
     line = lines[0]
-    # the straight line through the capacity at the step's two Gauss points has the capacity's mean to the fourth order
+    # the straight line through the capacity at the step's two Gauss points has the mean of the capacity to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
     for i in range(steps):
         t = begin + i * h

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 KINDS = {"csv": (".csv",), "parquet": (".parquet",), "mf4": (".mf4",), "mat": (".mat",)}
 TIME = "t"
-MAT_LARGEST = 1 << 30  # bytes; a MAT file is made in memory
+MAT_LARGEST = 1 << 30  # bytes; a MAT file is made in memory as a whole
 _NO_FIELD = re.compile(r"\W")
 ASAMMDF = (
-    "MDF4 needs the package asammdf, which is not installed; '.venv/bin/python -m pip install -r requirements-mdf.txt' gets it"
+    "MDF4 needs the package asammdf, which is not installed; '.venv/bin/python -m pip install -r requirements-mdf.txt' installs it"
 )
 
 
@@ -60,7 +60,7 @@ def pyarrow() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be written: signals, file, the clock of the table [ns] or None for the signals' own, and the call for progress."""
+    """What is to be written: signals, file, period of the table [ns] or None for the signals' own times, progress callback."""
 
     signals: Signals
     target: Path
@@ -99,7 +99,7 @@ def export(kind: str, order: Order) -> None:
 
 @contextmanager
 def _whole(target: Path) -> Iterator[Path]:
-    """Give a name to write to; the file gets its own name when the block ends well, and vanishes otherwise."""
+    """Yield a temporary name to write to; the file is renamed when the block ends without an error, and deleted otherwise."""
     part = target.with_name(f".{os.getpid()}-{target.name}")
     try:
         yield part
@@ -212,6 +212,6 @@ def _struct(group: Group, times: np.ndarray, table: Floats) -> dict:
 
 
 def _field(name: str) -> str:
-    """Return a name that MATLAB takes for a field or a variable."""
+    """Return a name that is valid for a field or a variable in MATLAB."""
     text = _NO_FIELD.sub("_", name)
     return (text if text[:1].isalpha() else f"s_{text}")[:63]

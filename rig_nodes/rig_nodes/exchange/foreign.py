@@ -34,22 +34,22 @@ SUFFIXES = (*TEXT, *TABLE, *MDF, *MATLAB)
 LARGEST = 4 << 30  # bytes of a file, which is read as a whole
 DELIMITERS = (";", "\t", "|", ",")
 MISSING = ("", "nan", "NaN", "---")
-HEAD_LINES = 200  # in which the first row of values is looked for
-LOOKED_AT = 60  # lines by which delimiter and decimal sign are found
+HEAD_LINES = 200  # lines in which the first row of values is looked for
+LOOKED_AT = 60  # lines from which delimiter and decimal sign are found
 
 
 @dataclass(frozen=True)
 class Form:
-    """How a CSV is written; what is None is found from its content. Lines count from 1.
+    """Form of a CSV file; a fact that is None is found from the file's content. Lines count from 1.
 
     Attributes
     ----------
     encoding, delimiter, decimal : str or None
-        As Python names the encoding; the two signs.
+        The encoding by its name in Python, and the two signs.
     header, units, data : int or None
         Lines of the names, of the units when they have a line of their own, and of the first values.
     missing : tuple of str
-        What a cell without a value holds.
+        Texts of cells that have no value.
     """
 
     encoding: str | None = None
@@ -63,7 +63,7 @@ class Form:
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of a file: its head, its name and unit in it, values, and its own times [s] where the file has these."""
+    """One channel of a file: its head, the name and unit in the head, its values, and its own times [s] where the file has them."""
 
     head: str
     name: str
@@ -82,7 +82,7 @@ class Foreign:
     provenance: dict | None = None
 
     def row(self, number: int) -> str:
-        """Return where a row is, for errors."""
+        """Return the place of a row in the file, for errors."""
         return f"line {number + self.form.data}" if self.form.data else f"row {number + 1}"
 
     def digest(self) -> str:
@@ -99,7 +99,7 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
     path : str or Path
         CSV, Parquet, MDF or MAT, by its ending.
     form : Form, optional
-        How a CSV is written.
+        Form of a CSV file.
 
     Returns
     -------

@@ -32,13 +32,13 @@ DESCRIBING = ("rig_msgs/msg/RunInfo", "rig_msgs/msg/Event", "rig_msgs/msg/Channe
 PIECE = 16 << 20  # bytes of messages in memory at once
 LATE = 1_000_000_000  # ns by which a message's place in the file may be later than its time
 SHOWN, SI = "shown", "si"
-# units as the messages write them -> as config.units and other tools do
+# unit in the messages -> its spelling in config.units and in other tools
 SPELLED = {"N.m": "Nm"}
 
 
 @dataclass(frozen=True)
 class Column:
-    """A signal as a column: name, unit, meaning, its field in the messages, and the factor from SI to the unit."""
+    """A signal as a column: its name, unit and meaning, its field in the messages, and the factor from SI to the unit."""
 
     name: str
     unit: str
@@ -49,7 +49,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that share their times; ``topic`` is where they come from, and ``logger`` is True for blocks of rows."""
+    """Columns that share their times; ``topic`` is the topic of their messages, and ``logger`` is True for blocks of rows."""
 
     topic: str
     logger: bool
@@ -104,7 +104,7 @@ class Signals:
             raise BagError(f"{self.path}: holds no signal of a rig; expected a bag of `rig run` or `rig simulate`")
 
     def rows(self) -> int:
-        """Return about how many values the groups hold."""
+        """Return the approximate number of values in the groups."""
         return sum(self._counts[one.topic] * len(one.columns) * (50 if one.logger else 1) for one in self.groups)
 
     def parts(self, progress: Callable[[float, str], None] | None = None) -> Iterator[list[Part]]:
@@ -113,7 +113,7 @@ class Signals:
         Parameters
         ----------
         progress : callable, optional
-            It is called with the time [s] up to which was read, and a text.
+            Callable that receives the time [s] up to which the bag has been read, and a text.
 
         Yields
         ------
@@ -234,7 +234,7 @@ def on_own_clocks(groups: Sequence[Group], parts: Iterator[list[Part]]) -> Itera
 
 
 def on_one_clock(groups: Sequence[Group], parts: Iterator[list[Part]], period: int) -> Iterator[Rows]:
-    """Yield a row at each multiple of a period, with the last value that each signal had until then.
+    """Yield a row at each multiple of a period, with the last value of each signal at this time.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def _ordered(groups: Sequence[Group], parts: Iterator[list[Part]]) -> Iterator[l
 
 
 def _before(waiting: list[list[Part]], number: int, columns: int, end: int | None) -> tuple[np.ndarray, Floats]:
-    """Take the rows before a time from those that wait, in order of time; of rows of one time the later one counts."""
+    """Take the rows before a time from the waiting ones, in order of time; of rows with the same time the later one counts."""
     parts = waiting[number]
     if not parts:
         return np.empty(0, np.int64), np.empty((0, columns))

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A logger's file as a measurement of a rig: signals in SI on one clock with the orders of gears; and as a run in a bag.
+"""Converts a logger's file into a measurement of a rig (signals in SI on one clock, orders of gears) and writes this as a bag.
 
-`rig import` writes runs with it, `rig compare` lays files over runs without writing them.
+`rig import` writes runs with it; `rig compare` compares files with runs and writes no bag.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ if TYPE_CHECKING:
 TIME_NAMES = ("t", "time", "czas", "zeit", "timestamp")
 ORDER_NAMES = ("gear_ordered", "order")
 BLOCK, CHANNELS, RUN_INFO = "/instruments/hmg4000", "/instruments/channels", "/rig/run_info"
-ROWS = 50  # of a block, at most
-LATEST = 24 * 3600.0  # s; a file that begins later has the times of a calendar, and its run begins at 0
-EMPTIER = 20  # times as many rows as the file has are no recording any more
+ROWS = 50  # largest number of rows in a block
+LATEST = 24 * 3600.0  # s; the times of a file that begins later are taken as dates, and its run begins at 0
+EMPTIER = 20  # largest number of steps of the clock per row of the file; with more, the file is not a recording of equal steps
 NO_RIG = (
-    "its rig is not given, whose inertias, ratios and instrument errors enter the results; name it by --rig, e.g. "
+    "its rig is not given, and the results depend on this rig's inertias, ratios and instrument errors; name it by --rig, e.g. "
     "--rig hydmag, or in a profile"
 )
-MOST_BLOCKS_IN = 5e-3  # s of rows in a block
+MOST_BLOCKS_IN = 5e-3  # s; largest span of the rows in a block
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Measurement:
     channels : dict of str to (n,) array of float
         Values by signal [SI]; NaN where there are none.
     events : list of (float, str, str, str, float)
-        Orders of gears and what else happened, as Bag.events gives it.
+        Orders of gears and other events, in the form of Bag.events.
     record : mapping
         Record of the rig.
     about : dict
@@ -129,11 +129,11 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
     foreign : Foreign
         The file.
     profile : Profile
-        How it is read.
+        The profile by which the file is read.
     record : mapping
         Record of the rig (RigConfig.as_dict).
     named_by : str
-        Where this rig was given.
+        Where the rig was named, e.g. ``--rig``; it is kept in the record of the import.
     orders : str, optional
         Orders of gears from the command line.
 
@@ -277,7 +277,7 @@ class _Clock:
     def __init__(self, foreign: Foreign, times: Floats | None, profile: Profile, columns: Sequence[Floats]) -> None:
         self._foreign, self._bridge = foreign, profile.bridge
         self._all = times = np.asarray(times, float)
-        # lines that hold none of the signals, as those of an exported run at the times of other signals
+        # lines without a value of any of these signals are left out; an exported run has such lines at the times of other signals
         self._held = np.isfinite(times) & np.any(np.isfinite(np.stack(columns)), axis=0) if columns else np.isfinite(times)
         times = times[self._held]
         if len(times) < 2:
@@ -286,8 +286,8 @@ class _Clock:
         self.rows = int(self._row[-1]) + 1
         if self.rows > EMPTIER * len(times):
             raise RigError(
-                f"{foreign.path}: has {len(times)} rows in the time of {self.rows} at {self.period * 1e3:g} ms each; it is "
-                "no recording of equal steps"
+                f"{foreign.path}: has only {len(times)} rows in a time of {self.rows} steps of {self.period * 1e3:g} ms; it is not "
+                "a recording of equal steps"
             )
 
     def _steps(self, times: Floats) -> tuple[float, float, np.ndarray]:
@@ -336,11 +336,11 @@ class _Clock:
         if len(known) < 2:
             return out
         gaps = np.diff(known)
-        own = int(np.median(gaps))  # a slower signal has a value in every so many rows
+        own = int(np.median(gaps))  # usual number of rows from one value to the next, more than 1 for a slower signal
         longest = max(round(self._bridge / self.period), int(1.5 * own) if own > 1 else 1)
         every = np.arange(self.rows)
         filled = np.interp(every, known, out[known])
-        # the gap around each row; beyond the ends, where the nearest value is kept, the distance to it
+        # length of the gap around each row; beyond the ends, where the nearest value is kept, the distance to this value
         after = np.searchsorted(known, every)
         inside = np.append(np.insert(gaps, 0, 0), 0)[after]
         near = (
@@ -353,7 +353,7 @@ class _Clock:
         return np.where(empty & near, filled, out)
 
     def carried(self, times: Floats, values: Floats, held: bool) -> Floats:
-        """Return a signal with times of its own on the clock: on straight lines, or as it was last when it is a state."""
+        """Return a signal with times of its own on the clock: by straight lines, or by its last value if it is ``held``."""
         known = np.isfinite(values) & np.isfinite(times)
         times, values, own = times[known], values[known], self.times()
         if len(times) < 2 or not np.all(np.diff(times) > 0.0):
@@ -394,7 +394,7 @@ def _told_events(foreign: Foreign) -> list[tuple[float, str, str, str, float]]:
 def _as_events(orders: Sequence[tuple[float, int, int]], box: Transmission) -> list[tuple[float, str, str, str, float]]:
     out, gear = [], 0
     for t, before, after in orders:
-        if before != gear:  # what was ordered before the file begins
+        if before != gear:  # the gear was ordered before the file begins
             out.append((t, CONTROLLER_EVENTS, GEAR_WAS, f"{box.names[before]} was in", float(before)))
         out.append((t, CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {box.names[after]} ordered", float(after)))
         gear = after
@@ -468,7 +468,7 @@ def write_bag(measurement: Measurement, folder: Path, name: str) -> Path:
     told = [event for event in measurement.events if event[1] in types and event[0] >= 0.0]
     messages += [(round(t * 1e9), topic, (what, text, value)) for t, topic, what, text, value in told]
     messages += _blocks(measurement)
-    messages.sort(key=itemgetter(0))  # stable: what describes the run stays before its rows
+    messages.sort(key=itemgetter(0))  # the sort is stable, so that the description of the run stays before its rows
     encoders = {topic: encoder(types[topic]).encode for _, topic, _ in messages}
     counts = dict.fromkeys(encoders, 0)
     with BagWriter(folder, name, topics=known.all_topics) as bag:
@@ -501,11 +501,11 @@ def read_measurement(
     path : str or Path
         The file.
     profile : Profile, optional
-        How it is read.
+        The profile by which the file is read.
     record : mapping, optional
         Record of the rig; that of the exported run in the file by default.
     named_by : str
-        Who named the rig.
+        Where the rig was named.
     orders : str, optional
         Orders of gears.
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Orders of gears as people write them on the command line or in a profile."""
+"""Orders of gears in the form in which they are written on the command line or in a profile."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def parse_orders(text: str, transmission: Transmission | None = None, where: str
     text : str
         Time in the recording [s], gear before and gear ordered of each order.
     transmission : Transmission, optional
-        Gives the names of the gears (Transmission.number), where 0 is neutral; the laboratory's by default.
+        Transmission with the names of the gears (Transmission.number), where 0 is neutral; the laboratory's by default.
     where : str
         Beginning of the error.
 

@@ -60,19 +60,19 @@ class Profile:
     Attributes
     ----------
     name : str
-        Where it comes from, for people.
+        Origin of the profile, as text for the user.
     rig : str or None
-        Rig whose inertias, ratios and instrument errors hold.
+        Rig whose inertias, ratios and instrument errors are used.
     settings : dict of str to str
-        Values of that rig that are others.
+        Values that replace those of this rig.
     form : Form
-        How a CSV is written.
+        Form of a CSV file.
     time : str or None
         Column of the times.
     time_unit : str or None
-        Its unit.
+        Unit of the times.
     period : float or None
-        Time between rows [s], which takes the place of times.
+        Time between rows [s], in place of a column of times.
     columns : tuple of Mapped
         Columns to take.
     gear : str or None

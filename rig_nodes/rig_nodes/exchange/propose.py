@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A first profile for a logger's file: how it is written, and which columns are probably which signals.
+"""Writes a first profile for a logger's file: the form of the file, and the probable signal of each column.
 
-`rig import` writes it when no profile is given. Guesses come from units, sides and numbers of clutches in English, German and
-Polish heads; what is not certain is a comment in the profile.
+`rig import` uses it when no profile is given. The guesses rest on units, sides and numbers of clutches in English, German and
+Polish heads; an uncertain line is a comment in the profile.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     record : mapping
         Record of the rig.
     rig : str
-        Its name, as the profile gives it.
+        Name of the rig for the profile.
 
     Returns
     -------
@@ -121,13 +121,13 @@ def _first(foreign: Foreign, which: object) -> Channel | None:
 
 
 def _said(head: str, words: tuple[str, ...]) -> bool:
-    """Return True when a word of the head is one of these, or begins with one of more than three letters."""
+    """Return True when a word of the head is one of ``words``, or begins with one of them that has more than three letters."""
     said = [word.lower() for word in _WORDS.findall(head)]
     return any(word == other or (len(other) > 3 and word.startswith(other)) for word in said for other in words)
 
 
 def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Signal | None:
-    """Return the signal that a head most probably means; None when two are as probable, or the head has no meaning."""
+    """Return the signal that a head most probably means; None when two signals are equally probable, or the head names none."""
     unit = unit_of(one.unit)
     for signal in measured:
         if one.name == signal.name and (unit is None or UNITS[unit][0] == UNITS[signal.display_unit][0]):

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The provenance in an exported file: how its run was made, by which rig, and its events.
+"""The provenance in an exported file: the settings and the rig of its run, and the events.
 
-exchange.files writes it into each format; exchange.foreign finds it again, so that an exported run can be imported without a
+exchange.files writes it into each format; exchange.foreign reads it, so that an exported run can be imported without a
 profile.
 """
 
@@ -20,7 +20,7 @@ from ..bags import limits
 if TYPE_CHECKING:
     from ..bags.reader import Bag
 
-KEY = "rig_nodes.run"  # of the metadata of Parquet, and name of the attachment or variable of others
+KEY = "rig_nodes.run"  # key in the metadata of Parquet, and name of the attachment or variable in the other formats
 _BLOCK = 1 << 20
 
 
@@ -58,7 +58,7 @@ def text_of(provenance: dict) -> str:
 
 
 def read_provenance(text: object) -> dict | None:
-    """Return the provenance from JSON; None when it is none of an exported run."""
+    """Return the provenance from JSON; None for JSON that is not the provenance of an exported run."""
     if not isinstance(text, (str, bytes)) or len(text) > limits.JSON:
         return None
     try:
@@ -73,7 +73,7 @@ def read_provenance(text: object) -> dict | None:
 
 
 def lines_of(provenance: dict) -> list[tuple[str, str]]:
-    """Return name and value of what people look for first."""
+    """Return names and values of the main facts of the provenance."""
     run = provenance["run"]
     said = [("rig", run["configuration"].get("name")), ("sequence", run.get("sequence")), ("seed", run.get("seed"))]
     parent = run.get("parent")
@@ -86,5 +86,5 @@ def lines_of(provenance: dict) -> list[tuple[str, str]]:
 
 
 def csvw_path(path: Path) -> Path:
-    """Return where "CSV on the Web" looks for what describes a CSV file."""
+    """Return the path at which "CSV on the Web" expects the description of a CSV file."""
     return path.with_name(f"{path.name}-metadata.json")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Heads of columns as loggers write them: a name and a unit, in their spellings."""
+"""Splits the heads of columns, as loggers write them, into a name and a unit, and recognizes spellings of units."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import re
 
 from ..config.units import UNITS
 
-# other spellings of units of config.units, by loggers and people
+# other spellings, by loggers and people, of the units of config.units
 ALIASES = {
     **dict.fromkeys(("N.m", "N m", "N*m", "N·m", "N⋅m", "NM"), "Nm"),
     **dict.fromkeys(("1/min", "min-1", "min^-1", "min⁻¹", "r/min", "U/min", "Umin", "obr/min", "obr./min", "RPM"), "rpm"),

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A campaign as a Rerun file: metrics of the shifts over the conditions that were varied, and a table of all runs.
+"""Writes a campaign as a Rerun file: metrics of the shifts over the conditions that were varied, and a table of all runs.
 
-`rig view FOLDER` writes it for the folder of a measuring procedure, of which each run has its report, and of a sweep.
+`rig view FOLDER` writes it for the folder of a measuring procedure, in which each run has its report, and for that of a sweep.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from .pages import hues
 if TYPE_CHECKING:
     from rerun.blueprint import Blueprint
 
-RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # of a sweep, and its metadata on how it was made
-AXIS = "condition"  # the timeline that carries the values of conditions
+RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # results of a sweep, and the key of its metadata on how it was made
+AXIS = "condition"  # timeline on which the values of conditions are shown
 PLOTTED = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "overlap_s")
 MOST_CONDITIONS, MOST_ROWS = 3, 200
 ROOM = 0.3  # share of an axis left free behind the points, for the legend
 DOT = 0.01  # size of a point, as a share of the axis
-COLUMN, MOST_TEXT = 0.037, 0.5  # share of the width for a column of the table, and for all of them
+COLUMN, MOST_TEXT = 0.037, 0.5  # share of the width for a column of the table, and the largest share for the whole table
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 _PREFIXES = {0: "", 3: "m", 6: "µ"}
 _WITH_PREFIX = ("s", "A", "m", "V", "N", "W")
@@ -61,7 +61,7 @@ class Campaign:
     names : list of str
         Name of the run of each row.
     conditions : dict of str to (str, list of float)
-        Unit and value of each condition, row by row; a run that lacks it has NaN.
+        Unit and value of each condition, row by row; NaN for a run without this condition.
     rows : list of mapping
         Metrics of one shift each (analysis.metrics).
     box : Transmission
@@ -160,7 +160,7 @@ def _conditions(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, l
 
 
 def _shown(unit: str, values: list[float]) -> tuple[str, list[float]]:
-    """Return a unit for people and the values in it, so large that the axis, which has whole numbers only, is finer than a dot."""
+    """Return a unit to show and the values in it, so large that the axis, which has whole numbers only, is finer than a dot."""
     if unit == "rad/s":
         unit, values = "rpm", [value * RPM for value in values]
     if unit == "Pa":
@@ -183,7 +183,7 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
     path : str or Path
         The folder.
     only : bool
-        True to leave the viewer's own bars away.
+        True to hide the viewer's own bars.
     picture : Path, optional
         File to write in place of the one in the folder.
 
@@ -202,13 +202,13 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=target.parent)
     except OSError as error:
-        raise RigError(f"{target}: cannot be written ({error.strerror}); copy the campaign to a folder of yours") from None
+        raise RigError(f"{target}: cannot be written ({error.strerror}); copy the campaign to a writable folder") from None
     os.close(handle)
     try:
         document, width = _document(found, shown)
         plots = {key: (columns[key][0], _height(found, key, columns[key][1])) for key in keys}
         rec.save(name, default_blueprint=_blueprint(shown, plots, min(COLUMN * width, MOST_TEXT), only))
-        # the viewer's line at its present time stands at the first row of all
+        # the viewer draws the line of its present time at the very first row
         left = min(_ends(values)[0] for _, values in shown.values())
         for condition, (_, values) in shown.items():
             for key in keys:
@@ -254,7 +254,7 @@ def _height(found: Campaign, key: str, factor: float) -> tuple[float, float]:
 def _blueprint(
     conditions: Mapping[str, tuple[str, list[float]]], plots: Mapping[str, tuple[str, tuple[float, float]]], text: float, only: bool
 ) -> Blueprint:
-    """Return a grid: a row for each metric with its heading and range, a column for each condition; ``text`` is a share."""
+    """Return a grid: a row for each metric with its heading and range, a column for each condition; ``text``: the table's share."""
     import rerun as rr
     import rerun.blueprint as rrb
 

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
 PIECE = 1 << 23  # bytes of messages in memory at a time, some 8 s of a run
-LONG = 60.0  # s; of a longer stretch the viewer cannot hold each row of the loggers
-EARLY = 0.1  # s; a bag that has the first messages of a run has them by then
+LONG = 60.0  # s; the viewer cannot hold every row of the loggers of a longer stretch
+EARLY = 0.1  # s; a bag that holds the beginning of its run has messages before this time
 SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # message types that are read of the whole run
 
 
@@ -94,7 +94,7 @@ def _make(source: _Source, path: Path, key: str) -> list[str]:
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
     except OSError as error:
-        raise RigError(f"{path}: cannot be written ({error.strerror}); copy the run to a folder of yours") from None
+        raise RigError(f"{path}: cannot be written ({error.strerror}); copy the run to a writable folder") from None
     os.close(handle)
     try:
         notes = _write(source, Path(name), key)
@@ -117,7 +117,7 @@ def make_tab_view(
 ) -> None:
     """Write a copy of a run's view whose layout is one tab, without the viewer's own bars, for a picture of it.
 
-    The copy holds that layout alone, because of two layouts the viewer may take either.
+    The copy holds only that layout, because the viewer may take either of two layouts.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
 
 
 def import_rerun() -> ModuleType:
-    """Return the rerun module; RigError with the remedy when this environment has none."""
+    """Return the rerun module; RigError with the remedy when this environment does not have it."""
     try:
         import rerun
         import rerun.blueprint
@@ -210,7 +210,7 @@ def _key(bag: OpenedBags, window: tuple[float, float] | None, wanted: Sequence[i
     sources = sorted(
         path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py")
     )
-    rigs = sorted((package / "rigs").glob("*/rig.yaml"))  # the page of the run names what differs from them
+    rigs = sorted((package / "rigs").glob("*/rig.yaml"))  # the page of the run lists the settings that differ from them
     for file, piece in zip(bag.files, bag.pieces, strict=True):
         digest.update(file.name.encode() + piece.digest())
     for path in (bag.files[0].parent / REPORT_FILE, *sources, *rigs):
@@ -257,7 +257,7 @@ class _Source:
         self.close = self._close(orders, wanted)
         self.span = self._span(wanted)
         if self.span is not None or not self._from_the_start():
-            self.pages.plates = {}  # how warm the plates are follows from all their heat since time 0
+            self.pages.plates = {}  # the temperature of the plates depends on all their heat since time 0
 
     def _span(self, wanted: Sequence[int] | str | None) -> tuple[float, float] | None:
         """Return the only part of the run to read and to show [s], or None for the whole run."""
@@ -290,7 +290,7 @@ class _Source:
         return [MomentCurves(self.reader, self.pages, self.names, page) for page in pages]
 
     def _measured(self) -> dict:
-        """Return what a run without a change of gear measured; without a report beside the bag one is made."""
+        """Return the results of a run without a change of gear; without a report beside the bag one is made."""
         if self.report is None:
             try:
                 self.report = build_report(Bag(self.bag, recover=True), self.run)
@@ -299,7 +299,7 @@ class _Source:
         return self.report.get("measured") or {}
 
     def tab(self, wanted: str | None) -> str:
-        """Return the name of the tab to show alone; RigError when there is none of the name that is wanted."""
+        """Return the name of the tab to show alone; RigError when there is no tab of the wanted name."""
         there = [one.page.key for one in self.close]
         if wanted and wanted not in (tabs := (*layout.TABS, *self.pages.more_pages)):
             raise RigError(f"--tab: {unknown('tab', wanted, tabs)}")
@@ -317,7 +317,7 @@ class _Source:
 
 
 def _write(source: _Source, path: Path, key: str) -> list[str]:
-    """Fill the file piece by piece of the bag; return what the bag lacks, which is also shown with the report."""
+    """Write the bag to the file piece by piece; return what the bag lacks, which is also shown with the report."""
     rr = import_rerun()
     index, pages, report = source.index, source.pages, source.report
     rec = rr.RecordingStream(
@@ -399,9 +399,9 @@ def _names(pages: Pages, index: OpenedBags, small: Bag) -> tuple[list[str], tupl
 
 
 def _report(small: Bag) -> tuple[dict | None, dict, list[str]]:
-    """Return the report beside the bag, the run part for a new one, and notes on what is wrong with either.
+    """Return the report beside the bag, the section ``run`` for a new report, and notes on problems of either.
 
-    The report is None when there is none or it is of another run.
+    The report is None when it is missing or belongs to another run.
     """
     report, info, notes = None, {}, []
     try:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from rerun import RecordingStream, SeriesLines, TimeColumn
 
 FAST = 5e-4  # s between rows below which a channel can be thinned out
-BIN = 20  # rows of which a thinned curve keeps two
+BIN = 20  # rows per stretch of a thinned curve, of which it keeps the lowest and the highest
 LETTER = 7.0  # px of a letter in a bar of a state
-NO_TEXT = " "  # an empty one would be replaced by the state's value
+NO_TEXT = " "  # not empty, because the viewer would replace an empty text by the state's value
 SHORT = "short "  # before the name of a state in a bar that is too short for it
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
@@ -39,12 +39,12 @@ def times(rr: ModuleType, t: Sequence[float] | np.ndarray) -> TimeColumn:
 
 
 def thinned(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and the highest of each few rows of a fast channel at their times, and another signal as it is."""
+    """Return the lowest and the highest of each BIN rows of a fast channel at their times; other signals stay as they are."""
     if len(t) < BIN or t[1] - t[0] > FAST:
         return t, values
     whole = len(t) // BIN * BIN
     rows = values[:whole].reshape(-1, BIN)
-    # a row that is no number is both the lowest and the highest, so that a gap stays one
+    # NaN counts as both the lowest and the highest row, so that a gap remains a gap
     place = np.stack([rows.argmin(axis=1), rows.argmax(axis=1)]) + BIN * np.arange(len(rows))
     kept = np.unique(np.append(place, np.arange(whole, len(t))))
     return t[kept], values[kept]
@@ -53,7 +53,8 @@ def thinned(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def style(rr: ModuleType, pages: Pages, signal: Signal) -> SeriesLines:
     """Return the name with unit, the colour and the width of a curve.
 
-    Where a pixel has many values the viewer would draw their mean, which cuts peaks; it draws the least and the greatest.
+    Where a pixel has many values the viewer would draw their mean, which cuts off peaks; with this style it draws the least and the
+    greatest.
     """
     return rr.SeriesLines(
         names=pages.label(signal.name),
@@ -134,9 +135,9 @@ class Curves:
         self.problems: list[str] = []
         self._styled: set[str] = set()
         self._states: dict[str, float] = {}  # last value of each state
-        self._open: dict[str, tuple[float, float]] = {}  # time [s] and value of each state whose end has not come
+        self._open: dict[str, tuple[float, float]] = {}  # time [s] and value of each state that has not ended
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
-        # last time [s] of the piece before, and then the heat [J] of plates and how much warmer than the oil [K] they are
+        # last time [s] of the piece before, and at this time the heat [J] of plates and their temperature above the oil's [K]
         self._plates: dict[str, tuple[float, float, float]] = {}
         self._heights = {}  # (plot, index of the order) -> lowest and highest value in its window
 
@@ -148,7 +149,7 @@ class Curves:
             if name in logged:
                 t, values = logged[name]
             elif LOGGER_TOPIC in self._due and name in piece.columns(LOGGER_TOPIC):
-                continue  # the logger draws it, although not in this piece
+                continue  # the signal is drawn from the logger's rows, although this piece has none
             else:
                 t, values = self._series(piece, signal)
             if len(t):
@@ -179,7 +180,7 @@ class Curves:
             self.problems.append(problem)
 
     def _rows(self, piece: Bag, topic: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return time [s] and values of a logger's columns, broken where rows are missing, also between two pieces."""
+        """Return time [s] and values of a logger's columns, with a gap where rows are missing, also between two pieces."""
         if not piece.counts.get(topic):
             return {}
         try:
@@ -209,7 +210,7 @@ class Curves:
         self._send(layout.entity(signal), t, signal.shown(values))
 
     def _send_plates(self, name: str, plates: Plates, t: np.ndarray, heat: np.ndarray) -> None:
-        """Send the temperature of plates: the exact solution for heat that comes evenly between two messages."""
+        """Send the temperature of plates: the exact solution for heat at a constant rate between two messages."""
         if not len(t):
             return
         before = self._plates.get(name, (float(t[0]), float(heat[0]), 0.0))
@@ -263,7 +264,7 @@ class Curves:
                     self._heights[title, number] = min(low, seen.min()), max(high, seen.max())
 
     def finish(self) -> None:
-        """Send what is known at the end of the run only: the last state of each signal, and the marks at the orders."""
+        """Send what depends on the end of the run: the last state of each signal, and the marks at the orders."""
         for name, last in self._open.items():
             self._send_bars(self._pages.known.signal(name), [last], self.ends[1])
         self._send_marks()

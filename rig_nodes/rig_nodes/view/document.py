@@ -29,7 +29,7 @@ def report_document(report: dict, problems: list[str]) -> str:
     report : dict
         The report of analysis.report.
     problems : list of str
-        Sentences on what is wrong with the bag; they come first.
+        Sentences on problems of the bag; they come first.
     """
     run, box = report["run"], shown_transmission(report)
     parts = [f"# {run.get('sequence') or 'Run'}"]

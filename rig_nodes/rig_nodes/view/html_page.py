@@ -16,12 +16,12 @@ import numpy as np
 
 from ..validation.figures import ticks
 
-WIDTH, LEFT, RIGHT = 560, 56, 10  # units of a plot's drawing, and of the room for its numbers
-LETTER = 9.3  # units of an average letter at the width of a phone
+WIDTH, LEFT, RIGHT = 560, 56, 10  # width of a plot's drawing, and of the margins for its numbers
+LETTER = 9.3  # width of an average letter at the width of a phone, in the same units
 BINS = 400  # stretches of time of a plot, of each of which the lowest and highest value are drawn
 COLOURS = ("#1f5fa8", "#c0501a", "#3a8a3f", "#7a4aa0", "#8a6d1d", "#a8325a", "#2b8a8a", "#5a5f66")
 CONTRAST = 3.0  # of a curve on white, WCAG 2.1, 1.4.11
-# A phone is some 360 px wide, at which a drawing of 560 units shrinks: there its text is larger.
+# A phone is some 360 px wide, and a drawing of 560 units shrinks to this width, so its text is larger there.
 STYLE = """:root{color-scheme:light}*{box-sizing:border-box}
 body{font:14px/1.4 sans-serif;max-width:820px;margin:0 auto;padding:12px;color:#222;background:#fff;overflow-wrap:break-word}
 h1{font-size:22px;margin:.2em 0}h2{font-size:17px;margin:1.4em 0 .4em;border-bottom:1px solid #bbb;break-after:avoid}
@@ -61,7 +61,7 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], kind: str = "") -> str:
-    """Return a table of plain texts; what follows a line break in a cell is written small.
+    """Return a table of plain texts; the text after a line break in a cell is written small.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def _cell(text: str) -> str:
 
 
 def captioned(caption: str, drawing: str) -> str:
-    """Return a drawing under its legend, which no end of a page parts."""
+    """Return a drawing under its legend; no page break separates the two."""
     return f'<div class="plot">{caption}{drawing}</div>'
 
 
@@ -119,12 +119,12 @@ class Envelope:
     """
 
     def __init__(self, start: float, end: float, bins: int = BINS) -> None:
-        """Prepare for the samples between two times [s]."""
+        """Prepare an envelope of the samples between two times [s]."""
         self.start, self.end = start, end
         self.low, self.high = np.full(bins, np.inf), np.full(bins, -np.inf)
 
     def add(self, t: np.ndarray, values: np.ndarray) -> None:
-        """Take samples at growing times [s]; those outside the window and those that are no numbers are left out."""
+        """Add samples at growing times [s]; those outside the window and those that are NaN are left out."""
         first, last = np.searchsorted(t, (self.start, self.end))
         last = max(last, int(np.searchsorted(t, self.end, "right")))
         t, values = t[first:last], values[first:last]
@@ -140,7 +140,7 @@ class Envelope:
 
     @property
     def filled(self) -> np.ndarray:
-        """Numbers of the stretches that have a sample."""
+        """Indices of the stretches that have a sample."""
         return np.flatnonzero(self.low <= self.high)
 
     def runs(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -181,14 +181,14 @@ class Stretch:
 
 @dataclass
 class Axis:
-    """The time axis that plots above each other share, with what is marked on it.
+    """The common time axis of plots above each other, with the marks on it.
 
     Attributes
     ----------
     start, end : float
         The window [s].
     phases : list of Stretch
-        What is shaded behind the curves.
+        Stretches that are shaded behind the curves.
     moments : list of float
         Times of vertical lines [s].
     """
@@ -199,7 +199,7 @@ class Axis:
     moments: list[float] = field(default_factory=list)
 
     def x(self, t: float) -> float:
-        """Return the place of a time, no further out than the edges."""
+        """Return the horizontal place of a time, limited to the edges of the plot."""
         share = (t - self.start) / (self.end - self.start)
         return LEFT + min(max(share, 0.0), 1.0) * (WIDTH - LEFT - RIGHT)
 
@@ -224,7 +224,7 @@ class Axis:
             room = LETTER * len(text)
             if right + 5 + room <= WIDTH:
                 x, anchor = right + 5, "start"
-            else:  # where there is no room on the left either, it begins at the edge and lies over its bar
+            else:  # where there is no room on the left either, the text begins at the edge and lies over its bar
                 x, anchor = (left - 5, "end") if room <= left - 5 else (0.0, "start")
             parts.append(f'<text x="{x:.1f}" y="{y + 11}" text-anchor="{anchor}">{escape(text)}</text>')
         height = step * len(rows) + 4
@@ -237,7 +237,7 @@ class Axis:
         highs = [float(one.envelope.high[at].max()) for one in curves if len(at := one.envelope.filled)]
         marks = ticks(min(lows, default=0.0), max(highs, default=1.0), 4)
         least = 0.5 * (marks[1] - marks[0])
-        # some room at both ends; a curve that hardly moves lies between two numbers
+        # some room at both ends; a nearly constant curve lies between two numbers
         bottom, top = min(min(lows, default=0.0), marks[1] - least), max(max(highs, default=1.0), marks[-2] + least)
         bottom, top = bottom - 0.04 * (top - bottom), top + 0.04 * (top - bottom)
         foot = 20 if times else 4
@@ -267,13 +267,13 @@ def _drawn(curve: Curve, x: Callable[[float], float], y: Callable[[float], float
     paths = []
     for t, low, high in curve.envelope.runs():
         points: list[str] = []
-        upwards = True  # in turn, so that the line fills the band of a noisy signal
+        upwards = True  # the line goes up and down in turn, so that it fills the band of a noisy signal
         for place, down, up in zip(map(x, t), map(y, low), map(y, high)):
             ends = [down] if down - up < 0.4 else [down, up] if upwards else [up, down]
             points += [f"{place:.1f} {end:.1f}" for end in ends]
             upwards ^= len(ends) > 1
         if len(points) == 1:
-            points *= 2  # a single sample shows as a dot
+            points *= 2  # a single sample is drawn as a dot
         paths.append("M" + "L".join(points))
     dash = ' stroke-dasharray="5 3"' if curve.dashed else ""
     return (

@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from .moments import Moment, MomentCurves
 
 TIMELINE = "t"
-BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift, for profiles, torque peak and the settling of the torque
+BEFORE, AFTER = 0.2, 1.5  # s; shown before and after the order of a shift, for profiles, torque peak and the settling of the torque
 
-LETTER, BESIDE = 6.5, 40.0  # px of a letter of a legend, and of its frame and dot
-NUMBERS = 45.0  # px of the numbers at the left of a plot
+LETTER, BESIDE = 6.5, 40.0  # px; width of a letter of a legend, and of its frame and dot
+NUMBERS = 45.0  # px; width of the numbers at the left of a plot
 SHORTEST = 0.01  # s; a bag may hold one instant only
-MOST_ROOM = 1.5  # share of a window
+MOST_ROOM = 1.5  # largest room for legends, as a share of the window
 MARGIN = 0.06  # share of a plot's height left free above and below its curves
-NUMBER = 0.032  # share of a plot's height that half a number at its left takes
+NUMBER = 0.032  # half the height of a number at the left of a plot, as a share of the plot's height
 
 TABS = ("shifts", "valve", "coast_down", "run", "other", "controller")  # names on the command line
 ALL = "all"  # in place of numbers of shifts
-DRAWN = "with"  # place of computed curves in that of a moment; the viewer draws in the order of names, so they lie above
+DRAWN = "with"  # place of computed curves within the place of a moment; the viewer draws in the order of names, so these lie on top
 MOST_LANES = 8  # overlaid shifts whose phases are shown
 MOST_COLUMNS = 4  # of shifts side by side
-WIDTH, TEXTS = 1600, 0.27  # px of a picture, and the share of it that its texts take
+WIDTH, TEXTS = 1600, 0.27  # px of a picture, and the share of its width for texts
 
 # The viewer keeps the range that linked time axes share under this fixed view id. The view with this id hands
 # it the window with which the linked plots open; without it they would open with the whole run.
@@ -82,7 +82,7 @@ class Shift:
 
     @property
     def way(self) -> str:
-        """Its gears, e.g. ``I → II``."""
+        """The gears of the shift, e.g. ``I → II``."""
         names = self.box.names
         return f"{names.get(self.before, '?')} → {names.get(self.after, '?')}"
 
@@ -93,7 +93,7 @@ class Shift:
 
 
 def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None, at_rest: Collection[float] = ()) -> list[Shift]:
-    """Return the orders of a run, those that are shifts with their numbers of the report; each window ends before the next order's.
+    """Return the orders of a run; shifts have their number in the report, and each window ends before the next order's begins.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def shifts_of(orders: list[tuple[float, int, int]], box: Transmission | None, at
 
 
 def room_for(labels: Iterable[str], columns: int, texts: float = TEXTS) -> float:
-    """Return the share of a window that is to be shown after it, so that no legend with these labels covers a curve.
+    """Return the time to show after a window, as a share of it, so that no legend with these labels covers a curve.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def room_for(labels: Iterable[str], columns: int, texts: float = TEXTS) -> float
 
 
 def with_room(window: tuple[float, float], room: float) -> tuple[float, float]:
-    """Return the window [s] with which plots open: a window and, after it, the share of it that the legends need."""
+    """Return the window [s] with which plots open: a window, extended at its end by the share that the legends need."""
     start, end = window
     return start, max(end + room * (end - start), start + SHORTEST)
 
@@ -150,7 +150,7 @@ def window_of(pages: Pages, present: Collection[str], span: tuple[float, float],
 
 
 def height(low: float, high: float) -> tuple[float, float]:
-    """Return the range of a plot that shows values from ``low`` to ``high`` with a margin, and cuts no number at its edges."""
+    """Return the range of a plot that shows values from ``low`` to ``high`` with a margin and cuts off no number at its edges."""
     margin = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
     low, high = low - margin, high + margin
     step, number = 10.0 ** math.floor(math.log10(high - low)), NUMBER * (high - low)  # the viewer's steps are powers of ten
@@ -177,13 +177,13 @@ def columns_of(shifts: list[Shift], wanted: Sequence[int] | str | None) -> list[
     shifts : list of Shift
         All shifts of the run.
     wanted : sequence of int, "all" or None
-        Numbers of shifts, which get a column each; all of them, with one column for each change of gears; or, with None, those
-        of :func:`choose`.
+        Numbers of shifts, each of which has its own column; or "all", with one column for each change of gears; or None for the
+        shifts of :func:`choose`.
 
     Raises
     ------
     RigError
-        When the run has no such shift, or more are asked for than have room side by side.
+        When the run has no such shift, or when there is no room side by side for so many.
     """
     if wanted is None:
         return [[shift] for shift in choose(shifts)]
@@ -206,7 +206,7 @@ def columns_of(shifts: list[Shift], wanted: Sequence[int] | str | None) -> list[
 
 
 def column_width(columns: int, texts: float = TEXTS) -> float:
-    """Return the width of each of some columns of plots in a picture [px], with its share of texts beside them."""
+    """Return the width [px] of a column of plots in a picture that has ``columns`` of them and the share ``texts`` of texts."""
     return WIDTH * (1.0 - texts) / columns
 
 
@@ -250,7 +250,7 @@ def blueprint(
     own : tuple of str
         Names of the controller's own signals; each has a plot in a separate tab.
     close : sequence of MomentCurves
-        What the first tabs show close up.
+        Curves that the first tabs show close up.
     run_first : bool
         True to open with the tab of the run in place of the first one.
 
@@ -287,7 +287,7 @@ def blueprint(
 
 
 def open_with(first: rrb.View, span: tuple[float, float]) -> None:
-    """Let all plots with linked time axes open with a span of time [s], which ``first``, one of them, hands to the viewer."""
+    """Set the span of time [s] with which all plots with linked time axes open; ``first`` is one of these plots."""
     import rerun.blueprint as rrb
 
     first.id = SHARED_AXIS
@@ -295,7 +295,7 @@ def open_with(first: rrb.View, span: tuple[float, float]) -> None:
 
 
 def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
-    """Return the layout of a running rig: the run's plots of all signals, over the newest ``seconds``."""
+    """Return the layout of a running rig: plots of all signals over the newest ``seconds``."""
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -333,10 +333,10 @@ def _tab(name: str, columns: list[list], text: str = "/report") -> rrb.Horizonta
     parts = []
     for views in columns:
         if views:
-            # a lane of states needs a fifth of the height of a plot
+            # a lane of states needs about a fifth of the height of a plot
             shares = [0.25 + 0.18 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0 for view in views]
             parts.append(rrb.Vertical(*views, row_shares=shares))
-    # the text contains the time, because the viewer's own time column is too narrow
+    # the texts contain the time, because the viewer's own time column is too narrow
     log = rrb.archetypes.TextLogColumns(
         timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
         text_log_columns=[rrb.encodings.TextLogColumn("Body")],

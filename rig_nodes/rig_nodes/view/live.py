@@ -3,8 +3,8 @@
 
 """The live view: it sends messages of a running rig to a Rerun server on loopback, to which viewers can connect at any time.
 
-nodes.live_view receives the messages and uses this module. Nothing here waits for a viewer, and everything is bounded: the
-queue drops its oldest message, the server its oldest data, and the end comes whether or not a viewer reads.
+nodes.live_view receives the messages and uses this module. Nothing here waits for a viewer, and memory and time are bounded: a
+full queue drops its oldest message, the server its oldest data, and the live view ends whether or not a viewer reads.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PORT = 9876  # the default of `rerun --connect`
 MEMORY = "100MB"  # memory of the server for viewers that connect later, about four minutes
 WINDOW = 10.0  # s, time span of the plots
 WAITING = 20_000  # messages queued between callbacks and sender, about 5 s of the rig
-PERIOD = 0.2  # s between two transmissions, short enough for a moving picture and long enough for large blocks
+PERIOD = 0.2  # s between two transmissions; short enough for a smoothly moving picture, long enough for large blocks
 TELL = 1.0  # s between two updates of the counts in the text panel
 BACK = 1.0  # s; a larger jump back of time means that another run has begun
 SERVER_START = 15.0  # s
@@ -205,13 +205,13 @@ class Sender:
         return max(0, self._gaps - self.dropped - self.unreadable)
 
     def close(self, seconds: float) -> bool:
-        """Send what is queued; return False when that takes longer than ``seconds`` and is given up."""
+        """Send the queued messages; return False when this takes longer than ``seconds`` and is abandoned."""
         self._closing.set()
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
     def summary(self) -> str:
-        """Return one sentence of counts."""
+        """Return one sentence with the counts."""
         text = f"{self.received} messages, {self.dropped} dropped here, {self.lost} lost on the way"
         return text + (f", {self.unreadable} unreadable" if self.unreadable else "")
 
@@ -248,7 +248,7 @@ class Sender:
             shown.begin(rr, self._rec)
 
     def _leave(self) -> None:
-        """Pass what the SDK still holds to the server, which keeps it."""
+        """Send the data that the SDK still holds to the server, which keeps it."""
         self._rec.flush(timeout_sec=FLUSH)
         self._rec.disconnect()
 
@@ -346,13 +346,13 @@ class _Shown:
         self, rr: ModuleType, rec: RecordingStream, signal: Signal, t: np.ndarray, rows: np.ndarray, whole: Callable[[], list]
     ) -> None:
         field, index = _FIELD.fullmatch(signal.field).groups()
-        # the place of a field behind a text differs from message to message
+        # the position of a field after a text differs from message to message
         values = rows[field] if field in (self._dtype.names or ()) else np.array([getattr(m, field) for m in whole()])
         values = values if index is None else values[:, int(index)]
         if not signal.states:
             rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
             return
-        # the first state of each block is repeated, because the server would otherwise forget a lasting state
+        # each block begins with the present state, because the server drops old data, and with it a state that lasts long
         change = np.flatnonzero(np.diff(values.astype(int), prepend=-1) != 0)
         states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
         rec.send_columns(layout.entity(signal), [times(rr, t[change])], rr.StateChange.columns(state=states))

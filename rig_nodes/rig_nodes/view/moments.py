@@ -3,8 +3,8 @@
 
 """The moments of a run that the view shows close up, on time axes of their own: shifts, responses of valves, a coast-down.
 
-view.convert uses it and view.layout lays them out. Time zero of a shift is its order, so that several can lie in one plot. A moment
-is read from its own stretch of the bag, however long the run is.
+view.convert uses it, and view.layout arranges the plots. Time zero of a shift is its order, so that one plot can show
+several. Only the stretch of the bag around a moment is read, however long the run is.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from ..bags.reader import Bag
 
 EVENT = "rig_msgs/msg/Event"
-SPARE = 0.1  # s read around a moment, because a message may lie a little apart from the time of its values
-STEP = 8.0  # s of a long stretch in memory at a time
-COARSE = 4  # number of moments in one column from which on they are drawn at 1 kHz
+SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values
+STEP = 8.0  # s; part of a long stretch that is in memory at a time
+COARSE = 4  # with at least so many moments in one column, they are drawn at 1 kHz
 FILLING, LOCKED = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0)
 PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INERTIA: ALARM}
 TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
@@ -50,13 +50,13 @@ class Moment:
     Parameters
     ----------
     root : str
-        Its place in the view's file.
+        Place of the moment in the view's file.
     title : str
-        Its name for people.
+        Displayed name.
     zero : float
         Time of the run at its time zero [s].
     start, end : float
-        Its ends from time zero on [s].
+        Beginning and end, from time zero [s].
     marks : tuple of (float, Colour)
         Times from zero on [s] at which its plots have a vertical line.
     lanes : mapping of str to list of (Part, Colour)
@@ -147,14 +147,14 @@ def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
 
 
 def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> list[Page]:
-    """Return the pages of a valve's response and of a coast-down, as far as a run without a change of gear has them.
+    """Return the pages of a valve's response and of a coast-down of a run without a change of gear, each if the run has it.
 
     Parameters
     ----------
     pages : Pages
         The pages of the rig.
     found : mapping
-        What the run measured (analysis.no_change.measured).
+        Results of the run (analysis.no_change.measured).
     ends : (float, float)
         First and last time of the run [s].
     """
@@ -279,7 +279,7 @@ def _rows(piece: Bag) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     try:
         logger = piece.logger(LOGGER_TOPIC, fill=True)
     except RigError:
-        return {}  # the whole run's curves say why
+        return {}  # the curves of the whole run report the reason
     t = logger.time()
     return {name: (t, values) for name, values in logger.channels.items()}
 
@@ -372,7 +372,7 @@ class MomentCurves:
     def _send_lane(
         self, rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple[Part, Colour]], end: float, width: float
     ) -> None:
-        """Send bars; the text of one that is too short for it stands behind the last of them."""
+        """Send bars; the text of a bar that is too short for it is placed after the last bar."""
         looks: dict[str, tuple[str, tuple[int, ...]]] = {}
         at, states, beside = [], [], []
         for n, (part, colour) in enumerate(bars):
@@ -402,7 +402,7 @@ class MomentCurves:
     def _send_marks(self, rr: ModuleType, rec: RecordingStream, moment: Moment) -> None:
         for title, (low, high) in self.heights.items():
             place = f"{moment.root}/{layout.mark_entity(title)}"
-            # the viewer gives the first row a colour of its own, so that one is empty
+            # the viewer gives the first row a colour of its own, so the first row is empty
             t = np.append(moment.start, np.repeat([at for at, _ in moment.marks], 3))
             shades = [int.from_bytes(bytes((*colour, 255)), "big") for _, colour in moment.marks]
             colours = np.append(shades[0], np.repeat(shades, 3)).astype(np.uint32)

@@ -22,7 +22,7 @@ from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-# each curve has one colour
+# colours of the curves of states, in their order in a plot
 STATE_HUES = (INPUT, OUTPUT, OTHER, *(bright for bright, _ in HUES))
 
 

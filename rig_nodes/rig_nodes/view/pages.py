@@ -36,7 +36,7 @@ INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
 HUES = ((FIRST, (0x9B, 0xCB, 0xF8)), (SECOND, (0xF8, 0xC4, 0x94)), (THIRD, (0xC9, 0xB8, 0xF4)))
 PALE = (INPUT_PALE, OUTPUT_PALE, *(pale for _, pale in HUES))
 SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
-# States of clutches go from grey over yellow to the clutch's hue, which is also that of the gear at the same place.
+# The colours of a clutch's states go from grey over yellow to the clutch's hue, which is also that of the gear at the same place.
 IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xA0, 0x8C, 0x14), (0xD6, 0x45, 0x50)
 STATE_COLOURS = {
     "none": IDLE,
@@ -78,7 +78,7 @@ class Plates:
     heat : str
         Signal of the heat since time 0.
     capacity, cooling : float
-        Heat capacity [J/K] and heat that goes to the oil with each degree [W/K].
+        Heat capacity [J/K], and heat flow to the oil per kelvin of difference [W/K].
     oil : float
         Temperature of the oil at time 0 [degC].
     """
@@ -91,7 +91,7 @@ class Plates:
 
 
 def with_heat(known: Catalogue, structure: Structure) -> Catalogue:
-    """Return a catalogue with the heat of each clutch whose messages carry it, as a signal."""
+    """Return the catalogue with one more signal for each clutch whose messages carry its heat."""
     more = {}
     for one in structure.clutches:
         name, topic = f"{one.key}_heat", f"/{one.name}/state"
@@ -228,7 +228,7 @@ class Pages:
 
     @cached_property
     def run_left(self) -> Plots:
-        """Plots of a whole run, left: oil, and for a rig without gears what turns."""
+        """Left plots of a whole run: oil, and for a rig without gears the rotating parts."""
         structure = self.structure
         if "run" in self._own:
             return self._own["run"][::2]
@@ -262,7 +262,7 @@ class Pages:
 
     @cached_property
     def run_right(self) -> Plots:
-        """Plots of a whole run, right: what turns, and for a rig without gears what presses."""
+        """Right plots of a whole run: the rotating parts, and for a rig without gears the clamping parts."""
         structure = self.structure
         if "run" in self._own:
             return self._own["run"][1::2]
@@ -334,7 +334,7 @@ class Pages:
         found = ((title, self._there(names)) for title, names in plots)
         return tuple((title, names) for title, names in found if names)
 
-    # ---- how they look
+    # ---- colours and widths of curves
 
     @cached_property
     def colours(self) -> dict[str, Colour]:
@@ -392,8 +392,8 @@ class Pages:
     def width(self, name: str) -> float:
         """Return the width of a curve in pixels; a setpoint is wider, so that it shows on both sides of the measured curve.
 
-        The viewer draws in the order of names: a motor's torque would hide the shaft's, so its curve is thin and the shaft's wide.
-        When a drive holds its speed within a step of the encoder, only the edges of its setpoint stay visible.
+        The viewer draws in the order of names, in which a motor's torque would hide the shaft's; so its curve is thin and the
+        shaft's is wide. When a drive holds its speed within a step of the encoder, only the edges of its setpoint remain visible.
         """
         torques, shafts, setpoints = self._drives
         if name in torques:

@@ -15,7 +15,7 @@ from pathlib import Path
 from ..errors import RigError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
-LONGEST = 120.0  # s for the whole print
+LONGEST = 120.0  # s; time limit of the whole print
 QUIET = ("--headless", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--disable-sync")
 QUIET += ("--no-first-run", "--no-default-browser-check", "--disable-extensions", "--hide-scrollbars")
 
@@ -37,7 +37,7 @@ def pdf_of(page: str) -> bytes:
     Parameters
     ----------
     page : str
-        The whole page, which needs nothing from outside.
+        The whole page, which contains all that it shows.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def pdf_of(page: str) -> bytes:
     Raises
     ------
     RigError
-        When there is no browser, or it prints nothing in time.
+        When there is no browser, or when it prints nothing within the time limit.
     """
     program = browser()
     with tempfile.TemporaryDirectory(prefix="rig-pdf-", ignore_cleanup_errors=True) as name:
@@ -66,16 +66,16 @@ def run_browser(program: str, folder: Path, *arguments: str) -> None:
     Parameters
     ----------
     program : str
-        Its path.
+        Path of the browser.
     folder : Path
         Folder for its profile.
     arguments : str
-        What it is to do.
+        Arguments of the browser.
 
     Raises
     ------
     RigError
-        When it does not end in time.
+        When it does not end within the time limit.
     """
     alone = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium's sandbox does not work for root
     process = subprocess.Popen(
@@ -92,7 +92,7 @@ def run_browser(program: str, folder: Path, *arguments: str) -> None:
         raise RigError(f"--pdf: {program} did not finish within {LONGEST:g} s; write --html and print that page yourself") from None
     finally:
         try:
-            os.killpg(process.pid, signal.SIGKILL)  # the browser's own helpers, when it was cut short
+            os.killpg(process.pid, signal.SIGKILL)  # child processes of the browser that are left when it was killed
         except ProcessLookupError:
             pass
         process.wait()

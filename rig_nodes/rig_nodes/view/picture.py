@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 NO_DRIVER = "no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers and try again"
 SIZE = (1600, 1600)
-LONGEST = 60.0  # s for the whole picture
+LONGEST = 60.0  # s; time limit of the whole picture
 SETTLED = 3  # successive equal images after which the drawing counts as finished
 PAUSE = 0.25  # s between them
 
@@ -50,7 +50,7 @@ def software_driver() -> Path | None:
 
 
 def require_driver() -> Path:
-    """Return the software Vulkan driver; when it is missing, RigError names its source."""
+    """Return the software Vulkan driver; when it is missing, RigError names the package with it."""
     driver = software_driver()
     if driver is None:
         raise RigError(NO_DRIVER)
@@ -100,8 +100,8 @@ def take_picture(
 def lightened(image: bytes) -> bytes:
     """Return a PNG of the viewer with dark letters on a light ground, for paper.
 
-    Without a window the viewer is always dark. So lightness is inverted and every hue is kept: what is added to red, green and
-    blue of a pixel is the same for all three. A curve's colour that would become paler is left, so that it stands out.
+    Without a window the viewer is always dark. This function inverts the lightness of each pixel and keeps its hue: it adds the
+    same amount to red, green and blue. A colour of a curve that would become paler is left unchanged, so that it stands out.
     """
     from PIL import Image
 
@@ -180,7 +180,7 @@ class HeadlessViewer:
         while True:
             try:
                 return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
-            except RuntimeError as error:  # a layout that has come meanwhile has views of its own
+            except RuntimeError as error:  # the viewer has meanwhile received a layout with other views
                 if "not found" not in str(error) or self.process.poll() is not None:
                     raise
 
@@ -253,7 +253,7 @@ def _start(source: str, size: tuple[int, int], driver: Path, folder: Path) -> tu
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        # a viewer must not outlive a command that was killed
+        # the viewer must end when this command is killed
         preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
     )
     return viewer, port

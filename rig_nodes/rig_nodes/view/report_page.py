@@ -23,29 +23,29 @@ from .html_page import Cell, page, table
 from .report_plots import MOST_SHIFTS, Plots, heading_of
 
 ABREAST = 4  # shifts side by side in a table
-MOST_IN_TABLES = 24  # shifts whose metrics are on the page
+MOST_IN_TABLES = 24  # largest number of shifts whose metrics are on the page
 MOST_SETTINGS = 60
 HOW = {"simulate": "simulated without messages", "run": "run on the node graph"}
 
 
 @dataclass
 class Facts:
-    """What a page shows beside the report.
+    """Facts that a page shows beside the report.
 
     Attributes
     ----------
     source : list of (str, str)
-        Names and values of the provenance: the file and what identifies it.
+        Names and values of the provenance: the file and its identification.
     compared : bool
         True when the settings were compared with the rig's own.
     settings : list of (str, str, str)
         Settings that differ from the rig's own: name, the rig's value, that of the run.
     settings_note : str
-        Why they are not complete, if so.
+        Reason why the settings are not complete, if they are not.
     changes : list of (float, str)
         Settings that changed during the run: time [s] and new value.
     warnings : list of str
-        Sentences on what is wrong.
+        Sentences on problems.
     """
 
     source: list[tuple[str, str]] = field(default_factory=list)
@@ -57,14 +57,14 @@ class Facts:
 
 
 def report_page(report: Mapping, facts: Facts, plots: Plots | None) -> str:
-    """Return the page of a run; a section of which the run has nothing is left out.
+    """Return the page of a run; a section for which the run has no content is left out.
 
     Parameters
     ----------
     report : mapping
         Report of build_report or report_of_recording; ``limits`` in it are the verdicts of analysis.limits.
     facts : Facts
-        What is not in the report.
+        Facts that are not in the report.
     plots : Plots or None
         The plots of the run.
     """
@@ -103,7 +103,7 @@ def _lines(lines: Sequence[str]) -> str:
 
 
 def _summary(report: Mapping) -> str:
-    """Return the verdict of the page in a line or two."""
+    """Return one or two lines with the verdict on the run."""
     said = []
     grades = [one["grade"] for one in verdicts_in(report) if one and one["grade"]] if report["shifts"] else []
     if grades:
@@ -342,9 +342,9 @@ def campaign_page(
     Parameters
     ----------
     title : str
-        Its title.
+        Title of the page.
     about : sequence of str
-        Sentences on what was run.
+        Sentences that describe the runs.
     runs : (sequence of str, sequence of rows)
         Headings and rows of the table of the runs.
     spread : sequence of mapping
@@ -352,7 +352,7 @@ def campaign_page(
     warnings : sequence of str
         Sentences on runs that did not end as planned.
     limits : (sequence of mapping, sequence of mapping)
-        All verdicts on limits as plain values, and those that are listed.
+        All verdicts on limits, and those that the page lists.
     """
     head, rows = runs
     verdicts, listed = limits

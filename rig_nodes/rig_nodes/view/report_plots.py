@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plots of a run's page: each shift with its phases and times marked, and the whole run, gathered piece by piece of the bag.
+"""The plots of a run's page: each shift with marked phases and times, and the whole run, collected piece by piece from the bag.
 
 view.report_page puts them into the page. Which signals a plot has is decided in view.pages.
 """
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from ..catalogue import Signal
     from ..transmission import Transmission
 
-MOST_SHIFTS = 12  # whose plots are on a page
-BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order and after the settled torque; after the order without an end
+MOST_SHIFTS = 12  # largest number of shifts whose plots are on a page
+BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order, after the settled torque, and after an order without an end
 PIECE = 1 << 23  # bytes of messages in memory at a time
 PHASES = {FILL: "#4a90d9", TORQUE: "#e0a020", INERTIA: "#58a05a"}
 ENDS = {FILL: "fill, to the kiss point", TORQUE: "torque phase", INERTIA: "inertia phase, to lock-up"}
@@ -36,7 +36,7 @@ SPARE = (*COLOURS[4:], *COLOURS[:4])  # colours of signals without one of their 
 
 
 class Plots:
-    """Gatherer of the curves of a run; its size does not depend on the length of the run.
+    """Collects the curves of a run; its size does not depend on the length of the run.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Plots:
         rows : sequence of mapping
             Metrics of its shifts.
         first, last : float
-            Its beginning and its end [s].
+            Beginning and end of the recording [s].
         """
         self._pages, self._rows = pages, list(rows[:MOST_SHIFTS])
         self.left_out = max(0, len(rows) - MOST_SHIFTS)
@@ -68,11 +68,11 @@ class Plots:
 
     @property
     def names(self) -> set[str]:
-        """The signals that are needed."""
+        """Signals that the plots need."""
         return (self._shift_names if self._rows else set()) | self._run_names
 
     def add(self, name: str, t: np.ndarray, values: np.ndarray) -> None:
-        """Take the next samples of a signal [SI] at growing times [s]."""
+        """Add the next samples of a signal [SI] at growing times [s]."""
         if not len(t):
             return
         values = self._pages.known.signals[name].shown(values)
@@ -82,7 +82,7 @@ class Plots:
                 self._envelopes.setdefault((number, name), Envelope(*window)).add(t, values)
 
     def add_piece(self, piece: Bag) -> None:
-        """Take the next piece of a bag."""
+        """Add the next piece of a bag."""
         logged: Mapping[str, np.ndarray] = {}
         t = np.empty(0)
         if piece.counts.get(LOGGER):
@@ -125,7 +125,7 @@ class Plots:
         return f"<figure>{plots}</figure>" if plots else ""
 
     def _plots(self, axis: Axis, plots: Iterable[tuple[str, Sequence[str]]], number: int, every: int) -> str:
-        """Return the plots of a window of which something was recorded; each of so many, and the last, has numbers of time."""
+        """Return the plots of a window that have recorded signals; every ``every``-th of them, and the last, has a time axis."""
         there = [(title, [name for name in names if (number, name) in self._envelopes]) for title, names in plots]
         there = [(title, names) for title, names in there if names]
         drawn = []
@@ -137,7 +137,7 @@ class Plots:
         return "".join(drawn)
 
     def _curves(self, number: int, names: Sequence[str]) -> list[Curve]:
-        """Return the curves of a plot, whose colours are those of the view unless two would be alike."""
+        """Return the curves of a plot, in the colours of the view unless two of them would be alike."""
         curves, used = [], set()
         for name in names:
             own = self._pages.colour(name)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page of a run as a markdown document: what was run and how it ended, steps, warnings, energy, settings.
+"""The page of a run as a markdown document: its sequence and its end, steps, warnings, energy, settings.
 
 view.convert uses it for the text of the tab Run.
 """
@@ -33,7 +33,7 @@ def run_document(
     events : sequence of (float, str, str, str, float)
         Time [s], topic, name, text and value of each event.
     warnings : sequence of str
-        Sentences on what is wrong with the bag.
+        Sentences on problems of the bag.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Rerun viewer as a process: its program, its environment, and a window for a person.
+"""The Rerun viewer as a process: its program, its environment, and its window.
 
 `rig view` and view.picture use it. The viewer listens on loopback only and sends no usage statistics to its makers.
 """
@@ -18,11 +18,11 @@ from ..errors import RigError
 from .convert import import_rerun
 
 PR_SET_PDEATHSIG = 1
-START = 2.0  # s within which a viewer that cannot show a window ends
+START = 2.0  # s; a viewer that cannot open a window ends within this time
 
 
 def program() -> str:
-    """Return the path of the viewer's program; RigError when rerun-sdk came without it.
+    """Return the path of the viewer's program; RigError when the installed rerun-sdk does not contain it.
 
     The `rerun` on the PATH is a script that starts this program as its child and leaves the child running when it is ended.
     """
@@ -57,7 +57,7 @@ def surroundings(folder: Path) -> dict[str, str]:
 def in_theme(surrounding: dict[str, str], folder: Path, theme: str) -> dict[str, str]:
     """Return the environment of a viewer with a window in a theme, "dark" or "light", whose own state is kept in ``folder``.
 
-    The viewer has no option for it; it takes the theme from the state that it left, so that state is written for it.
+    The viewer has no option for the theme and takes it from the state of its last use, so this function writes such a state.
     """
     rr = import_rerun()
     state = folder / "rerun" / "app.ron"
@@ -86,7 +86,7 @@ def open_window(view: Path | str, theme: str | None = None) -> int:
     view : Path or str
         The file or the address.
     theme : str, optional
-        "dark" or "light"; by default what the person chose in the viewer's settings.
+        "dark" or "light"; by default the user's choice in the viewer's settings.
 
     Returns
     -------

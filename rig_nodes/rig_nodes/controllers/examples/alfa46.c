@@ -38,7 +38,7 @@ typedef struct {
 static double at_least(double value, double low) { return low > value ? low : value; }
 static double at_most(double value, double high) { return high < value ? high : value; }
 
-/* Reads a parameter; returns 0 and writes a message when the rig has not given it. */
+/* Reads a parameter; returns 0 and writes a message when the rig does not have it. */
 static int read_parameter(rig_controller_info *info, const char *name, double *value) {
   for (uint32_t k = 0; k < info->parameter_count; k++) {
     if (strcmp(info->parameters[k].name, name) == 0) {

@@ -3,9 +3,9 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A program that runs the controller it is linked with (rig_controller.h) for the rig, over UDP, until Ctrl-C.
+/* A program that connects the controller with which it is linked (rig_controller.h) to the rig over UDP, until Ctrl-C.
  *
- *   ./my_controller                                             (in one terminal; ADDRESS PORT behind it choose another rig)
+ *   ./my_controller                                             (in one terminal; the arguments ADDRESS PORT choose another rig)
  *   ./rig simulate demo --controller udp:9002 --level current   (in another terminal, started before or after)
  *
  * --level states whether the controller commands currents or duties. Compile this file together with your controller, with

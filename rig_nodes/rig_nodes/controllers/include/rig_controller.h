@@ -24,22 +24,22 @@ extern "C" {
 
 #define RIG_CONTROLLER_ABI 2u     /* raised with each change of this file that breaks libraries compiled before; a new
                                    * optional function breaks none, because an older rig never calls it */
-#define RIG_CONTROLLER_TEXT 128   /* bytes of a message, its closing zero included */
+#define RIG_CONTROLLER_TEXT 128   /* bytes of a message, including the terminating zero */
 #define RIG_CONTROLLER_RECORD NULL /* NULL: runs on any rig, by the names in rig_controller_info; rig_record.h replaces it */
 
 /* What a command means. A library that can work at both levels names both, joined by |. */
 #define RIG_LEVEL_DUTY 1u         /* command: duty of the coil, 0 to 1; the controller closes the current loop */
 #define RIG_LEVEL_CURRENT 2u      /* command: current setpoint [A]; the rig's power stage closes the loop */
 
-/* How a call ended, after FMI. */
+/* Status that a function returns, as in FMI. */
 #define RIG_OK 0                  /* the outputs are used */
 #define RIG_DISCARD 1             /* no answer to this sample: the last command is kept, for 100 ms at most */
 #define RIG_ERROR 2               /* the rig trips with the message as reason; destroy is called */
-#define RIG_FATAL 3               /* the rig trips with the message as reason; nothing more is called */
+#define RIG_FATAL 3               /* the rig trips with the message as reason; no function is called after it */
 
 typedef struct rig_controller_abi_info {
   uint32_t abi;                   /* RIG_CONTROLLER_ABI that the library was compiled with */
-  uint32_t levels;                /* RIG_LEVEL_... that it can work at; RIG_LEVEL_DUTY is preferred if both */
+  uint32_t levels;                /* RIG_LEVEL_... at which it can work; with both, the rig uses RIG_LEVEL_DUTY */
   uint32_t info_size;             /* sizes of the structs, as the library's compiler sees them */
   uint32_t parameter_size;
   uint32_t inputs_size;
@@ -64,12 +64,12 @@ typedef struct rig_gear {
 
 typedef struct rig_controller_info {
   uint32_t size;                  /* sizeof(rig_controller_info) of the rig */
-  uint32_t level;                 /* the one level of this run */
+  uint32_t level;                 /* RIG_LEVEL_... of this run */
   double period;                  /* time between samples [s] */
   double command_high;            /* largest command: 1, or the valves' current limit [A] */
   const rig_parameter *parameters;/* valid during create only, like all pointers in this struct */
   uint32_t parameter_count;
-  char message[RIG_CONTROLLER_TEXT]; /* create may write here why it failed */
+  char message[RIG_CONTROLLER_TEXT]; /* create may write the reason of its failure here */
   const char *record;             /* RIG_CONTROLLER_RECORD of the rig */
   const char *const *outputs;     /* names of the outputs, in the order of current, command and setpoint */
   const rig_transducer *transducers; /* in the order of measured */
@@ -81,22 +81,22 @@ typedef struct rig_controller_info {
 
 typedef struct rig_controller_inputs {
   uint32_t size;                  /* sizeof(rig_controller_inputs) of the rig */
-  uint32_t gear_request;          /* gear ordered last; stays until the next order or a trip, then 0 (neutral) */
+  uint32_t gear_request;          /* gear ordered last; it stays until the next order; 0 (neutral) after a trip */
   uint64_t sample;                /* index since time 0 */
   double time;                    /* sample x period [s] */
   const double *current;          /* measured coil currents, one for each output [A] */
-  const double *measured;         /* the rig's transducers; rig_measured_of of rig_record.h has them by name */
+  const double *measured;         /* the rig's transducers; rig_measured_of in rig_record.h gives them by name */
 } rig_controller_inputs;
 
 /* When step is called, every number except size is 0 and message is empty; command and setpoint point to arrays to fill. */
 typedef struct rig_controller_outputs {
   uint32_t size;                  /* sizeof(rig_controller_outputs) of the rig */
   uint32_t flags;                 /* bit k: at level current, output k stays on at a setpoint of zero */
-  uint32_t gear;                  /* gear taken last */
+  uint32_t gear;                  /* gear that the controller accepted last */
   uint32_t shifting;              /* not 0: a shift is still running */
-  double *command;                /* write one for each output here */
+  double *command;                /* the library writes one command for each output here */
   double *setpoint;               /* current setpoint of each output [A], for display; not read at level current */
-  char message[RIG_CONTROLLER_TEXT]; /* why the status is not RIG_OK */
+  char message[RIG_CONTROLLER_TEXT]; /* reason when the status is not RIG_OK */
 } rig_controller_outputs;
 
 #if defined(_WIN32)
@@ -119,7 +119,7 @@ typedef struct rig_controller_outputs {
 /* Returns the description of the library; the pointer must stay valid. */
 RIG_EXPORT const rig_controller_abi_info *rig_controller_abi(void);
 
-/* Makes a new controller and stores it in *instance; a status other than RIG_OK refuses the run. Only info->message may be
+/* Makes a new controller and stores it in *instance; with a status other than RIG_OK the run is refused. Only info->message may be
  * written. */
 RIG_EXPORT int rig_controller_create(rig_controller_info *info, void **instance);
 
@@ -130,19 +130,19 @@ RIG_EXPORT int rig_controller_step(void *instance, const rig_controller_inputs *
 /* Frees a controller that create made. */
 RIG_EXPORT void rig_controller_destroy(void *instance);
 
-/* Optional, both or none: further transducers. The first function returns their names (e.g. "M_wej", "p_p"; `./rig list signals`
- * prints all), with NULL behind the last; the pointers stay valid. Before each step the rig calls the second one with their SI
- * values, in the same order. */
+/* Optional, both functions or none: further transducers. The first function returns their names (e.g. "M_wej", "p_p"; `./rig list
+ * signals` prints all), with NULL behind the last; the pointers stay valid. Before each step the rig calls the second function with
+ * their SI values, in the same order. */
 RIG_EXPORT const char *const *rig_controller_wants(void);
 RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint32_t count);
 
-/* Optional, both or none: signals of the controller's own, to be recorded. Names of letters, digits and underscores,
+/* Optional, both functions or none: the controller's own signals, to be recorded. Names of letters, digits and underscores,
  * with NULL behind the last; the pointers stay valid. After each step with RIG_OK the library writes their values, in
  * the same order. */
 RIG_EXPORT const char *const *rig_controller_signals(void);
 RIG_EXPORT void rig_controller_signal_values(void *instance, double *values, uint32_t count);
 
-/* Optional, both or none: settings of the controller's own, which a sequence or a person may change during a run.
+/* Optional, both functions or none: the controller's own settings, which a sequence or a person may change during a run.
  * Names of letters, digits and underscores with their first values, and a NULL name behind the last; the pointer stays
  * valid. Before each step the rig calls the second function with the present values, in the same order. */
 RIG_EXPORT const rig_parameter *rig_controller_settings(void);

@@ -27,7 +27,7 @@ class Node : public rclcpp::Node {
     const rclcpp::QoS lasting = rclcpp::QoS(1).transient_local();
     ready_ = create_publisher<ControllerReady>("/" + topics + "/ready", lasting);
     answer_ = create_publisher<ControllerAnswer>("/" + topics + "/answer", rclcpp::QoS(1));
-    // best effort: the rig repeats a step without an answer, and acknowledging each step would take a third of its time
+    // best effort: the rig repeats a step without an answer, and acknowledging each step would take a third of the step's time
     step_ = create_subscription<ControllerStep>("/" + topics + "/step", rclcpp::QoS(1).best_effort(),
                                                 [this](const ControllerStep &step) {
                                                   if (const ControllerAnswer *answer = box_.step(step))
@@ -41,7 +41,7 @@ class Node : public rclcpp::Node {
                                                   });
   }
 
-  // Report the end of this controller when a run is on, and wait until the rig has received the report.
+  // Report the end of this controller during a run, and wait until the rig has received the report.
   void leave(const std::string &why) {
     if (const auto said = box_.leave(why)) {
       ready_->publish(*said);
@@ -57,10 +57,10 @@ class Node : public rclcpp::Node {
   rclcpp::Subscription<ControllerStart>::SharedPtr start_;
 };
 
-inline volatile std::sig_atomic_t stopped = 0;  // number of the signal that asked for the end
+inline volatile std::sig_atomic_t stopped = 0;  // number of the signal that ended the program
 
-// Answer the rig until Ctrl-C, and return the exit code. Rig and node may start in any order. The first argument that is not for
-// ROS is the NAME of ros:NAME.
+// Answer the rig until Ctrl-C, and return the exit code. Rig and node may start in any order. The first argument that is not an
+// argument of ROS is the NAME of ros:NAME.
 inline int serve(int count, char **arguments) {
   const std::vector<std::string> words = rclcpp::remove_ros_arguments(count, arguments);
   rclcpp::init(count, arguments, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);

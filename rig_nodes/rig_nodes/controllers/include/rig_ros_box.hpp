@@ -4,7 +4,7 @@
 // Connects a controller of rig_controller.h with the rig's ROS 2 messages: it takes one message and returns one.
 //
 // rig_ros.hpp, the node around it, uses it (docs/how_to/ros_controller.md); it needs no rclcpp itself. It computes nothing:
-// it passes each step to rig_controller_step once, and answers a step that comes again with the same answer.
+// it passes each step to rig_controller_step once, and repeats the same answer when the same step arrives again.
 #ifndef RIG_ROS_BOX_HPP
 #define RIG_ROS_BOX_HPP
 
@@ -40,7 +40,7 @@ using rig_msgs::msg::ControllerStart;
 using rig_msgs::msg::ControllerStep;
 using Names = std::vector<std::string>;
 
-// A controller's own names; none when it has only one function of the pair.
+// Returns the names from one of a controller's pairs of optional functions; none when it has only one function of the pair.
 inline Names names_of(const char *const *(*list)(), bool values) {
   Names out;
   if (list && values)
@@ -66,7 +66,7 @@ class Box {
   Box(const Box &) = delete;
   Box &operator=(const Box &) = delete;
 
-  // A run begins or is over; returns the message to send, if any.
+  // Handles the beginning or the end of a run; returns the message to send, if any.
   std::optional<ControllerReady> start(const ControllerStart &start) {
     if (start.over && start.session != start_.session) return std::nullopt;  // the end of an earlier run
     end();
@@ -128,7 +128,7 @@ class Box {
     return step.seq == answer_.seq ? &answer_ : nullptr;
   }
 
-  // Returns the message to send when this controller ends; nothing when no run is on.
+  // Returns the message to send when this controller ends; nothing without a run.
   std::optional<ControllerReady> leave(const std::string &why) {
     if (!running_) return std::nullopt;
     end();
@@ -140,7 +140,7 @@ class Box {
     return std::find(names.begin(), names.end(), name) != names.end();
   }
 
-  // Returns why the run is refused: the first of the controller's own names that the rig does not have; empty without one.
+  // Returns the reason to refuse the run: the first of the controller's own names that the rig does not have; empty if it has all.
   static std::string lacking(const Names &own, const Names &of_the_rig, const char *option, const char *more = "") {
     for (const std::string &name : own)
       if (!has(of_the_rig, name)) return "it needs " + name + "; start the rig with ros:NAME?" + option + name + more;

@@ -21,7 +21,7 @@
  *   }
  *   static void rig_parameters(void) { rtP.t12 = rig_setting("t12"); ... }
  *
- * What may be defined before this file is included:
+ * Macros that may be defined before this file is included:
  *   RIG_MODEL_PERIOD     base sample time of the model [s], a whole multiple of the rig's 0.001; without it the
  *                        model makes a step in each sample. A slower model keeps its outputs between its steps.
  *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument;

@@ -32,12 +32,12 @@
 #define RIG_UDP_MAGIC 0x31474952u /* "RIG1" */
 #define RIG_UDP_VERSION 3u
 #define RIG_UDP_PORT 9002
-#define RIG_UDP_MOST 224 /* most numbers behind a sample or an answer */
-#define RIG_UDP_NAMES 256 /* most entries of one of the rig's lists */
+#define RIG_UDP_MOST 224 /* largest count of numbers in a sample or an answer */
+#define RIG_UDP_NAMES 256 /* largest number of entries in one of the rig's lists */
 enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_NAME, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE, RIG_OWN };
-/* the rig's lists of names; a frame NAME gives the list of its name */
+/* the rig's lists of names; a frame NAME states to which list its name belongs */
 enum { RIG_LIST_SETTINGS, RIG_LIST_OUTPUTS, RIG_LIST_TRANSDUCERS, RIG_LIST_GEARS, RIG_LISTS };
-enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* what the name in a frame OWN is */
+enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* kind of the name in a frame OWN */
 enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
 
 /* Every member lies at a multiple of its size, so that no compiler leaves gaps. */
@@ -71,7 +71,7 @@ typedef struct {
   } body;
 } rig_udp_frame;
 
-/* The optional functions, which a controller need not have. */
+/* The optional functions of a controller. */
 extern const char *const *rig_controller_wants(void) __attribute__((weak));
 extern void rig_controller_wanted(void *instance, const double *values, uint32_t count) __attribute__((weak));
 extern const char *const *rig_controller_signals(void) __attribute__((weak));
@@ -81,13 +81,13 @@ extern void rig_controller_set(void *instance, const double *values, uint32_t co
 
 typedef struct {
   int socket, running, refused;
-  uint32_t wants, signals, settings; /* how many the controller has */
-  uint32_t outputs, transducers;     /* how many the rig has */
+  uint32_t wants, signals, settings; /* numbers of the controller's names */
+  uint32_t outputs, transducers;     /* numbers of the rig's outputs and transducers */
   uint32_t session, last;
   rig_udp_frame answer;
   void *instance;
   rig_controller_inputs inputs;
-  char told[RIG_CONTROLLER_TEXT]; /* the rig's last message; the rig repeats it every second, and it is printed once */
+  char told[RIG_CONTROLLER_TEXT]; /* the rig's last message, which it repeats every second; it is printed once */
 } rig_udp_client;
 
 /* A signal handler sets it; rig_udp_serve then sends a BYE and returns. */
@@ -106,7 +106,7 @@ static void rig_udp_send(rig_udp_client *client, rig_udp_frame *frame, unsigned 
   frame->header.frame = number;
   frame->header.size = rig_udp_size(kind) + (kind == RIG_ANSWER ? 8u * (2u * client->outputs + client->signals) : 0u);
   frame->header.reserved = 0;
-  if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* there is no rig yet; the caller tries again */
+  if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* no rig is listening yet; the caller tries again */
 }
 
 static void rig_udp_hello(rig_udp_client *client) {
@@ -189,7 +189,7 @@ static void rig_udp_ready(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_READY, 0);
 }
 
-/* Requests one of the rig's names until it comes; returns 0 when the rig has gone. */
+/* Requests one of the rig's names until it arrives; returns 0 when the rig no longer answers. */
 static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, rig_udp_frame *frame) {
   for (int tries = 0; tries < RIG_UDP_TRIES && !rig_udp_stop; tries++) {
     rig_udp_frame ask;
@@ -214,7 +214,7 @@ typedef struct {
   rig_gear gears[RIG_UDP_NAMES];
 } rig_udp_names;
 
-/* Fetches all lists; returns 0 when the rig has gone. */
+/* Fetches all lists; returns 0 when the rig no longer answers. */
 static int rig_udp_fetch(rig_udp_client *client, const uint32_t *count, rig_udp_names *names) {
   rig_udp_frame frame;
   for (uint32_t list = 0; list < RIG_LISTS; list++) {
@@ -354,8 +354,8 @@ static int rig_udp_serve(const char *host, int port, int once) {
   while (!rig_udp_stop && !client.refused && !(over && once)) {
     if (!client.running) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
-      if (client.running && !client.last) rig_udp_ready(&client); /* repeated until a sample comes */
-      else if (client.running) rig_udp_hello(&client); /* checks whether the same rig is still there */
+      if (client.running && !client.last) rig_udp_ready(&client); /* repeated until a sample arrives */
+      else if (client.running) rig_udp_hello(&client); /* checks whether the same rig still answers */
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);
     } else if (frame.header.kind == RIG_BYE && !client.running) {

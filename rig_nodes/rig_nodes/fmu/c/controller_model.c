@@ -3,14 +3,14 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A shift controller of rig_controller.h as the model of an FMU: inputs and outputs of the seam, parameters by name.
+/* A shift controller of rig_controller.h as the model of an FMU, with the controller's inputs, outputs and named parameters.
  *
- * Its step from t to t + 1 ms answers the sample at t: an importer that passes the answer to the rig at t + 1 ms has the seam's one
- * sample of delay. variables.h states where these values are: MODEL_LEVEL, MODEL_LIMIT (current_limit), MODEL_RECORD (rig_record),
- * MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of the rig's record, then MODEL_WANTS further
- * transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting, flags, status, then MODEL_SIGNALS signals
- * of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its own); and by name MODEL_ID,
- * MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
+ * Its step from t to t + 1 ms computes the answer to the sample at t. An importer that passes the answer to the rig at t + 1 ms
+ * reproduces the rig's delay of one sample. variables.h gives the places of these values: MODEL_LEVEL, MODEL_LIMIT
+ * (current_limit), MODEL_RECORD (rig_record), MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of
+ * the rig's record, then MODEL_WANTS further transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting,
+ * flags, status, then MODEL_SIGNALS signals of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its
+ * own). It also defines MODEL_ID, MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
  */
 #include "rig_controller.h"
 
@@ -20,7 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The optional functions of rig_controller.h, which a controller need not have. */
+/* The optional functions of rig_controller.h. */
 extern void rig_controller_wanted(void *instance, const double *values, uint32_t count) __attribute__((weak));
 extern void rig_controller_signal_values(void *instance, double *values, uint32_t count) __attribute__((weak));
 extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
@@ -32,7 +32,7 @@ struct model {
   model_say say;
   void *importer;
   void *controller;
-  int alive; /* there is a controller, which destroy has to free */
+  int alive; /* a controller exists, which destroy has to free */
 };
 
 model *model_new(const char *resources, model_values *values, model_say say, void *importer) {
@@ -117,7 +117,7 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
     if (MODEL_WANTS) rig_controller_wanted(m->controller, given + 1 + MODEL_VALVES + MODEL_TRANSDUCERS, MODEL_WANTS);
     if (MODEL_SETTINGS) rig_controller_set(m->controller, number + MODEL_TUNABLE, MODEL_SETTINGS);
     status = rig_controller_step(m->controller, &in, &out);
-    told[STATUS] = status == RIG_DISCARD; /* fmi2Discard would mean that time stands still */
+    told[STATUS] = status == RIG_DISCARD; /* fmi2Discard would mean that the step was not computed */
     out.message[sizeof out.message - 1] = 0;
     if (status == RIG_DISCARD) {
       if (out.message[0]) m->say(m->importer, MODEL_WARNING, out.message);

@@ -91,7 +91,7 @@ fmi3Status fmi3SetString(fmi3Instance it, const fmi3ValueReference r[], size_t n
   return fmi3OK;
 }
 
-/* ---- from here on, parameters without a meaning for these models are not used */
+/* ---- the functions below do not use parameters that have no meaning for these models */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance it, fmi3Boolean on, size_t n, const fmi3String categories[]) { return fmi3OK; }

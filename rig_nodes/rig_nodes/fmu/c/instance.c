@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* The life of an instance and its variables, for both versions of FMI: what may be called when, and what is refused. */
+/* The states of an instance and its variables, for both versions of FMI: which calls each state allows and refuses. */
 #include "model.h"
 
 #include <math.h>
@@ -22,14 +22,14 @@ static int refuse(instance *i, int status, const char *form, ...) {
   return status;
 }
 
-/* Sets the state of the instance by the status of a call of the model, and returns the status. */
+/* Sets the state of the instance from the status of a call of the model, and returns the status. */
 static int after(instance *i, int status) {
   if (status == MODEL_FATAL) i->phase = DEAD;
   if (status == MODEL_ERROR) i->phase = FAILED;
   return status;
 }
 
-/* Resets the instance: start values, start at 0 s, no end. */
+/* Resets the instance to its start values, a start at 0 s and no stop time. */
 static void starts(instance *i) {
   memset(&i->values, 0, sizeof i->values);
   memcpy(i->values.number, MODEL_STARTS, sizeof i->values.number);

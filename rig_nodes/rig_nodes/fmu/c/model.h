@@ -13,7 +13,7 @@
 
 #include "variables.h" /* MODEL_TOKEN, MODEL_COUNT, MODEL_TEXTS, MODEL_TYPES, MODEL_KINDS, MODEL_STARTS, MODEL_NAMES */
 
-#define MODEL_TEXT 1024 /* bytes of a string variable or message, its closing zero included */
+#define MODEL_TEXT 1024 /* bytes of a string variable or message, including the terminating zero */
 #define MODEL_SAMPLE 1e-3 /* s; a communication step is a whole multiple of it */
 
 /* Numbers of fmi2Status and fmi3Status. */
@@ -48,12 +48,12 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
 /* Ends the run; a new one begins with model_initialize. */
 int model_terminate(model *m);
 
-/* Puts the model back to the state after model_new. */
+/* Resets the model to its state after model_new. */
 int model_reset(model *m);
 
 void model_free(model *m);
 
-/* ---- what fmi2.c and fmi3.c share (instance.c) */
+/* ---- common functions for fmi2.c and fmi3.c (instance.c) */
 
 /* STOPPED: the model has ended the simulation by itself. */
 typedef enum { INSTANTIATED, INITIALIZING, STEPPING, STOPPED, TERMINATED, FAILED, DEAD } model_phase;
@@ -66,7 +66,7 @@ typedef struct {
   void *importer;
   int fresh;            /* the outputs were computed with the present parameters */
   double start, stop;   /* time of the first step and the time that no step may pass [s] */
-  unsigned long sample; /* samples since then */
+  unsigned long sample; /* samples since the start */
 } instance;
 
 instance *instance_new(const char *token, const char *resources, model_say say, void *importer);

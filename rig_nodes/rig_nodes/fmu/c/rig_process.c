@@ -36,7 +36,7 @@ typedef struct {
 } request;
 
 typedef struct {
-  uint32_t status, samples; /* samples: how many a step has computed */
+  uint32_t status, samples; /* samples: number of samples that a step has computed */
   model_values values;
   char sentence[MODEL_TEXT];
 } answer;
@@ -62,7 +62,7 @@ static void read_line(FILE *file, char *line) {
   if (file && fgets(line, PATH_SIZE, file)) line[strcspn(line, "\r\n")] = 0;
 }
 
-/* Waits at most so many ms for the end of the process; returns 1 when it has ended, with its status in *status. */
+/* Waits at most patience_ms for the end of the process; returns 1 when it has ended, with its status in *status. */
 static int wait_for_end(pid_t process, int patience_ms, int *status) {
   const struct timespec moment = {0, 5000000};
   *status = 0;
@@ -78,7 +78,7 @@ static int wait_for_end(pid_t process, int patience_ms, int *status) {
 static void end_process(model *m, char *how, size_t size) {
   int status;
   if (m->socket >= 0) {
-    shutdown(m->socket, SHUT_RDWR); /* the process notices this even if a fork of the importer holds a copy of the socket */
+    shutdown(m->socket, SHUT_RDWR); /* ends the connection even if a fork of the importer holds a copy of the socket */
     close(m->socket);
     m->socket = -1;
   }
@@ -115,7 +115,7 @@ static int ask(model *m, uint32_t what, unsigned samples) {
   m->request.what = what;
   m->request.samples = samples;
   m->request.values = *m->values;
-  if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* reading the answer shows a failure */
+  if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* reading the answer reports a failure */
   status = receive(m);
   if (status <= MODEL_DISCARD) *m->values = m->answer.values;
   return status;

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the paper on the chain saw's clutch computes by hand, and the same questions asked of a recording.
+"""The calculations of the paper on the chain saw's clutch, and the same quantities from a recording.
 
 Numbers in brackets are the paper's equations. "Static" is the paper's view: the drum follows a prescribed speed of the engine, (6),
-and a cycle slips where the torque that this asks for is above what the clutch transmits, (13).
+and the clutch slips in a cycle in which the torque for this motion, (13), is above the torque that the clutch can transmit.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ SPEED = 950.0  # rad/s, p. 5
 DELTA, SCATTER = 0.032, 0.013  # p. 4: mean and standard deviation of the irregularity
 MEAN, SPREAD = 3.20, 0.51  # Nm, p. 5: M_o and s_p
 WORN = 0.04107  # kg, p. 3: a shoe at the end of its life
-HEAVY = 0.063  # kg, p. 7: the shoe that is to prevent slip
+HEAVY = 0.063  # kg, p. 7: the shoe that prevents slip by the paper
 LIMIT = DELTA + 3.0 * SCATTER
-# printed shares of cycles that slip and losses by slip, p. 6 and 7
+# printed shares of cycles with slip, and printed losses by slip, p. 6 and 7
 SHARES = {("new", 15): 0.038, ("worn", 15): 0.141, ("new", 13): 0.0236}
 LOSSES = {("new", 15): 0.0132, ("worn", 15): 0.0515, ("new", 13): 0.0075, ("new", 20): 0.0414, ("worn", 20): 0.11}
 # p. 1 and 2: displacement of this saw [cm3], and displacement [cm3] and torque [Nm] of the smallest and the largest engine of saws
 DISPLACEMENT, SIZES = 56.5, ((30.0, 1.5), (120.0, 7.8))
-SHELF, SHELF_LEFT = 3.5, (0.8, 1.0)  # mm, p. 3: shelf of a new shoe, and what is left of it at the end
+SHELF, SHELF_LEFT = 3.5, (0.8, 1.0)  # mm, p. 3: shelf of a new shoe, and the remaining shelf at the end of its life
 HIGHEST, CUTTING, FIG_4 = 15000.0, (8000.0, 10000.0), 8470.0  # rpm, p. 1, p. 5 and fig. 4
 BARS = (13.0, 20.0)  # in, p. 7: shortest and longest bar of this saw
 PITCH = 3.0 / 8.0  # in, p. 5: of the chain
@@ -49,7 +49,7 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 721)
 
 
 def _shoes(config: RigConfig) -> dict[str, CentrifugalConfig]:
-    """Return the clutch with new, worn and heavy shoes; the springs are the same, so that m_s w_0^2 stays (4)."""
+    """Return the clutch with new, worn and heavy shoes; the springs are the same, so that m_s w_0^2 is the same by (4)."""
     own = config.clutch
     return {name: replace(own, shoe_mass=mass) for name, mass in (("new", own.engagement_mass), ("worn", WORN), ("heavy", HEAVY))}
 
@@ -64,7 +64,7 @@ def _engagement(clutch: CentrifugalConfig) -> float:
 
 
 def clutch(config: RigConfig) -> Table:
-    """Torque of the clutch by (5) with new, worn and heavy shoes, beside the engine's and the limit of the inertia torque."""
+    """Torque of the clutch by (5) with new, worn and heavy shoes, the engine's torque, and the limit of the inertia torque."""
     own, rows = config.clutch, []
     limit = _inertia(config, 15.0) * LIMIT * SPEED**2
     for name, one in _shoes(config).items():
@@ -102,7 +102,7 @@ def clutch(config: RigConfig) -> Table:
 
 
 def shoes_without_slip(config: RigConfig) -> Table:
-    """Mass of a shoe with which the clutch carries the limit of the inertia torque, by two readings of (4)."""
+    """Mass of a shoe with which the clutch transmits the limit of the inertia torque, by two interpretations of (4)."""
     rows, new = [], config.clutch.engagement_mass
     for bar in (13.0, 15.0, 20.0):
         limit = _inertia(config, bar) * LIMIT * SPEED**2
@@ -133,7 +133,7 @@ def times(config: RigConfig) -> Table:
 
 
 def engine(config: RigConfig) -> Table:
-    """Torque of the engine at open throttle over its speed: line 1 of fig. 2 as far as it is printed."""
+    """Torque of the engine at open throttle over its speed: line 1 of fig. 2, as far as its numbers are printed."""
     own = config.engine
     return Table(
         "torque of the engine on its shaft at open throttle",
@@ -143,10 +143,10 @@ def engine(config: RigConfig) -> Table:
 
 
 def given(config: RigConfig) -> Table:
-    """Values that the paper gives for the saw, as the rig has them."""
+    """Values that the paper gives for the saw, with the values of the rig."""
     own, chain = config.clutch, config.chain
     return Table(
-        "values that the paper gives, as the rig has them",
+        "values that the paper gives, in the rig",
         {"what": "", "value": "-"},
         [
             ("m_s of new shoes [g]", own.engagement_mass * 1e3),
@@ -183,7 +183,7 @@ def given(config: RigConfig) -> Table:
 
 
 def speeds(config: RigConfig) -> Table:
-    """Speeds that the paper names: torque of the engine and of the clutch at them, and the limit of the inertia torque (11)."""
+    """Torque of the engine and of the clutch, and limit of the inertia torque (11), at the speeds that the paper names."""
     own, (new, worn, _) = config.engine, _shoes(config).values()
     named = (
         ("cutting, lowest", CUTTING[0] * RPM),
@@ -212,18 +212,18 @@ def speeds(config: RigConfig) -> Table:
 
 
 def shelf(config: RigConfig) -> Table:
-    """Shelf of a shoe at the end of its life by the masses and r_s of the paper, which stays 22 mm.
+    """Shelf of a shoe at the end of its life by the paper's masses and its r_s, which is 22 mm for new and worn shoes.
 
-    A shelf that is d thinner has lost the mass m at the drum's radius r_b, and lets the shoe come out by d to meet the drum:
+    A shelf that is thinner by d has lost the mass m at the drum's radius r_b, and the shoe moves outwards by d to touch the drum:
     m_worn r_s = m_new r_s - m (r_b - d / 2) + m_worn d. This holds for a shoe that is narrow along the drum. The mass that a
-    wide one loses has its centre nearer to the axis, so that d is smaller and more of the shelf is left.
+    wide shoe loses has its centre nearer to the axis, so that d is smaller and more of the shelf is left.
     """
     own = config.clutch
     new, radius, drum = own.engagement_mass, own.shoe_radius, own.drum_radius
     lost = new - WORN
 
     def left(before: float, after: float) -> float:
-        """Return what is left [mm] with the radii of the centre of mass of a new and of a worn shoe [m]."""
+        """Return the remaining shelf [mm] by the radii of the centre of mass of a new and of a worn shoe [m]."""
         return SHELF - 1e3 * (WORN * after - new * before + lost * drum) / (WORN + 0.5 * lost)
 
     half = 0.0005
@@ -246,7 +246,7 @@ def shelf(config: RigConfig) -> Table:
 
 
 def sprocket(config: RigConfig) -> Table:
-    """Radius of the sprocket by the pitch of the chain: each tooth moves two pitches, and the teeth are a whole number."""
+    """Radius of the sprocket by the pitch of the chain: each tooth moves two pitches, and the number of teeth is whole."""
     way = 2.0 * PITCH * INCH / (2.0 * np.pi)
     teeth = config.chain.sprocket_radius / way
     return Table(
@@ -257,7 +257,7 @@ def sprocket(config: RigConfig) -> Table:
 
 
 def size(config: RigConfig) -> Table:
-    """Largest torque per displacement of this engine, beside those of the smallest and the largest engine that the paper names."""
+    """Largest torque per displacement of this engine and of the smallest and the largest engine that the paper names."""
     (small, low), (large, high) = SIZES
     return Table(
         "largest torque of engines of saws over their displacement",
@@ -290,11 +290,11 @@ class _Case(NamedTuple):
         return _mean(np.array([of(one) for one in _deltas()]))
 
     def excess(self, delta: float) -> float:
-        """Return by how much a cycle's largest torque is above M_s [Nm]."""
+        """Return the excess of a cycle's largest torque over M_s [Nm]."""
         return max(0.0, self.per_delta * delta - self.capacity)
 
     def excess_over_turn(self, delta: float) -> float:
-        """Return the mean over a turn of what the torque of (13) is above M_s [Nm]."""
+        """Return the mean over a turn of the excess of the torque (13) over M_s [Nm]."""
         asked = self.per_delta * delta * np.cos(TURN) + MEAN * (1.0 - np.cos(TURN))
         return float(np.trapezoid(np.maximum(0.0, np.abs(asked) - self.capacity), TURN) / (2.0 * np.pi))
 
@@ -305,9 +305,9 @@ class _Case(NamedTuple):
         return float(np.arccos((self.capacity - MEAN) / (self.per_delta * delta - MEAN)) / np.pi)
 
     def slip_work(self) -> float:
-        """Return the mean work of slip in a turn [J] of a drum that the clutch drives along an engine of prescribed speed.
+        """Return the mean work of slip in a turn [J] for a drum that the clutch drives from an engine with a prescribed speed.
 
-        Turns of all deltas are integrated side by side, from a third of a turn before the upper dead centre, where none slips.
+        Turns of all deltas are integrated together, from a third of a turn before the upper dead centre, where none slips.
         """
         delta = _deltas()
         step = (TURN[1] - TURN[0]) / SPEED
@@ -336,7 +336,7 @@ def _mean(values: np.ndarray) -> float:
 
 
 def slips(config: RigConfig) -> Table:
-    """Share of cycles that slip, and the loss by each sensible definition beside the printed one, by bar and shoes."""
+    """Share of cycles that slip, and the loss by each plausible definition beside the printed one, by bar and shoes."""
     rows = []
     for name, one in _shoes(config).items():
         for bar in (13, 15, 18, 20):
@@ -383,7 +383,7 @@ def slips(config: RigConfig) -> Table:
 
 
 def shares_by_rounding(config: RigConfig) -> Table:
-    """Least and most share of cycles that slip with delta, its deviation and the 10 % of the chain all rounded as printed."""
+    """Least and largest share of cycles that slip, for all values that round to the printed delta, deviation and 10 %."""
     rows = []
     d, s = np.meshgrid(np.linspace(0.0315, 0.0325, 201), np.linspace(0.0125, 0.0135, 201))
     limit = _inertia(config, 15) * SPEED**2 * (d + 3.0 * s)
@@ -404,7 +404,7 @@ def shares_by_rounding(config: RigConfig) -> Table:
 
 
 def losses(config: RigConfig) -> Table:
-    """Printed losses beside those of each definition, each over the loss of new shoes with 15 in by the same definition."""
+    """Printed losses and losses by each definition, as multiples of the loss of new shoes with 15 in by the same definition."""
     table = slips(config)
     names = list(table.columns)
     made = {(row[0], round(row[1] / INCH)): dict(zip(names, row)) for row in table.rows}
@@ -423,7 +423,7 @@ def losses(config: RigConfig) -> Table:
 
 
 def bars(config: RigConfig) -> Table:
-    """Chain, inertia and limit of the load by the length of the bar, against the bar of 15 inches."""
+    """Chain, inertia and limit of the load by the length of the bar, compared with the bar of 15 inches."""
     first, mass = _inertia(config, 15), chain_mass(replace(config.chain, bar=15 * INCH))
     rows = []
     for bar in (13, 15, 18, 20):
@@ -446,7 +446,7 @@ def compared(config: RigConfig) -> Table:
         speed = brentq(lambda w, one=one, stated=stated: clutch_torque(one, w) - stated * peak, 400.0, 1500.0)
         rows.append((name, stated, clutch_torque(one, 838.0) / peak, speed))
     return Table(
-        "what the paper states in words, from its own numbers; the clutch's torque is that at 838 rad/s",
+        "ratios that the paper states in words, from its own numbers; the clutch's torque is that at 838 rad/s",
         {"what": "", "stated": "-", "value": "-", "speed_of_stated": "rad/s"},
         [
             *rows,
@@ -459,7 +459,7 @@ def compared(config: RigConfig) -> Table:
     )
 
 
-# ---- the same questions asked of a recording
+# ---- the same quantities from a recording
 
 
 class _Cycles(NamedTuple):
@@ -479,7 +479,7 @@ class _Cycles(NamedTuple):
 
 
 def _cycles(config: RigConfig, recording: Recorded) -> _Cycles:
-    """Return the whole turns in wood, with the clutch's shoes well on the drum; all of the run where nothing is cut."""
+    """Return the whole turns in wood with the clutch's shoes firmly on the drum, or in the whole run when no wood is cut."""
     w, t = np.nan_to_num(recording["n_engine"]), recording.t
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
     turns = np.floor(angle / (2.0 * np.pi)).astype(int)
@@ -489,7 +489,7 @@ def _cycles(config: RigConfig, recording: Recorded) -> _Cycles:
     engaged = 1.3 * _engagement(config.clutch)
     wanted = np.minimum.reduceat(w, begin) > engaged if len(begin) else np.zeros(0, bool)
     cutting = np.array([feed[b:e].min() for b, e in zip(begin, end)]) > 0.9 * config.chain.stated_feed
-    # a cut begins with the feed; its first quarter of a second is the start of the cut and not its course
+    # a cut begins with the feed; its first quarter of a second is a transient and is left out
     settled = np.array([feed[max(0, b - 2500) : b + 1].min() for b in begin]) > 0.9 * config.chain.stated_feed
     wanted = wanted & cutting & settled if (wanted & cutting & settled).any() else wanted
     if not wanted.any():
@@ -508,10 +508,10 @@ def _irregularity(w: np.ndarray, cycles: _Cycles) -> np.ndarray:
 
 
 def _slipping(config: RigConfig, recording: Recorded, cycles: _Cycles) -> tuple[np.ndarray, np.ndarray]:
-    """Return the turns in which a slip begins, and the turns in which there is slip, as arrays of bool (turns,).
+    """Return the turns in which a slip begins, and the turns with slip, as arrays of bool (turns,).
 
-    There is slip where the speeds of engine and drum differ by more than six times the noise of their meters and 1 rad/s. A slip
-    about the upper dead centre is in two turns but begins in one.
+    Slip is a difference of the speeds of engine and drum by more than six times the noise of their meters and 1 rad/s. A slip
+    around the upper dead centre lies in two turns but begins in one.
     """
     noise = config.instruments.speed_noise if config.effects.transducers else 0.0
     slip = np.abs(recording["n_engine"] - recording["n_drum"]) > 1.0 + 6.0 * np.sqrt(2.0) * noise
@@ -520,12 +520,12 @@ def _slipping(config: RigConfig, recording: Recorded, cycles: _Cycles) -> tuple[
 
 
 def cut(config: RigConfig, recording: Recorded) -> Table:
-    """What a recorded cut shows: irregularity, load, turns that slip, and the loss by torque times slip."""
+    """Irregularity, load, turns that slip and loss by torque times slip in a recorded cut."""
     cycles = _cycles(config, recording)
     w, drum, torque, chain = (recording[name] for name in ("n_engine", "n_drum", "M_clutch", "M_chain"))
     delta, (slipped, touched) = _irregularity(w, cycles), _slipping(config, recording, cycles)
     rows = np.concatenate([np.arange(b, e) for b, e in zip(cycles.begin, cycles.end)])
-    # noise of the meters would add slip where there is none
+    # without this limit the noise of the meters would count as slip
     slip = np.where(np.abs(w - drum)[rows] > 1.0 + (4.0 * config.instruments.speed_noise), (w - drum)[rows], 0.0)
     means = _each(chain, cycles, np.mean)
     mean = float(w[rows].mean())
@@ -568,7 +568,7 @@ def cut(config: RigConfig, recording: Recorded) -> Table:
 
 
 def static_and_dynamic(config: RigConfig, recording: Recorded) -> Table:
-    """Turn by turn: what (13) says of a turn with its own irregularity, and what the recorded turn did."""
+    """The result of (13) for each turn, with the turn's own irregularity, beside the recorded turn."""
     cycles = _cycles(config, recording)
     w, torque = recording["n_engine"], recording["M_clutch"]
     delta, (slipped, _) = _irregularity(w, cycles), _slipping(config, recording, cycles)
@@ -595,7 +595,7 @@ def static_and_dynamic(config: RigConfig, recording: Recorded) -> Table:
                 )
             )
     return Table(
-        "turns by what (13) says with their own irregularity and by what they did; asked: J delta w^2; largest: of the clutch",
+        "turns by the result of (13) for their own irregularity and by the record; asked: J delta w^2; largest: of the clutch",
         {
             "static": "",
             "dynamic": "",
@@ -611,7 +611,7 @@ def static_and_dynamic(config: RigConfig, recording: Recorded) -> Table:
 
 
 def harmonics(config: RigConfig, recording: Recorded) -> Table:
-    """First harmonic over the crank's angle in turns that hold and in turns that slip, beside the paper's assumption."""
+    """First harmonic over the crank's angle in turns without and with slip, beside the paper's assumption."""
     cycles = _cycles(config, recording)
     _, slipped = _slipping(config, recording, cycles)
     w = recording["n_engine"]
@@ -659,7 +659,7 @@ def harmonics(config: RigConfig, recording: Recorded) -> Table:
 
 
 def engagement(config: RigConfig, recording: Recorded) -> Table:
-    """Speed at which the shoes touch, and the factor of (5), from the torque of a clutch that slips."""
+    """Speed at which the shoes touch the drum, and the factor of (5), from the torque of a clutch that slips."""
     w, torque = recording["n_engine"], recording["M_clutch"]
     rows = (w - recording["n_drum"] > 15.0) & (torque > 0.5) & (torque < 8.0)
     if rows.sum() < 10:

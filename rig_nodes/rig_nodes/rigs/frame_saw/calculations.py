@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the paper on frame saws computes (A. I. Agapov, Vyatka State University, Kirov 2014), and what follows from its numbers.
+"""The calculations of the paper on frame saws (A. I. Agapov, Vyatka State University, Kirov 2014), and results from its numbers.
 
-Formulas that the rig itself needs are those of its parts: parts.saw_cutting and parts.sash.
+The formulas that the rig itself uses are in its parts: parts.saw_cutting and parts.sash.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 MM, RPM = 1e-3, pi / 30.0
 MOTOR_SPEED = 980 * RPM  # setpoint of the sequence demo
-OLD_FEED = 15 * MM  # of the frame without swing, as in the sequence demo
-OLD_PRESSURE = 58.9e6  # Pa: with it the frame without swing takes all its 45 kW at this feed
+OLD_FEED = 15 * MM  # feed of the frame without swing, as in the sequence demo
+OLD_PRESSURE = 58.9e6  # Pa: cutting pressure with which the frame without swing takes all its 45 kW at this feed
 RATED = (45e3, 65e3, 75e3)  # W, paper, conclusions
-GROWTH = (1.7, 2.5)  # of the motors until today's 45 kW, paper p. 1
-SAVED = 0.37  # of the energy per output, paper p. 2, tests of the frame R63-7
+GROWTH = (1.7, 2.5)  # growth of the motors' power up to today's 45 kW, paper p. 1
+SAVED = 0.37  # saved share of the energy per output, paper p. 2, tests of the frame R63-7
 PLACES = (26, 50, 100, 150, 200, 250, 300, 350, 400)  # mm, paper, table 1: y
 # paper, table 1: by r and S_0 [mm] the feed per tooth [mm] at PLACES
 PRINTED = {
@@ -40,7 +40,7 @@ PRINTED = {
     (3.25, 20.0): (-0.49, 0.86, 1.52, 1.80, 1.90, 1.87, 1.69, 1.28, -0.49),
     (3.25, 10.0): (-1.64, 0.18, 0.94, 1.25, 1.37, 1.33, 1.13, 0.67, -1.64),
 }
-FINE = 4000  # points over half a turn for means
+FINE = 4000  # points over half a turn for the computation of means
 NEWTON = 12  # steps of Newton's method
 
 
@@ -54,7 +54,7 @@ def crank_speed(config: RigConfig) -> float:
 
 
 def _table_1(config: RigConfig) -> list[tuple[float, float, float, float, float, str]]:
-    """Rows (r, S_0, y, computed, printed, how it is printed) of table 1; lengths in mm."""
+    """Rows (r, S_0, y, computed, printed, kind of the print) of table 1; lengths in mm."""
     radius, pitch, rows = config.sash.radius, config.saw.pitch, []
     for (swing, feed), printed in PRINTED.items():
         computed = [feed_per_tooth(y * MM, feed * MM, swing * MM, radius, pitch) / MM for y in PLACES]
@@ -77,15 +77,15 @@ def _table_1(config: RigConfig) -> list[tuple[float, float, float, float, float,
 def feed_table(config: RigConfig) -> Table:
     """Feed per tooth over the stroke by formula (8), beside table 1 of the paper."""
     return Table(
-        "feed per tooth S_z by (8), also with all digits after the second cut off, beside the printed one, and how the print comes "
-        "from it (paper, table 1)",
+        "feed per tooth S_z by (8), also with all digits after the second cut off, beside the printed one, and the way from one to "
+        "the other (paper, table 1)",
         {"radius": "mm", "feed": "mm", "y": "mm", "feed_per_tooth": "mm", "cut_off": "mm", "printed": "mm", "print": ""},
         [(r * MM, s * MM, y * MM, a * MM, int(a * 100.0) / 100.0 * MM, b * MM, how) for r, s, y, a, b, how in _table_1(config)],
     )
 
 
 def print_errors(config: RigConfig) -> Table:
-    """How many numbers of table 1 are rounded, cut off, swapped or not explained, and where the print contradicts itself."""
+    """Counts of the numbers of table 1 that are rounded, cut off, swapped or not explained, and contradictions in the print."""
     hows = [row[-1] for row in _table_1(config)]
     kinds = ("rounded", "cut off", "swapped", "swapped, the last digit one too high", "not explained")
     rows = [(how, float(hows.count(how))) for how in kinds]
@@ -93,24 +93,24 @@ def print_errors(config: RigConfig) -> Table:
 
 
 def stroke_ends(config: RigConfig) -> Table:
-    """Feed per tooth at both ends of the stroke, which formula (8) has equal and table 1 prints as 0.64 and 0.65."""
+    """Feed per tooth at both ends of the stroke, which is equal by formula (8) and printed as 0.64 and 0.65 in table 1."""
     radius, pitch = config.sash.radius, config.saw.pitch
     rows = []
     for swing, feed in PRINTED:
         ends = [feed_per_tooth(y, feed * MM, swing * MM, radius, pitch) for y in (pitch, 2.0 * radius)]
         rows.append((swing * MM, feed * MM, *ends, ends[1] - ends[0]))
     return Table(
-        "feed per tooth by (8) at y = t_3 and y = 2 R; they are equal at every S_0 and r, as arc and sin 2a go alike from either "
-        "dead centre",
+        "feed per tooth by (8) at y = t_3 and y = 2 R; they are equal at every S_0 and r, because arc and sin 2a are symmetric to "
+        "the middle of the stroke",
         {"radius": "mm", "feed": "mm", "begin": "mm", "end": "mm", "difference": "mm"},
         rows,
     )
 
 
 def given(config: RigConfig) -> Table:
-    """Values that the paper gives, as the rig and the calculations have them."""
+    """Values that the paper gives, in the rig and in the calculations."""
     return Table(
-        "values that the paper gives, as the rig has them",
+        "values that the paper gives, in the rig",
         {"what": "", "value": "-"},
         [
             ("R [mm]", config.sash.radius / MM),
@@ -127,7 +127,7 @@ def given(config: RigConfig) -> Table:
 
 
 def eccentric_phase(config: RigConfig) -> Table:
-    """Where in the working stroke the eccentric turns from drawing the blades back to advancing them, and where again, by (3)."""
+    """Angles in the working stroke at which the eccentric begins to advance the blades and to draw them back, by (3)."""
     radius, angles = config.sash.radius, np.linspace(0.0, pi, 36001)
     back = np.cos(2.0 * angles) > 0.0  # slope of r sin 2a
     rows = []
@@ -143,7 +143,7 @@ def eccentric_phase(config: RigConfig) -> Table:
 
 
 def eccentric_turns(config: RigConfig) -> Table:
-    """Turns of the eccentric in a turn of the crank, and the swing it gives, from the path of a tooth by (3)."""
+    """Turns of the eccentric in a turn of the crank, and the swing that it causes, from the path of a tooth by (3)."""
     path = np.array([row[:4] for row in tooth_path(config).rows])
     swing = path[:, 2] - path[:, 3]  # r sin 2a
     rising = int(np.sum((swing[:-1] <= 1e-12) & (swing[1:] > 1e-12)))
@@ -176,7 +176,7 @@ def eccentric(config: RigConfig) -> Table:
 
 
 def stroke_lost(config: RigConfig) -> Table:
-    """Share of the stroke without cutting, and what the teeth take away per turn, by formula (8) and by all teeth that passed."""
+    """Share of the stroke without cutting, and depth that the teeth cut per turn, by formula (8) and by all teeth that passed."""
     radius, share = config.sash.radius, 0.5 * config.saw.pitch / config.sash.radius
     travel = (np.arange(FINE) + 0.5) / FINE * 2.0 * radius
     later = travel > config.saw.pitch
@@ -205,7 +205,7 @@ def stroke_lost(config: RigConfig) -> Table:
             )
         )
     return Table(
-        "share of the working stroke in which the teeth do not cut and depth that they take away per turn, by (8) from y = t_3 on "
+        "share of the working stroke in which the teeth do not cut, and depth that they cut per turn, by (8) from y = t_3 on "
         "and by all teeth; thickest chip, also with all digits after the second cut off; deepest scraping in the first and second "
         "half of the idle stroke",
         {
@@ -258,14 +258,14 @@ def tooth_path(config: RigConfig) -> Table:
         rows.append((angle, y, *cells, y - pitch, *(x + 0.5 * pitch * feed / (2.0 * radius) for x in cells)))
     return Table(
         "path of a tooth against a log that is fed by S_0 = 30 mm per turn: travel y downwards, x into the wood, without and with "
-        "the eccentric, by (4); the tooth above stands forward by the overhang (6)",
+        "the eccentric, by (4); the tooth above is further forward by the overhang (6)",
         {"angle": "deg", "y": "mm", "without": "mm", "swing": "mm", "y_above": "mm", "without_above": "mm", "swing_above": "mm"},
         rows,
     )
 
 
 def cutting_angle(_config: RigConfig) -> Table:
-    """Cutting angle of the blades by their clearance angle; the sharpness of the tooth stays."""
+    """Cutting angle of the blades by their clearance angle, at a constant sharpness angle of the tooth."""
     sharpness = 65.0 - 18.0
     return Table(
         "cutting angle = sharpness + clearance; the sharpness is that of 65 deg at 18 deg (paper p. 2)",
@@ -275,7 +275,7 @@ def cutting_angle(_config: RigConfig) -> Table:
 
 
 def feed_steps(_config: RigConfig) -> Table:
-    """Feeds per turn of table 1 over each other."""
+    """Ratio of the feeds per turn in table 1."""
     feeds = [feed for _, feed in PRINTED][1:]
     return Table(
         "ratio of the feeds per turn in the rows of table 1 with r = 3.25 mm",
@@ -285,7 +285,7 @@ def feed_steps(_config: RigConfig) -> Table:
 
 
 def motor_power(_config: RigConfig) -> Table:
-    """Motor that the printed numbers ask for: 45 kW, times the output, times the energy that is left of 37 % less."""
+    """Power of the motor by the printed numbers: 45 kW, times the output, times the energy that remains after a saving of 37 %."""
     rows = []
     for case, output, left in (
         ("R63-7 as tested", 1.5, 1.0 - SAVED),
@@ -316,7 +316,7 @@ def _teeth_torque(config: RigConfig, angle: float, feed: float, swing: float, pr
 
 
 class _Edge:
-    """The wood's values of a saw with another cutting pressure."""
+    """Values of a saw's wood with another cutting pressure."""
 
     def __init__(self, pressure: float, edge: float, scraping: float, depth: float) -> None:
         self.cutting_pressure, self.edge_force, self.scraping_force, self.edge_depth = pressure, edge, scraping, depth
@@ -359,7 +359,7 @@ def sawing_power(config: RigConfig) -> Table:
 def older_motors(config: RigConfig) -> Table:
     """Motors before the growth that the paper names, and the output that they gave to the frame without swing.
 
-    The output is the feed at which the motor's power is all taken, at the speed of the crank without a load, over OLD_FEED.
+    The output is the feed that takes all of the motor's power, at the speed of the crank without a load, divided by OLD_FEED.
     """
     speed, angles = crank_speed(config), (np.arange(FINE) + 0.5) / FINE * 2.0 * pi
     bearings = config.bearings.drag * speed**2
@@ -381,7 +381,7 @@ def older_motors(config: RigConfig) -> Table:
 
 
 def energy_saved(config: RigConfig) -> Table:
-    """How much less energy the teeth need with swing than without, and what thicker chips and less scraping have in it."""
+    """Share of the teeth's energy that the swing saves, and the part of it that is due to thicker chips and less scraping."""
     rows = sawing_power(config).rows
     old, new = rows[0], rows[2]
     saw, speed = config.saw, crank_speed(config)
@@ -390,7 +390,7 @@ def energy_saved(config: RigConfig) -> Table:
     wood = 2.0 * OLD_FEED * 0.5 * speed / pi * saw.kerf * saw.blades * saw.height
     same_wood = float(torque) * speed / wood
     return Table(
-        "energy per volume of the teeth at twice the feed with swing, less than that of the frame without swing (printed 37 %)",
+        "saving of the teeth's energy per volume with swing at twice the feed, against the frame without swing (printed 37 %)",
         {"what": "", "saved": "%"},
         [
             ("in all", 1.0 - new[-1] / old[-1]),
@@ -401,7 +401,7 @@ def energy_saved(config: RigConfig) -> Table:
 
 
 def balance(config: RigConfig) -> Table:
-    """Largest inertia forces on the frame over a turn by the counterweight, and what is left of those without one."""
+    """Largest inertia forces on the frame over a turn by the counterweight, and their share of the forces without one."""
     sash, speed = config.sash, crank_speed(config)
     angles = np.linspace(0.0, 2.0 * pi, 2881)
     rows = []
@@ -424,7 +424,7 @@ def balance(config: RigConfig) -> Table:
             )
     return Table(
         "largest vertical, horizontal and whole force on the frame at the speed of the sequence demo, and shares of that without a "
-        "counterweight; a rod_ratio of 0.2 has a force of the second order that no counterweight on the crank takes off",
+        "counterweight; a rod_ratio of 0.2 has a force of the second order that no counterweight on the crank can balance",
         {
             "rod_ratio": "-",
             "counterweight": "%",
@@ -439,7 +439,7 @@ def balance(config: RigConfig) -> Table:
 
 
 def swing_forces(config: RigConfig) -> Table:
-    """Inertia force and kinetic energy of the swing itself, which the rig leaves out, beside those of the stroke."""
+    """Inertia force and kinetic energy of the swing itself, which the rig neglects, beside those of the stroke."""
     sash, swing, speed = config.sash, config.saw.eccentric_radius, crank_speed(config)
     rows = [
         ("stroke", sash.mass * sash.radius * speed**2, 0.5 * sash.mass * (sash.radius * speed) ** 2),
@@ -478,7 +478,7 @@ def _turn(config: RigConfig, feed: float, stiff: bool) -> tuple[np.ndarray, np.n
     ratio, swing, pressure = belt.cb, config.saw.eccentric_radius, config.saw.cutting_pressure
 
     def asked(speed: float, integral: float, limit: float) -> float:
-        """Torque that the motor's speed loop asks for, by the motor's speed and the limit of its power."""
+        """Torque setpoint of the motor's speed loop, by the motor's speed and the limit of its power."""
         highest = min(motor.torque_limit, limit / speed)
         return min(max(motor.speed_gain * (MOTOR_SPEED - speed) + integral, -motor.braking_limit), highest)
 
@@ -502,15 +502,15 @@ def _turn(config: RigConfig, feed: float, stiff: bool) -> tuple[np.ndarray, np.n
     angles = np.linspace(0.0, 2.0 * pi, 1441)
 
     def turned(start: np.ndarray, limit: float) -> np.ndarray:
-        """Speed and the other states at the angles of a turn."""
+        """Return the speed and the other states at the angles of a turn."""
         return solve_ivp(slope, (0.0, 2.0 * pi), start, t_eval=angles, rtol=1e-7, atol=1e-9, max_step=0.03, args=(limit,)).y
 
     torque = 50.0 + 16000.0 * feed
     start = np.array([MOTOR_SPEED / ratio, torque, MOTOR_SPEED, torque / belt.stiffness, torque][: 2 if stiff else 5])
     states, scale = np.zeros((len(start), len(angles))), np.abs(start)
     steps = np.diag(scale * np.array([1e-3, 1e-2, 1e-3, 1e-1, 1e-2][: len(start)]))
-    # Newton's method for a turn that ends as it begins, with steps that are coarse against the tolerance of solve_ivp; first with a
-    # motor that is strong enough, from where the turn of the limited one is soon found
+    # Newton's method finds a turn that ends in the state in which it begins; its differences are large compared with the tolerance
+    # of solve_ivp. The first solution is for a motor of sufficient power, and the turn of the limited motor is found from it
     for limit in (4.0 * motor.power_limit, motor.power_limit):
         for _ in range(NEWTON):
             states = turned(start, limit)
@@ -535,7 +535,7 @@ def _turn(config: RigConfig, feed: float, stiff: bool) -> tuple[np.ndarray, np.n
 
 
 def over_turn(config: RigConfig) -> Table:
-    """Speed and power over a turn at 2.1 times the old feed, by an integration that knows nothing of the rig's step."""
+    """Speed and power over a turn at 2.1 times the old feed, by an integration that is independent of the rig's step."""
     angles, speed, motor, teeth = _turn(config, 2.1 * OLD_FEED, stiff=False)
     return Table(
         "one turn in the steady state by scipy: speed of the crank, power of the motor and of the teeth",
@@ -621,13 +621,13 @@ def ripple(config: RigConfig, recording: Recorded) -> Table:
         feed = float(feeds[part].mean())
         rows.append(_ripple(phase, feed, t[part], speed[part], motor[part], teeth[part], crank_speed(config)))
     if len(rows) < 3:
-        raise RigError("the recording has no three steady feeds, of none, the old and the new one; take one of the sequence demo")
+        raise RigError("the recording does not have the three steady feeds: none, old and new; take one of the sequence demo")
     text = "means, ripple (highest less lowest speed over the mean) and extremes over the last turns of each feed"
     return Table(text, _RIPPLE, rows)
 
 
 def forces(config: RigConfig, recording: Recorded) -> Table:
-    """Inertia forces on the frame in a recording, largest values after the run up."""
+    """Largest inertia forces on the frame in a recording after the run-up."""
     steady = recording["n_crank"] > 0.9 * crank_speed(config)
     if not steady.any():
         raise RigError("the crank does not reach its speed in this recording")

@@ -4,8 +4,8 @@
 """The design of the metal coupling of high torsional compliance (Kowal and Filipowicz), for the coupling of this rig.
 
 Numbers of sections, equations, figures and tables are those of their paper; the torque per force of the threads is that of
-parts.twisting_coupling. The paper takes M_o in Nm in (1), and d in mm with k_so in N/mm2 in (2): there M_o is in N mm. Disc
-springs: Almen and Laszlo as in DIN 2092 and DIN EN 16984; their sizes are those of DIN 2093.
+parts.twisting_coupling. M_o is in Nm in (1); in (2), where d is in mm and k_so in N/mm2, it must be in N mm. Disc springs are
+computed by Almen and Laszlo as in DIN 2092 and DIN EN 16984; their sizes are those of DIN 2093.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MPA = 1e6
 RPM = pi / 30.0
-# table 1: material, its tensile strength from .. to [MPa]
+# table 1: material, and range of its tensile strength [MPa]
 STRENGTH = (
     ("St3", 370.0, 460.0),
     ("St5", 490.0, 610.0),
@@ -35,7 +35,7 @@ STRENGTH = (
     ("0H18N9", 550.0, 750.0),
     ("H18N10MT", 550.0, 750.0),
 )
-# table 1: material -> shares of its elements [%], and what the numbers in its Polish name say of carbon, chromium and nickel [%]
+# table 1: material -> shares of its elements [%], and shares of carbon, chromium and nickel by the numbers in its Polish name [%]
 STEELS = {
     "St3": ({"C": 0.2, "Mn": 0.6, "Si": 0.35}, {}),
     "St5": ({"C": 0.4, "Mn": 0.8, "Si": 0.3}, {}),
@@ -45,20 +45,20 @@ STEELS = {
     "0H18N9": ({"C": 0.1, "Mn": 2.0, "Si": 0.8, "Cr": 18.0, "Ni": 9.0}, {"Cr": 18.0, "Ni": 9.0}),
     "H18N10MT": ({"C": 0.1, "Mn": 2.0, "Si": 0.8, "Cr": 18.0, "Ni": 10.0}, {"Cr": 18.0, "Ni": 10.0}),
 }
-# table 2: kind of load, its factor of safety from .. to
+# table 2: kind of load, and range of its factor of safety
 SAFETY = (("static", 1.6, 1.8), ("quasi-static", 1.8, 1.9), ("varying", 1.8, 2.0), ("shock", 1.9, 2.2))
-# table 3: pair and its work, coefficient of friction dry and with oil from .. to, pressure that is allowed from .. to [MPa]
+# table 3: pair of materials with its use, ranges of the coefficient of friction, dry and with oil, and of allowed pressure [MPa]
 FRICTION = (
     ("steel, alternating, poor oil", 0.15, 0.22, 0.12, 0.17, 30.0, 100.0),
     ("steel, one way, good oil", None, None, 0.08, 0.12, 100.0, 200.0),
     ("steel and cast iron", 0.15, 0.20, 0.03, 0.06, 80.0, 140.0),
 )
-OVERLOAD = (1.2, 1.3)  # K_p with (1)
+OVERLOAD = (1.2, 1.3)  # range of K_p, stated with (1)
 ANGLES = (25.0, 75.0)  # deg, section 4
 BEST = 45.0  # deg, section 4
 METAL_FRICTION_ANGLE = 25.0  # deg, section 4: no friction angle of metals exceeds it
 RETURN_ANGLES, RETURN_FRICTION, RETURN_RATIO = (25.0, 60.0), (0.08, 0.25), (0.1, 0.4)  # with (10)
-SPRING_ANGLES = (65.0, 75.0)  # deg, section 6: of couplings with a helical spring
+SPRING_ANGLES = (65.0, 75.0)  # deg, section 6: helix angles of couplings with a helical spring
 FLAT = 0.8  # section 6: share of h_1 up to which a disc may be pressed
 # DIN 2093: disc -> outer and inner diameter, thickness, height of the cone h_1 [m], force at 0.75 h_1 [N]
 DISCS = {
@@ -67,7 +67,7 @@ DISCS = {
     "A 100": (100e-3, 51e-3, 6e-3, 2.2e-3, 48022.0),
     "B 100": (100e-3, 51e-3, 3.5e-3, 2.8e-3, 13070.0),
 }
-DISC, COUNT = "A 100", 72  # of this rig's coupling, one by one
+DISC, COUNT = "A 100", 72  # type and number of the discs in this rig's coupling, stacked singly
 E_STEEL, POISSON = 206e9, 0.3  # DIN 2092
 
 
@@ -114,7 +114,7 @@ def disc_energy(disc: str, travel: float) -> float:
 
 
 def disc_stress(disc: str, travel: float) -> float:
-    """Return the stress [Pa] at the upper inner edge (I of DIN 2092) of one disc at a travel [m]; pressure is negative."""
+    """Return the stress [Pa] at the upper inner edge (I of DIN 2092) of one disc at a travel [m]; compression is negative."""
     outer, inner, t, h, _ = DISCS[disc]
     d = outer / inner
     k2 = 6.0 / (pi * log(d)) * ((d - 1.0) / log(d) - 1.0)
@@ -128,7 +128,7 @@ def _k1(d: float) -> float:
 
 
 def overload(config: RigConfig) -> Table:
-    """Torque by (1) over the factor of overload."""
+    """Torque by (1) for each factor of overload."""
     power, speed = motor(config)
     rows = [(factor, torque(power, speed, factor)) for factor in (1.0, OVERLOAD[0], 0.5 * sum(OVERLOAD), OVERLOAD[1])]
     return Table("Torque M_o of the laboratory's motor by (1), 70 kW at 1500 rpm.", {"overload": "-", "torque": "Nm"}, rows)
@@ -141,26 +141,26 @@ def given(config: RigConfig) -> Table:
 
 
 def steels(config: RigConfig) -> Table:
-    """Table 1: composition of the shaft's materials, and what their names say."""
+    """Table 1: composition of the shaft's materials, and the shares that the numbers in their names give."""
     rows = [
         (name, element, 0.01 * share, 0.01 * named[element] if element in named else None)
         for name, (shares, named) in STEELS.items()
         for element, share in shares.items()
     ]
     return Table(
-        "Table 1: shares of elements, and the share that the number in the material's name stands for.",
+        "Table 1: shares of elements, and the share by the number in the material's name.",
         {"steel": "", "element": "", "printed": "%", "by_name": "%"},
         rows,
     )
 
 
 def units(config: RigConfig) -> Table:
-    """Number 9550 of (1), and the core by (2) with M_o in either unit."""
+    """Number 9550 of (1), and the core by (2) with M_o in Nm and in N mm."""
     power, speed = motor(config)
     values, moment = config.coupling, torque(power, speed, 1.25)
     exact = power / speed / ((power / 1e3) / (speed / RPM))
     allowed = 1000.0 / 2.0  # N/mm2
-    bending = 16.0 / pi  # d^3 = 16 M / (pi tau) of a round bar, of which (2) has 5
+    bending = 16.0 / pi  # d^3 = 16 M / (pi tau) of a round bar; (2) rounds 16 / pi to 5
     twice = core(2.0 * moment, 1000.0 * MPA, 2.0) / core(moment, 1000.0 * MPA, 2.0)
     rows = [
         ("9550 of (1), Nm rpm / kW", exact),
@@ -176,7 +176,7 @@ def units(config: RigConfig) -> Table:
 
 
 def strengths(config: RigConfig) -> Table:
-    """Table 1: strength of the shaft's materials, and the core of the screw for it under shock."""
+    """Table 1: strength of the shaft's materials, and the core of the screw of each material under shock."""
     power, speed = motor(config)
     moment = torque(power, speed, 0.5 * sum(OVERLOAD))
     rows = [
@@ -207,7 +207,7 @@ def safety(config: RigConfig) -> Table:
 
 
 def frictions(config: RigConfig) -> Table:
-    """Table 3: friction of pairs of materials, its angle, and the smallest helix angle that does not lock itself."""
+    """Table 3: friction of pairs of materials, its angle, and the smallest helix angle that is not self-locking."""
     rows = [
         (name, dry, wet, dry_to, wet_to, low * MPA, high * MPA, atan(max(wet_to, dry_to or 0.0)))
         for name, dry, dry_to, wet, wet_to, low, high in FRICTION
@@ -226,7 +226,7 @@ def frictions(config: RigConfig) -> Table:
 
 
 def angles(config: RigConfig) -> Table:
-    """Helix angles of section 4: forces by (4) to (7), efficiency there and back, and self-locking."""
+    """Helix angles of section 4: forces by (4) to (7), efficiency of winding and unwinding, and self-locking."""
     values = config.coupling
     power, speed = motor(config)
     moment = torque(power, speed, 0.5 * sum(OVERLOAD))
@@ -270,12 +270,12 @@ def angles(config: RigConfig) -> Table:
 
 
 def limits(config: RigConfig) -> Table:
-    """Limits that the text prints, each beside what its formulas and tables give."""
+    """Limits that the text prints, each beside the result of its formulas and tables."""
     mus = [mu for _, dry, dry_to, wet, wet_to, *_ in FRICTION for mu in (dry, dry_to, wet, wet_to) if mu is not None]
     grid = [(g, mu) for g in np.linspace(*RETURN_ANGLES, 351) for mu in np.linspace(*RETURN_FRICTION, 171)]
     ratio = [mu / cos(radians(g)) for g, mu in grid]
     inside = sum(RETURN_RATIO[0] <= one <= RETURN_RATIO[1] for one in ratio) / len(ratio)
-    # winding and unwinding as one cycle: of what is put in, the share that comes back, whose best angle depends on mu
+    # winding and unwinding as one cycle: share of the work that is recovered; the angle with the largest share depends on mu
     rho = atan(config.coupling.thread_friction)
     fine = np.radians(np.linspace(26.0, 74.0, 4801))
     way = fine[np.argmax(np.tan(fine) / np.tan(fine + rho))]
@@ -394,7 +394,7 @@ def disc_springs(config: RigConfig) -> Table:
 
 
 def disc_count(config: RigConfig) -> Table:
-    """Number of discs by (11) over the turns of twist, and what the nut's true travel needs."""
+    """Number of discs by (11) for each twist, and the number by the nut's true travel."""
     values = config.coupling
     free, _, _ = geometry(values)
     one, two = (pi * d * tan(g) for d, g in threads(values))
@@ -411,7 +411,7 @@ def disc_count(config: RigConfig) -> Table:
     ]
     return Table(
         f"Number of single discs {DISC} by (11), by one lead in a turn, and by the motion of both threads, and the length of the "
-        "latter set.",
+        "set by the last.",
         {"turns": "-", "by_11": "-", "by_one_lead": "-", "both_threads": "-", "length": "mm"},
         rows,
     )
@@ -449,7 +449,7 @@ def design(config: RigConfig) -> Table:
 
 
 def characteristic(config: RigConfig) -> Table:
-    """Torque over twist, winding and unwinding, by the rig's straight springs and by the discs of DIN 2092 with friction."""
+    """Torque over twist, winding and unwinding, by the rig's linear springs and by the discs of DIN 2092 with friction."""
     values = config.coupling
     free, lever, share = geometry(values)
     h = DISCS[DISC][3]
@@ -473,7 +473,7 @@ def characteristic(config: RigConfig) -> Table:
             )
         )
     return Table(
-        f"Characteristic with hysteresis: of the rig's straight springs and of {COUNT} discs {DISC} by DIN 2092.",
+        f"Characteristic with hysteresis: of the rig's linear springs and of {COUNT} discs {DISC} by DIN 2092.",
         {
             "turns": "-",
             "travel": "mm",
@@ -489,7 +489,7 @@ def characteristic(config: RigConfig) -> Table:
 
 
 def _travel_of(force: float) -> float:
-    """Travel [m] of one disc under a force [N], by halving; discs of these sizes have a rising force."""
+    """Travel [m] of one disc under a force [N], by bisection; the force of discs of these sizes rises with the travel."""
     low, high = 0.0, DISCS[DISC][3]
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -516,7 +516,7 @@ def natural_frequency(config: RigConfig) -> Table:
 
 
 def peaks(config: RigConfig, recording: Recorded) -> Table:
-    """Largest and smallest M_wej after each order of a gear, twist, swing of the speed and loss in the coupling."""
+    """Largest and smallest M_wej after each order of a gear, twist, oscillation of the speed and loss in the coupling."""
     free, _, _ = geometry(config.coupling)
     t, torque_in, speed = recording.t, recording["M_wej"], recording["n_wej"]
     moved, heat = recording["coupling_travel"], recording["coupling_heat"]

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torque that the engine delivers, torque that the road requires, and which shifts of a recording the engine survives."""
+"""Torque that the engine delivers, torque that the road requires, and the shifts of a recording that the engine survives."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from rig_nodes.testbench.configuration import RigConfig
 
 RPM = pi / 30.0
-BEGAN = 49.274  # rad/s: where the coast-down of thesis 7.3.1 began, at which the rig states a loss
+BEGAN = 49.274  # rad/s: speed at which the coast-down of thesis 7.3.1 began; the rig states a loss at it
 LARGEST, FASTEST = 271.0, 2400.0 * RPM  # thesis 3.1: torque and speed of the engine
-WATCHED = 4.0  # s after an order in which a shift is judged
+WATCHED = 4.0  # s after an order in which a shift is evaluated
 # loads before the shift of the grids of thesis 7.1.3.5, as in the procedures of the rig hydmag [Nm]
 UP, DOWN = (40.0, 80.0, 120.0), (40.0, 80.0, 120.0, 180.0, 240.0)
 SPEEDS = (1000.0, 1200.0, 1500.0, 1800.0, 2000.0)
@@ -63,7 +63,7 @@ def demand(config: RigConfig, gear: int, speed: float, torque: float) -> float:
 
 
 def grade_for(config: RigConfig, velocity: float, torque: float) -> float | None:
-    """Return the grade at which M_wyj is a torque [Nm] at a constant velocity [m/s]; None where no road is so steep."""
+    """Return the grade at which M_wyj is ``torque`` [Nm] at a constant velocity [m/s]; None where no road is so steep."""
     car = config.vehicle
     asked = torque * axle(config) / car.wheel_radius
     low, high = -0.6, 0.6
@@ -118,7 +118,7 @@ def grid(config: RigConfig) -> Table:
                 rows.append((shift, speed, load, grade_for(config, velocity, load), needed, most, needed / most, then))
     return Table(
         "The laboratory's shifts (thesis 7.1.3.5) on the road: the grade for M_wyj, M_wej of steady travel before the shift, the "
-        "torque of the engine at full throttle, and the speed to which the vehicle takes the engine.",
+        "torque of the engine at full throttle, and the speed to which the vehicle brings the engine.",
         {"shift": "", "n_wej": "rpm", "M_wyj": "Nm", "grade": "%", "M_wej": "Nm", "curve": "Nm", "share": "%", "n_after": "rpm"},
         rows,
     )
@@ -139,7 +139,7 @@ def climb(config: RigConfig) -> Table:
         power = full_torque.py_func(speed, config.motor) * speed
         rows.append((grade, speed, velocity * slip, power, force * velocity * slip / power))
     return Table(
-        "Gear II on a grade at full throttle: speeds at which the engine's curve meets what road, axle and gearbox take, the "
+        "Gear II on a grade at full throttle: speeds at which the engine's torque equals that of road, axle and gearbox, the "
         "vehicle's speed with the slip of its tyres, the engine's power and the share of it that moves the vehicle.",
         {"grade": "%", "n_wej": "rpm", "velocity": "km/h", "power": "kW", "efficiency": "%"},
         rows,
@@ -165,8 +165,8 @@ def coast_down(config: RigConfig) -> Table:
 def survival(config: RigConfig, recording: Recorded) -> Table:
     """Return for each shift between two gears whether the engine survives it.
 
-    It does when it neither stalls nor falls below its idle speed, is not turned faster than the 2400 rpm of thesis 3.1, and gives
-    no more than the 271 Nm of thesis 3.1 to the gearbox, from the order to the next one, 4 s at most.
+    It survives a shift when, from the order to the next one but for 4 s at most, it neither stalls nor falls below its idle speed,
+    its speed stays up to the 2400 rpm of thesis 3.1, and its torque on the gearbox up to the 271 Nm of thesis 3.1.
     """
     orders = [(at, round(value)) for at, name, _, value in recording.events if name == "shift_ordered"]
     names = {number: gear.name for number, gear in enumerate(config.structure.gears, 1)}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ratios of the whole HydmAG, and steady states of its hydrostatic drive by hand."""
+"""Ratios of the whole HydmAG, and steady states of its hydrostatic drive by separate formulas."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Steady(NamedTuple):
 
     @property
     def efficiency(self) -> float:
-        """Power of the motor over that of the pump, whose boost pump is a part of it."""
+        """Power of the motor over that of the pump, which includes the boost pump."""
         return self.motor_torque * self.motor_speed / (self.pump_torque * self.pump_speed)
 
 
@@ -40,7 +40,7 @@ def mesh_ratio(config: RigConfig, a: str, b: str) -> float:
 
 
 def steady_state(config: RigConfig, speed_in: float, speed_out: float, torque_out: float) -> Steady:
-    """Return the steady state at the pump's whole swivel, both clutches open.
+    """Return the steady state at the pump's full swivel, both clutches open.
 
     Flow balance of the lines with linear leaks, torque balance of the machines with their friction; the swivel of the motor
     that holds the speed of the output is found by repeated substitution.
@@ -52,7 +52,7 @@ def steady_state(config: RigConfig, speed_in: float, speed_out: float, torque_ou
     speed_in, speed_out : float
         Speeds of w0 and wk [rad/s].
     torque_out : float
-        Torque that wk takes from z6, losses of the gears included [Nm].
+        Torque that wk takes from z6, including losses of the gears [Nm].
 
     Returns
     -------
@@ -66,7 +66,7 @@ def steady_state(config: RigConfig, speed_in: float, speed_out: float, torque_ou
     for _ in range(100):
         volume = swivel * it.motor_displacement
         between = (torque + it.friction + it.friction_speed * motor) / (volume * (1.0 - it.friction_share))
-        # check valve less flushing valve feed what both lines lose into the housings
+        # the flow of the check valve less that of the flushing valve replaces the leakage of both lines into the housings
         check, flush, out = 1.0 / it.boost_resistance, 1.0 / it.flushing_resistance, 1.0 / it.leak_out
         low = (check * it.boost_pressure + flush * it.flushing_pressure - out * between) / (check + flush + 2.0 * out)
         high = low + between
@@ -95,7 +95,7 @@ def ratios(config: RigConfig) -> Table:
 
 
 def clutches(config: RigConfig) -> Table:
-    """Return which clutch holds in which state of tab. 3.1: 1 closed, 0 open."""
+    """Return the clutches that are closed in each state of tab. 3.1: 1 closed, 0 open."""
     held = {gear.name: gear.clutches for gear in config.structure.gears}
     names = [one.name for one in config.structure.clutches]
     rows = [(state, *(float(name in held.get(state, ())) for name in names)) for state in STATES]
@@ -111,7 +111,7 @@ def branch(config: RigConfig) -> Table:
             one = steady_state(config, speed, speed / ratio, torque + losses_out(config))
             rows.append((speed, torque, one.swivel, one.high, one.low, one.pump_torque, one.motor_torque, one.efficiency))
     return Table(
-        "Hydrostatic drive at the speed of gear I, pump at its whole swivel: swivel of S_h without slip at S1, and efficiency.",
+        "Hydrostatic drive at the speed of gear I, pump at its full swivel: swivel of S_h without slip at S1, and efficiency.",
         {
             "n_wej": "rpm",
             "M_wyj": "Nm",

@@ -3,8 +3,8 @@
 
 """Calculations of the paper on the MP-5 Ural-2: its matrix and spectra, identification, folding of the full chain, coupling.
 
-Keller, Lesnoj Zhurnal 1990 (received 6 February 1989), reference/002. It prints spectra but no inertias and stiffnesses: these are
-identified here, and rig.yaml has the result.
+Keller, Lesnoj Zhurnal 1990 (received 6 February 1989), reference/002. The paper prints spectra but no inertias and stiffnesses;
+these are identified here, and rig.yaml has the results.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ SETTINGS = (
     *(f"{body}.inertia" for body in ("flywheel", "crank", "shoes", "drum", "gearbox", "cutting")),
     *(f"shaft_{k}.stiffness" for k in (1, 2, 3, 4)),
 )
-BOX = (np.log([1e-5] * 6 + [1.0] * 4), np.log([1.0] * 6 + [1e6] * 4))  # kg m2, Nm/rad: beyond them nothing is looked for
+BOX = (np.log([1e-5] * 6 + [1.0] * 4), np.log([1.0] * 6 + [1e6] * 4))  # kg m2, Nm/rad: bounds of the search
 STARTS = (np.log([3e-4] * 6 + [20.0, 500.0, 20.0, 20.0]), np.log([5e-3] * 6 + [2e3, 1e4, 1e3, 1e3]))
-EVEN = 0.1  # weight of the evenness of the inertias among all that meet the print
-RINGS = (2e-3, 1.4)  # s after the ignition is off, in which the ringing is taken
-WITHIN = 0.9  # of half a unit, within which the chosen values keep
+EVEN = 0.1  # weight of the evenness of the inertias in the choice among sets that agree with the print
+RINGS = (2e-3, 1.4)  # s after the ignition is switched off, between which the ringing is evaluated
+WITHIN = 0.9  # largest error of the chosen values, in half units
 
 
 # ---- the chain
@@ -58,7 +58,7 @@ def chain(inertias: np.ndarray, stiffnesses: np.ndarray) -> tuple[np.ndarray, np
     """Return natural frequencies above 0 (n - 1,) [1/s] of a free chain, and d ln f / d ln of (n inertias, n - 1 stiffnesses)."""
     inertias, stiffnesses = np.asarray(inertias, float), np.asarray(stiffnesses, float)
     n = len(inertias)
-    d = np.diff(np.eye(n), axis=0)  # twists by angles
+    d = np.diff(np.eye(n), axis=0)  # from angles to twists
     root = 1.0 / np.sqrt(inertias)
     squares, vectors = np.linalg.eigh(root[:, None] * (d.T * stiffnesses @ d) * root)
     shapes = (root[:, None] * vectors)[:, 1:]
@@ -67,7 +67,7 @@ def chain(inertias: np.ndarray, stiffnesses: np.ndarray) -> tuple[np.ndarray, np
 
 
 def spectra_of(x: np.ndarray, shaft: float | None = None, serial: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the 12 printed frequencies and the 6 of the serial saw [1/s], with slopes by the logarithms x (10,) of the parameters.
+    """Return the 12 printed frequencies and the 6 of the serial saw [1/s], with slopes for the logarithms x (10,) of parameters.
 
     The order is idle and work with the new flywheel, with the new shaft and of the serial saw. The driven half of the clutch, I_d,
     turns with the driving one at work only. ``shaft`` and ``serial`` are c_2 and c_2' [Nm/rad]; without them c_2' is x[7] and
@@ -94,15 +94,15 @@ def spectra_of(x: np.ndarray, shaft: float | None = None, serial: float | None =
 
 
 WANTED = np.array([f for those in PRINTED.values() for f in those])
-# rows of spectra_of that the print fixes, with the middle and the half width of what it accepts: the two-digit numbers, the lowest
-# frequency of the serial saw at work and its next one, which is the lowest of the middle ones
+# rows of spectra_of with a printed value, and the middle and half width of the range that the print allows: the two-digit numbers,
+# the lowest frequency of the serial saw at work and its next one, which is the lowest of the middle ones
 ROWS = np.array([*range(12), 14, 15])
 MEAN = np.array([*WANTED, 0.5 * sum(LOWEST), MIDDLE[0]])
 WIDTH = np.array([HALF] * 12 + [0.5 * (LOWEST[1] - LOWEST[0]), 0.5])
 
 
 def misses(x: np.ndarray, **given: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far the 14 printed frequencies are missed, 1 at the edge of what is accepted, with slopes (14, 10)."""
+    """Return the errors of the 14 printed frequencies, 1 at the edge of the accepted range, with slopes (14, 10)."""
     f, slopes = spectra_of(x, **given)
     return (f[ROWS] - MEAN) / WIDTH, slopes[ROWS] / WIDTH[:, None]
 
@@ -123,9 +123,9 @@ def _lacks_by(x: np.ndarray, even: float, within: float) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def identified() -> np.ndarray:
-    """Return the chosen parameters (10,), the best of 24 drawn starts.
+    """Return the chosen parameters (10,), the best result from 24 random starts.
 
-    Of all parameters that keep within 0.9 of every printed digit's half unit, those are chosen whose inertias are most alike.
+    Of all parameters within 0.9 of the half unit of every printed digit, those are chosen whose inertias are most alike.
     """
     random, found = np.random.default_rng(1), []
     for _ in range(24):
@@ -137,7 +137,7 @@ def identified() -> np.ndarray:
 
 @lru_cache
 def alike(count: int) -> tuple[np.ndarray, ...]:
-    """Return ``count`` other sets of parameters (10,) that meet the print as well, from drawn starts."""
+    """Return ``count`` other sets of parameters (10,) that also agree with the print, from random starts."""
     random, out = np.random.default_rng(3), []
     while len(out) < count:
         start = random.uniform(*STARTS)
@@ -149,7 +149,7 @@ def alike(count: int) -> tuple[np.ndarray, ...]:
 
 @lru_cache(maxsize=1)
 def _intervals() -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest value of each parameter with which the others can still meet the print (10,)."""
+    """Lowest and highest value of each parameter for which some values of the others agree with the print (10,)."""
     best = identified()
     starts = [np.log(one) for one in (best, *alike(3))]
     ends = np.log(best) * np.ones((2, 1))
@@ -163,7 +163,7 @@ def _intervals() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _pushed(aim: Callable[[np.ndarray], tuple], start: np.ndarray) -> np.ndarray | None:
-    """Parameters that meet the print and minimise ``aim``, which returns value and slopes; None where none was found."""
+    """Parameters that agree with the print and minimise ``aim``, which returns value and slopes; None where none was found."""
     found = optimize.minimize(
         aim,
         start,
@@ -217,7 +217,7 @@ def spectra(config: RigConfig) -> Table:
     for name, one in variants.items():
         system = system_of(one)
         for regime, locked in (("idle", ()), ("work", ("clutch",))):
-            # at idle the drum side is no part of the paper's chain: only modes that move the flywheel count
+            # at idle the paper's chain does not include the drum's side, so that only modes that move the flywheel count
             found = modes(system, locked)
             at = found.bodies.index("flywheel")
             own = [f for f, shape in zip(found.frequencies, found.shapes) if f > 0.0 and abs(shape[at]) > 1e-9]
@@ -242,7 +242,7 @@ def masses(config: RigConfig) -> Table:
 
 
 def identification(config: RigConfig) -> Table:
-    """Inertias and stiffnesses from the printed spectra: what is chosen, and from where to where each could lie."""
+    """Inertias and stiffnesses from the printed spectra: the chosen values, and the range in which each could lie."""
     best = identified()
     low, high = _intervals()
     spread = np.std(np.log([best, *alike(20)]), axis=0)
@@ -261,7 +261,7 @@ def identification(config: RigConfig) -> Table:
 
 
 def directions(config: RigConfig) -> Table:
-    """How well the spectra determine combinations of the parameters: singular values of d ln f / d ln parameter."""
+    """Combinations of the parameters and how well the spectra determine them: singular values of d ln f / d ln parameter."""
     x = np.log(_values(config))
     f, slopes = spectra_of(x)
     _, sizes, right = np.linalg.svd(slopes[ROWS] / f[ROWS, None])
@@ -272,34 +272,34 @@ def directions(config: RigConfig) -> Table:
         words = " ".join(f"{way[q]:+.2f} ln {NAMES[q]}" for q in most)
         rows.append((k + 1.0, float(size), float(HALF / 600.0 / size), words))
     return Table(
-        "combinations of parameters, best determined first; uncertainty: what half a unit of the print at 600 1/s leaves of it",
+        "combinations of parameters, best determined first; uncertainty: that which half a unit of the print causes at 600 1/s",
         {"combination": "-", "singular_value": "-", "uncertainty": "-", "mostly": ""},
         rows,
     )
 
 
 def monotony(config: RigConfig) -> Table:
-    """The paper's matrix cannot give its spectra: at work no frequency lies below the one of the same rank at idle.
+    """Contradiction of the spectra to the paper's matrix, by which no frequency at work is below that of the same rank at idle.
 
-    With c_3 = h_3 = 0 the five-mass chain falls apart into the idle one and a pair of masses. No frequency of
-    a rank rises with less stiffness (Courant-Fischer), so idle 0, 0, w_1, w_2 and that of the pair are bounds from below for 0
-    and the four at work.
+    With c_3 = h_3 = 0 the five-mass chain separates into the chain at idle and a pair of masses. With less stiffness no frequency
+    of a rank rises (Courant-Fischer), so that idle 0, 0, w_1, w_2 and the frequency of the pair are lower bounds for 0 and the four
+    frequencies at work.
     """
     rows = []
     for name in ("flywheel", "shaft"):
         idle, work = PRINTED[name, "idle"], PRINTED[name, "work"]
-        # the pair's frequency, wherever it lies, only moves the idle ones up in rank: the highest two are at least w_1 and w_2
+        # the frequency of the pair can only raise the rank of those at idle: the highest two are at least w_1 and w_2
         for k, f in ((4, idle[1]), (3, idle[0])):
             rows.append((name, float(k), f, work[k - 1], 0.5 * max(0.0, f - work[k - 1]), 0.5 * max(0.0, f - work[k - 1]) / HALF))
     return Table(
-        "least frequency at work by the idle one of the same rank, the printed one, and by how much one of both must be wrong",
+        "least frequency at work by the one of the same rank at idle, the printed one, and the least error of one of the two",
         {"variant": "", "mode": "-", "least": "rad/s", "printed": "rad/s", "wrong_by": "rad/s", "half_units": "-"},
         rows,
     )
 
 
 def printed_stiffness(config: RigConfig) -> Table:
-    """How near the spectra can be met with c_2' = 1e4, c_2 = 3.6e3 Nm/rad and I_1 = 20e-4 kg m2, whatever the rest is."""
+    """Least error of the spectra with c_2' = 1e4, c_2 = 3.6e3 Nm/rad and I_1 = 20e-4 kg m2, whatever the other parameters are."""
     given = {"shaft": C_2, "serial": C_2_SERIAL}
     random = np.random.default_rng(2)
     worst, best = np.inf, None
@@ -348,18 +348,18 @@ def highest_middle(config: RigConfig) -> Table:
                 top = max(top, float(spectra_of(found)[0][row]))
         rows.append((regime, top, MIDDLE[1], MIDDLE[1] / top - 1.0))
     return Table(
-        "highest frequency of the serial saw under all parameters that meet the spectra of p. 3; p. 1 prints 1746 1/s",
+        "highest frequency of the serial saw over all parameters that agree with the spectra of p. 3; p. 1 prints 1746 1/s",
         {"regime": "", "highest": "rad/s", "printed": "rad/s", "beyond": "%"},
         rows,
     )
 
 
 def bench(config: RigConfig) -> Table:
-    """How near a saw with the paper's matrix can be to its printed spectra, which a bench confirmed to 12 %.
+    """Least deviation of a saw with the paper's matrix from the printed spectra, which a bench confirmed to 12 %.
 
-    The matrix has one I_3 at idle and at work, so that I_d is taken as none. Of all such saws the one is sought whose largest
-    deviation from the print is least: of the spectrum of the saw with the coupling, which was on the bench, then of all spectra of
-    p. 3 and the stiffness c_2 together, with I_1 = 20e-4 kg m2 and c_2 at 0.36 of c_2'.
+    The matrix has one I_3 for idle and work, so that I_d is zero. Of all such saws the calculation finds the one whose largest
+    deviation from the print is least: first for the spectrum of the saw with the coupling, which was on the bench, then for all
+    spectra of p. 3 and the stiffness c_2 together, with I_1 = 20e-4 kg m2 and c_2 at 0.36 of c_2'.
     """
     free = np.delete(np.arange(10), 3)
     random = np.random.default_rng(4)
@@ -418,10 +418,11 @@ def bench(config: RigConfig) -> Table:
 
 
 def full_chain(folded: np.ndarray, oiler: float, wedge: float, inline: bool) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
-    """Return masses and links of the chain of seven that the folded one (10,) stands for, and its parameters.
+    """Return masses and links of the full chain of seven masses for a folded one (10,), and its parameters.
 
-    The figure is lost. By the printed formulas I_7 lies between 4 and 5, and I_6 at 4 behind c_7, beside the chain or in it. The
-    shares ``oiler`` of I_6 and ``wedge`` of I_7 in I_4 are assumed. c_7 gives I_4 and I_6 the partial frequency 2.24e4 1/s.
+    The figure is lost. By the printed formulas I_7 lies between masses 4 and 5, and I_6 is connected to 4 by c_7, beside the chain
+    or in it. The shares ``oiler`` of I_6 and ``wedge`` of I_7 in I_4 are assumed. With c_7, I_4 and I_6 have the partial frequency
+    2.24e4 1/s.
     """
     i1, i2, i3, drum, i4n, i5n, c1, c2, c3n, c4n = folded
     i7 = wedge * i4n
@@ -431,7 +432,7 @@ def full_chain(folded: np.ndarray, oiler: float, wedge: float, inline: bool) -> 
     i5 = i5n - i7 * c5 / (c4 + c5)
     c7 = HIGHEST[0] ** 2 * i4 * i6 / (i4 + i6)
     c3 = c3n
-    if inline:  # the shares of 1 / c_7 that its sides get are no part of c_3 and c_4
+    if inline:  # c_3 and c_4 do not include the shares of 1 / c_7 that folding adds to either side
         c3 = 1.0 / (1.0 / c3n - oiler / c7)
         c4 = 1.0 / (1.0 / c4n - (1.0 - oiler) / c7) * 2.0
         c5 = c4
@@ -468,9 +469,9 @@ def _simplified(folded: np.ndarray, given: dict[str, float], rule: str) -> np.nd
 def folding(config: RigConfig) -> Table:
     """Factors of the folding, derived and printed: a mass between two links, and two masses with a link between them.
 
-    A mass between two links turns, slowly, by the twist's shares: its angle is (c_4 x_4 + c_5 x_5) / (c_4 + c_5), and its momentum
-    goes to the two sides by these shares, whose sum is 1. Of two masses on a link the outer one accelerates behind it with I_6 of
-    I_4 + I_6 of the torque, so the link's compliance counts with that share: c_7' = c_7 (I_4 + I_6) / I_6.
+    At low frequencies the angle of a mass between two links is (c_4 x_4 + c_5 x_5) / (c_4 + c_5), and its momentum is divided
+    between the two sides by the same shares, whose sum is 1. Of two masses on a link the outer one takes the share
+    I_6 / (I_4 + I_6) of the torque, so that the link's compliance counts with this share: c_7' = c_7 (I_4 + I_6) / I_6.
     """
     _, _, g = full_chain(_values(config), 0.02, 0.02, False)
     both = g["c_4"] + g["c_5"]
@@ -525,7 +526,7 @@ def ringing(config: RigConfig, recording: Recorded) -> Table:
     }
     found = modes(system_of(config), ("clutch",)).frequencies
     rows = []
-    for mode, name in ((1, "M_4"), (2, "M_4"), (3, "M_1"), (4, "M_1")):  # the shaft in which this mode is seen best
+    for mode, name in ((1, "M_4"), (2, "M_4"), (3, "M_1"), (4, "M_1")):  # the shaft whose torque shows this mode best
         at = min((one for one, _ in peaks[name]), key=lambda one: abs(one - found[mode]), default=0.0)
         rows.append((float(mode), name, float(TURN * found[mode]), float(TURN * at), float(at / found[mode] - 1.0)))
     return Table(
@@ -588,7 +589,7 @@ def coupling(config: RigConfig) -> Table:
 
 
 def given(config: RigConfig) -> Table:
-    """Values that the paper gives, as the calculations have them."""
+    """Values that the paper gives, as the calculations use them."""
     return Table(
         "values that the paper gives, p. 3 and 4",
         {"what": "", "value": "-"},
@@ -601,10 +602,10 @@ def given(config: RigConfig) -> Table:
 
 
 def disc_safety(config: RigConfig) -> Table:
-    """Torque M_3 at which the disc has the printed safety, if it is of the weakest and of the strongest rubber.
+    """Torque M_3 at which the disc has the printed safety, if its rubber is the weakest and if it is the strongest.
 
-    Neither M_3 nor the strength is printed. But a jam of the chain cannot load the coupling less than the engine does, nor
-    more than the flywheel and the crank do that run against a clutch which stands at once: w sqrt(c_2 (I_1 + I_2)).
+    Neither M_3 nor the strength is printed. But a jam of the chain loads the coupling at least with the torque of the engine, and
+    at most with the torque that arises when the clutch stops at once while flywheel and crank turn: w sqrt(c_2 (I_1 + I_2)).
     """
     stress = DISC["A_s"] / (2.0 * (DISC["D_2"] - DISC["D_1"]) * DISC["h"] * DISC["D"])
     engine = config.engine.torque_peak
@@ -614,7 +615,7 @@ def disc_safety(config: RigConfig) -> Table:
         torque = strength / (DISC["safety"] * stress)
         rows.append((name, strength, torque, torque / engine, float(torque / jam)))
     return Table(
-        f"torque at which the safety is 1.35; engine: {engine:.3g} Nm; jam, a clutch that stands at once at 7300 rpm: {jam:.4g} Nm",
+        f"torque at which the safety is 1.35; engine: {engine:.3g} Nm; jam, a clutch that stops at once at 7300 rpm: {jam:.4g} Nm",
         {"rubber": "", "strength": "MPa", "torque": "Nm", "over_engine": "-", "over_jam": "-"},
         rows,
     )

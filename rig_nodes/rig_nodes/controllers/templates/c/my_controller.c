@@ -3,8 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A shift controller of your own. Every 1 ms it computes the current setpoints from the inputs that the real controller's
- * wires carry.
+/* A shift controller of your own. Every 1 ms it computes the current setpoints from the same inputs as the real controller.
  *
  * The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a
  * ramp. Change this as you like. The controller runs in a process of its own, so static variables serve as well as a

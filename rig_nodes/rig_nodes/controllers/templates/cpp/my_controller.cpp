@@ -1,8 +1,7 @@
 // Copyright 2026 Virtual rig maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// A shift controller of your own. Every 1 ms it computes the current setpoints from the inputs that the real controller's
-// wires carry.
+// A shift controller of your own. Every 1 ms it computes the current setpoints from the same inputs as the real controller.
 //
 // The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a
 // ramp. Change this as you like.
