@@ -299,7 +299,6 @@ def _run_steps(
     kc: Floats,
     q: Floats,
     cap: Floats,
-    loss: Floats,
     v: Floats,
     twist: Floats,
     mode: Ints,
@@ -318,7 +317,7 @@ def _run_steps(
 ) -> None:
     for i in range(q.shape[0]):
         bare_step(
-            bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, events, count, work
+            bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], None, v, twist, mode, el, shaft, e_in, events, count, work
         )
         put(out_v[i], v)
         put(out_twist[i], twist)
@@ -573,7 +572,7 @@ class Run:
         kc[:, : len(s.shafts)] = s.kc
         out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
         soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
-        state = (x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+        state = (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
         if s.laws or s.meshes:
             run_laws(
                 settled_address(),
@@ -589,12 +588,13 @@ class Run:
                 kc,
                 q,
                 cap,
+                x.loss,
                 *state,
                 *out,
                 *soft,
             )
         else:
-            _run_steps(bare_address(), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
+            _run_steps(bare_address(losses=False), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
         return *out, *soft
 
     def _first(self, t: Floats) -> tuple[np.ndarray, ...]:
