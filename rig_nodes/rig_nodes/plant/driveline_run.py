@@ -414,8 +414,14 @@ class Run:
         """
         s = self.system
         taken = {number for mesh in s.meshes for number in (mesh.gear, mesh.brake)}
-        known = [*s.bodies, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
+        loaded = [body for body in s.bodies if body not in s.balanced]
+        known = [*loaded, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
         for name, signal in inputs.items():
+            if name in s.balanced:
+                raise RigError(
+                    f"driveline: body '{name}' has no inertia and stands between shafts, so that no torque but theirs may act on "
+                    "it; give it an inertia"
+                )
             if name not in known:
                 raise RigError(f"driveline: there is no input '{name}'; inputs are: {', '.join(known)}")
             self._inputs[name] = Input(name, signal, self.step_length)
