@@ -5,6 +5,8 @@
 
 import copy
 import math
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -220,3 +222,30 @@ def test_a_gears_torque_wants_one_of_its_bodies():
     d.gear("a", "b", 2.0, "wheels")
     with pytest.raises(RigError, match="'wheels' puts torques on a and b; name one of them"):
         run(d.build(), 1.0, 0.1).torque("wheels")
+
+
+def test_elements_that_a_description_does_not_use_have_no_compiled_code():
+    """A process that runs only clutches and shafts neither compiles nor loads anything for losses, tables and motions."""
+    code = """
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_kernel import driveline_step
+from rig_nodes.plant.driveline_laws import run_laws, settled_step
+from rig_nodes.plant.driveline_run import run
+
+def compiled():
+    print([str(one[8]) for one in driveline_step.signatures], len(settled_step.signatures), len(run_laws.signatures))
+
+d = Driveline()
+for name in "abc":
+    d.inertia(name, 1.0)
+d.clutch("k", "a", "b")
+d.shaft("s", "b", "c", stiffness=1e3)
+run(d.build(), 0.1, 1e-3, {"a": 5.0, "k": 2.0})
+compiled()
+d.inertia("d", 1.0)
+d.mesh("m", "c", "d", 2.0, 0.9)
+run(d.build(), 0.1, 1e-3, {"a": 5.0, "k": 2.0})
+compiled()
+"""
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert out == ["['none'] 0 0", "['none', 'array(float64, 2d, C)'] 1 1"]

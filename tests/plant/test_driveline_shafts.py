@@ -128,8 +128,16 @@ def bounce(stiffness, damping, gap, load, grid):
 
 @pytest.mark.parametrize(
     "stiffness, damping, gap, load",
-    [(1e4, 6.0, 0.1, 0.0), (1e4, 0.0, 0.1, 0.0), (1e5, 20.0, 0.02, 5.0), (1e5, 0.0, 0.02, 5.0), (1e6, 30.0, 0.1, 0.0)],
-    ids=["damped", "free", "stiff under load", "stiff, free, under load", "stiffer"],
+    [
+        (1e4, 6.0, 0.1, 0.0),
+        (1e4, 0.0, 0.1, 0.0),
+        (1e5, 20.0, 0.02, 5.0),
+        (1e5, 0.0, 0.02, 5.0),
+        (1e6, 30.0, 0.1, 0.0),
+        (1e7, 100.0, 0.1, 0.0),
+        (1e7, 30.0, 0.02, 5.0),
+    ],
+    ids=["damped", "free", "stiff under load", "stiff, free, under load", "stiffer", "stiffest", "stiffest under load"],
 )
 def test_contacts_begin_and_end_inside_a_step(stiffness, damping, gap, load):
     d = bodies()

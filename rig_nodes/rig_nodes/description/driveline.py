@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import RigError
 from ..parts import part as parts
 from ..plant.driveline import Driveline, System
 from ..plant.driveline_tables import Table, table_of
@@ -142,7 +143,16 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
             out.varying_inertia(one.name, *one.bodies, **_law(one.follows))
         elif one.kind in ("clutch", "brake") and one.follows:
             out.capacity(one.name, one.follows.of, by=one.follows.by, **_law(one.follows))
-    return out.build()
+    system = out.build()
+    for body in system.balanced:
+        turned = (device.name for device in structure.devices if body in parts.bodies_of(device.part, device.wires))
+        by = next(turned, "an input" if body in structure.inputs else None)
+        if by is not None:
+            raise RigError(
+                f"driveline: body '{body}' has no inertia and stands between shafts, so that no torque but theirs may act on it, "
+                f"and {by} does; give it an inertia"
+            )
+    return system
 
 
 def _columns(points: Points) -> tuple | None:

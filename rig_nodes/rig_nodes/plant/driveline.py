@@ -27,7 +27,7 @@ from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGH
 from rig_nodes.plant.driveline_motions import locks_itself, rank
 from rig_nodes.plant.driveline_picture import Body, Link, svg
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
-from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
+from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, move_nothing, start_speeds
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -132,6 +132,8 @@ class System:
         Rows of the shafts, followed by those of the laws that need one.
     factors : dict of str to float
         Inputs that the laws read, by name, with their defaults.
+    balanced : tuple of str
+        Bodies without inertia whose speeds follow from the balance of torques of their shafts; no torque may act on them.
     """
 
     bodies: tuple[str, ...]
@@ -158,6 +160,7 @@ class System:
     laws: tuple[Law, ...]
     slots: np.ndarray
     factors: dict[str, float]
+    balanced: tuple[str, ...]
 
     def state(self, max_events: int = 256, recorded: bool = False) -> State:
         """Return the initial state: each free-wheel overruns or is locked, everything else is open.
@@ -250,7 +253,7 @@ class Driveline:
             Name of the body.
         j : float
             Inertia [kg m2]. It may be 0 for a body that gears or relations tie to bodies with inertia, so that its speed follows
-            from theirs.
+            from theirs, and for one that only shafts with a stiffness hold, all damped in the same proportion to it.
         speed : float, optional
             Initial speed [rad/s]. Without it the speed follows from the bodies that are tied to this one, or is 0.
 
@@ -785,7 +788,9 @@ class Driveline:
                 f"driveline: {len(elements)} friction elements, two for each mesh or set with losses; at most {_MAX_ELEMENTS} work"
             )
         prescribed = [next(iter(on)) for kind, on, *_ in self._acts.values() if kind == MOTION]
-        speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations, prescribed)
+        balances, balanced = self._balances(bodies)
+        relations = self._relations | balances
+        speeds, t = bodies_from_speeds(self._inertia, self._gears, relations, prescribed)
         heavy = inertia > 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
@@ -805,7 +810,7 @@ class Driveline:
             sh[i] = ca * row[a] - cb * row[b]
             self._moves(name, sh[i])
         given = {name: speed for name, speed in self._speed.items() if speed is not None}
-        v_start = self._start(given, bodies, speeds, t)
+        v_start = self._start(given, bodies, speeds, t, relations)
         e = list(elements.values())
         one_way = np.array([x[6] for x in e], dtype=bool)
         for f, name in enumerate(elements):
@@ -838,7 +843,54 @@ class Driveline:
             _rows(bodies, self._ties.values()),
             tuple(self._mesh_of(name, tuple(elements)) for name in (*self._meshes, *self._lossy_sets)),
             *self._laws_of(bodies, speeds, t, w, sh, v_start),
+            balanced,
         )
+
+    def _balances(self, bodies: tuple[str, ...]) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
+        """Return the relations that hold bodies without inertia between shafts, and these bodies with what gears tie to them.
+
+        At such a body the torques of its shafts, k (x + b dx/dt) with the same b for all, balance at all times. So the rates of
+        their twists balance with the stiffnesses as weights, which is a relation between speeds; and with balanced twists at the
+        start the shafts act as those in series do. Shafts without stiffness balance with their dampings as weights.
+        """
+        found = move_nothing(self._inertia, self._gears, self._relations)
+        balances, balanced = {}, np.zeros(len(bodies), bool)
+        if not found:
+            return balances, ()
+        elements, rows, shafts = self._elements | self._mesh_elements(), self._mesh_rows(), self._shafts
+        acting = {name: rows.get(name, {a: ca, b: -cb}) for name, (a, b, ca, cb, *_) in elements.items()}
+        acting |= {name: on for name, (_, on, *_) in self._acts.items()}
+        acting |= {name: {a: ca, b: -cb} for name, (a, b, ca, cb, *_) in shafts.items() if name in self._soft}
+        twisting = _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in shafts.values()))
+        values = np.array([shaft[4:7] for shaft in shafts.values()], float).reshape(-1, 3)
+        for name, moves in found.items():
+            for one, row in zip(acting, _rows(bodies, acting.values()) @ moves):
+                if abs(row) > 1e-12:
+                    raise RigError(
+                        f"driveline: body '{name}' has no inertia, and '{one}' acts on it; without inertia it may have straight "
+                        "shafts only: give it one; a billionth of its neighbours' acts as none"
+                    )
+            share = twisting @ moves
+            on = np.abs(share) > 1e-12
+            if on.sum() < 2 or not values[on, :2].any():
+                continue
+            stiffness, damping, twist = values[on].T
+            weights = stiffness if stiffness.any() else damping
+            if np.abs(damping * weights.max() - damping[np.argmax(weights)] * weights).max() > 1e-9 * weights.max() * damping.max():
+                raise RigError(
+                    f"driveline: body '{name}' has no inertia, and the damping of its shafts is not in the same proportion to "
+                    "their stiffness; make it so, or give the body an inertia; a billionth of its neighbours' acts as none"
+                )
+            torques = share[on] * stiffness * twist
+            if abs(torques.sum()) > 1e-9 * np.abs(torques).max():
+                raise RigError(
+                    f"driveline: at the start the twists of its shafts put {-torques.sum():g} Nm on body '{name}', which has no "
+                    "inertia; give twists whose torques balance"
+                )
+            row = (share[on] * weights) @ twisting[on]
+            balances[f"the balance of torques at '{name}'"] = {body: c for body, c in zip(bodies, row) if c != 0.0}
+            balanced |= moves != 0.0
+        return balances, tuple(body for body, one in zip(bodies, balanced) if one)
 
     def _mesh_rows(self) -> dict[str, dict[str, float]]:
         """Return the coefficients of the two friction elements of each mesh and planetary set with losses, by name.
@@ -869,13 +921,20 @@ class Driveline:
         before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
         return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
 
-    def _start(self, given: Mapping[str, float], bodies: tuple[str, ...], speeds: tuple[str, ...], t: Floats) -> Floats:
+    def _start(
+        self,
+        given: Mapping[str, float],
+        bodies: tuple[str, ...],
+        speeds: tuple[str, ...],
+        t: Floats,
+        relations: Mapping[str, Mapping[str, float]],
+    ) -> Floats:
         if not self._meshes and not self._lossy_sets:
             return start_speeds(given, bodies, t)
         rows = self._mesh_rows()
         meshes = {f"mesh '{name}'": rows[name] for name in self._meshes}
         meshes |= {f"planetary set '{name}'": rows[name] for name in self._lossy_sets}
-        _, tied = bodies_from_speeds(self._inertia, self._gears, self._relations | meshes)
+        _, tied = bodies_from_speeds(self._inertia, self._gears, {**relations, **meshes})
         at_start = dict(zip(bodies, tied @ start_speeds(given, bodies, tied)))
         return np.array([at_start[name] for name in speeds])
 

@@ -69,9 +69,10 @@ def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple
 
 
 @cache
-def bare_types() -> tuple:
-    """Return the types of the arguments of plant.driveline_kernel.driveline_step."""
-    return types.float64, types.float64, *array_types(ARGUMENTS)
+def bare_types(losses: bool = True) -> tuple:
+    """Return the types of the arguments of plant.driveline_kernel.driveline_step, for a driveline with or without losses."""
+    arrays = dict(zip(ARGUMENTS, array_types(ARGUMENTS)))
+    return types.float64, types.float64, *(arrays if losses else arrays | {"loss": types.none}).values()
 
 
 def address_of(function: Compiled, signature: tuple) -> int:
@@ -104,9 +105,9 @@ def address_of(function: Compiled, signature: tuple) -> int:
 
 
 @cache
-def bare_address() -> int:
-    """Return the address of plant.driveline_kernel.driveline_step."""
-    return address_of(driveline_step, bare_types())
+def bare_address(losses: bool = True) -> int:
+    """Return the address of plant.driveline_kernel.driveline_step, for a driveline with or without losses."""
+    return address_of(driveline_step, bare_types(losses))
 
 
 def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> ir.Value:
@@ -149,5 +150,5 @@ def bare_step(
     count: types.Type,
     work: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """Call driveline_step by its address."""
-    return calling(bare_types())
+    """Call driveline_step by its address, which is that without losses where the caller gives None for them."""
+    return calling(bare_types(loss != types.none))

@@ -166,7 +166,7 @@ def driveline_step(
     kc: Floats,
     q: Floats,
     cap: Floats,
-    loss: Floats,
+    loss: Floats | None,
     v: Floats,
     twist: Floats,
     mode: Ints,
@@ -207,9 +207,9 @@ def driveline_step(
         Rows KIN0, KIN1: kinetic torque >= 0; LO0, LO1 <= 0 and HI0, HI1 >= 0: stick limits (a limit below the kinetic torque
         counts as the kinetic torque; infinite at both ends or at none); VISC: drag coefficient over the step. An element with
         kin, lo, hi zero at both ends is OPEN.
-    loss : (k, loss_width(n, m)) array
+    loss : (k, loss_width(n, m)) array, or None
         Losses that grow with a torque, with the columns of driveline_losses. The capacities, above 0, of the elements that they
-        own come from there.
+        own come from there. With None for no losses the compiler leaves out all that they need, a tenth of a short step.
     v : (n,) array
         Speeds, changed in place.
     twist : (s,) or (s + n,) array
@@ -249,17 +249,18 @@ def driveline_step(
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]
-    at = places(n, m, s, loss.shape[0])
+    at = places(n, m, s, int(0) if loss is None else loss.shape[0])
     op, oh, orr, of, oa, odf, odv, orate = at.p, at.h, at.r, at.force, at.accel, at.dforce, at.dv, at.rate
     ost, ocand, oforce, olossy = at.state, at.candidate, at.side, at.lossy
     os0, os1, ol0, ol1 = at.slip0, at.slip1, at.torque0, at.torque1
-    for f in range(m):
-        work[olossy + f] = 0.0
-    for k in range(loss.shape[0]):
-        work[olossy + int(loss[k, OWN])] = 1.0
-        loss[k, BEFORE] = loss[k, LAST]
-    put_losses(loss, cap, int(0), int(LAST))
-    put_losses(loss, cap, int(1), int(LAST))
+    if loss is not None:
+        for f in range(m):
+            work[olossy + f] = 0.0
+        for k in range(loss.shape[0]):
+            work[olossy + int(loss[k, OWN])] = 1.0
+            loss[k, BEFORE] = loss[k, LAST]
+        put_losses(loss, cap, int(0), int(LAST))
+        put_losses(loss, cap, int(1), int(LAST))
     work[FIRST] = 0.0
     made = 0
     joint = False
@@ -304,7 +305,7 @@ def driveline_step(
     undecided = 0
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
-        if jams >= 0:
+        if loss is not None and jams >= 0:
             # the only call of stop, as each has to pass all these arrays on
             made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
             jams = int(-1)
@@ -322,7 +323,8 @@ def driveline_step(
             # a joint decision that was reversed at once is one between equal choices: decide it with the inputs of a little later
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
-            decided = resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
+            losses = cap[:0] if loss is None else loss
+            decided = resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, losses, v, twist, mode, el, events, count, work)
             if decided < 0:
                 jams = -1 - decided
                 continue
@@ -339,8 +341,9 @@ def driveline_step(
         if left <= 0.0:
             break
         # forces at the start of the sub-step; put_losses sets the capacities under losses at both ends
-        put_losses(loss, cap, int(0), int(LAST))
-        put_losses(loss, cap, int(1), int(LAST))
+        if loss is not None:
+            put_losses(loss, cap, int(0), int(LAST))
+            put_losses(loss, cap, int(1), int(LAST))
         pattern = 1.0
         bit = 1.0
         for j in range(n):
@@ -400,7 +403,8 @@ def driveline_step(
             if stale(d, pattern, cap, work):
                 implicit(d, w, sh, kc, cap, work)
             xb = 1.0 if d == left else (tl + d) / h
-            put_losses(loss, cap, int(1), int(-1))
+            if loss is not None:
+                put_losses(loss, cap, int(1), int(-1))
             for j in range(n):
                 work[odf + j] = lin(q[0, j], q[1, j], xb) - lin(q[0, j], q[1, j], xa)
             for f in range(m):
@@ -408,7 +412,7 @@ def driveline_step(
                 if mo == OPEN:
                     work[ol1 + f] = 0.0
                 elif mo != STUCK:
-                    xe = xb if work[olossy + f] == 0.0 else 1.0
+                    xe = xb if loss is None or work[olossy + f] == 0.0 else 1.0
                     if mo == LOCKED_HIGH:
                         torque = high(cap, f, xe)
                     elif mo == LOCKED_LOW:
@@ -424,7 +428,7 @@ def driveline_step(
                 torque = kc[0, a] * d * work[orate + a]
                 for j in range(n):
                     work[odf + j] -= sh[a, j] * torque
-            if loss.shape[0] > 0:
+            if loss is not None and loss.shape[0] > 0:
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
                     # a mesh jams in this sub-step; halve it until it ends just before that
                     if watch:
@@ -509,7 +513,7 @@ def driveline_step(
                     lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
                     xs = xa
                     xe = xb
-                    if work[olossy + f] != 0.0:
+                    if loss is not None and work[olossy + f] != 0.0:
                         xs = 0.0
                         xe = 1.0
                     for sign in (1, -1):
@@ -541,7 +545,7 @@ def driveline_step(
             else:
                 # in a linear problem the shortened step ends at the root; with drag, shafts or losses it does not end exactly there
                 tries += 1
-                if (work[3] == 0.0 and loss.shape[0] == 0) or tries > 60:
+                if (work[3] == 0.0 and (loss is None or loss.shape[0] == 0)) or tries > 60:
                     break
                 if first < d * (1.0 - 1e-9):
                     hit = who
@@ -569,8 +573,9 @@ def driveline_step(
         if d > 0.0:
             if 0.0 <= work[FIRST] <= 1e-9 * h:
                 work[FIRST] = tl + d
-            for k in range(loss.shape[0]):
-                loss[k, LAST] = loss[k, NEXT]
+            if loss is not None:
+                for k in range(loss.shape[0]):
+                    loss[k, LAST] = loss[k, NEXT]
             stuck = False
             for f in range(m):
                 work[oforce + f] = 0.0

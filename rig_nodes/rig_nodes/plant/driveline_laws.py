@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.compiled import INNER, intrinsic, njit, types
+from rig_nodes.compiled import INLINED, INNER, intrinsic, njit, types
 from rig_nodes.plant.driveline_algebra import (
     E_FRIC,
     E_SHAFT,
@@ -275,13 +275,12 @@ def capacity_at(tables: Tables, k: int, x: float) -> float:
     return factor if factor > least_capacity(tables, k, x) else 0.0
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def put(to: Floats | Ints, what: Floats | Ints) -> None:
-    """Copy the numbers of an array into another one."""
-    noinline()
-    to, what = to.reshape(-1), what.reshape(-1)
-    for i in range(to.shape[0]):
-        to[i] = what[i]
+    """Copy the numbers of an array into another one, both C-contiguous."""
+    # a reshaped array would be counted as one more owner of its memory, which costs more than the copy
+    for i in range(to.size):
+        to.flat[i] = what.flat[i]
 
 
 @njit(**INNER)

@@ -299,7 +299,6 @@ def _run_steps(
     kc: Floats,
     q: Floats,
     cap: Floats,
-    loss: Floats,
     v: Floats,
     twist: Floats,
     mode: Ints,
@@ -318,7 +317,7 @@ def _run_steps(
 ) -> None:
     for i in range(q.shape[0]):
         bare_step(
-            bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, events, count, work
+            bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], None, v, twist, mode, el, shaft, e_in, events, count, work
         )
         put(out_v[i], v)
         put(out_twist[i], twist)
@@ -415,8 +414,14 @@ class Run:
         """
         s = self.system
         taken = {number for mesh in s.meshes for number in (mesh.gear, mesh.brake)}
-        known = [*s.bodies, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
+        loaded = [body for body in s.bodies if body not in s.balanced]
+        known = [*loaded, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
         for name, signal in inputs.items():
+            if name in s.balanced:
+                raise RigError(
+                    f"driveline: body '{name}' has no inertia and stands between shafts, so that no torque but theirs may act on "
+                    "it; give it an inertia"
+                )
             if name not in known:
                 raise RigError(f"driveline: there is no input '{name}'; inputs are: {', '.join(known)}")
             self._inputs[name] = Input(name, signal, self.step_length)
@@ -573,7 +578,7 @@ class Run:
         kc[:, : len(s.shafts)] = s.kc
         out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
         soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
-        state = (x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+        state = (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
         if s.laws or s.meshes:
             run_laws(
                 settled_address(),
@@ -589,12 +594,13 @@ class Run:
                 kc,
                 q,
                 cap,
+                x.loss,
                 *state,
                 *out,
                 *soft,
             )
         else:
-            _run_steps(bare_address(), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
+            _run_steps(bare_address(losses=False), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
         return *out, *soft
 
     def _first(self, t: Floats) -> tuple[np.ndarray, ...]:

@@ -4,7 +4,8 @@
 """Finds which speeds of a driveline are free: eliminates its gears, planetary sets and other linear relations exactly.
 
 Used by plant/driveline.py. Bodies that gears alone join turn as one, by factors that are products of the gear ratios. Every
-other relation then removes one of these speeds, that of a body without inertia if there is one.
+other relation then removes one of these speeds, that of a body without inertia if there is one. Between shafts the balance of
+torques at such a body is a relation too.
 """
 
 from __future__ import annotations
@@ -54,6 +55,32 @@ def bodies_from_speeds(
     RigError
         For loops that cannot turn, for relations that add nothing new and for bodies that could turn without moving any inertia.
     """
+    free, t = _tied(inertia, gears, relations, kept)
+    _moves_inertia(inertia, free, t)
+    return tuple(free), t
+
+
+def move_nothing(
+    inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]], relations: Mapping[str, Mapping[str, float]]
+) -> dict[str, np.ndarray]:
+    """Return the bodies whose speeds are free and move no inertia, and the speeds (b,) of all bodies by each of these.
+
+    The arguments and errors are those of :func:`bodies_from_speeds`. Without such bodies, and where bodies without inertia could
+    turn only together with others, there are none.
+    """
+    free, t = _tied(inertia, gears, relations)
+    heavy = t[[j > 0.0 for j in inertia.values()]]
+    alone = np.flatnonzero(~heavy.any(axis=0))
+    return {free[j]: t[:, j] for j in alone}
+
+
+def _tied(
+    inertia: Mapping[str, float],
+    gears: Sequence[tuple[str, str, float]],
+    relations: Mapping[str, Mapping[str, float]],
+    kept: Collection[str] = (),
+) -> tuple[list[str], np.ndarray]:
+    """Do the elimination of :func:`bodies_from_speeds`, whatever inertia the speeds move."""
     bodies = tuple(inertia)
     root, factor = _gear_groups(inertia, gears)
     free = [name for name in bodies if root[name] == name]
@@ -83,8 +110,7 @@ def bodies_from_speeds(
                     f"driveline: with {name}, body '{body}' could not turn any more; "
                     f"name the {GROUND} in its place, or mend what contradicts it"
                 )
-    _moves_inertia(inertia, free, t)
-    return tuple(free), t
+    return free, t
 
 
 def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarray) -> np.ndarray:
