@@ -209,8 +209,8 @@ def driveline_step(
         kin, lo, hi zero at both ends is OPEN.
     loss : (k, loss_width(n, m)) array, or None
         Losses that grow with a torque, with the columns of driveline_losses. The capacities, above 0, of the elements that they
-        own come from there. None where there are no losses: the step is then compiled without
-        them, which saves a tenth of its time.
+        own come from there. None where there are no losses: the step is then compiled without them, which saves a tenth
+        of its time.
     v : (n,) array
         Speeds, changed in place.
     twist : (s,) or (s + n,) array
@@ -240,11 +240,13 @@ def driveline_step(
     int
         Number of events.
 
-    Notes ----- With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft
-    (acceleration linear, speed quadratic in time) and A-stable where there is. Zero slip and overload are roots of the quadratic
-    and of the linear function; with drag or shafts the shortened step is solved again until its end meets the root. Energies are
-    mean torque times mean slip: the trapezoidal rule satisfies work = kinetic + spring energy + losses with these to rounding, for
-    any step, and no loss can become negative; against the exact integral they are of second order in the step.
+    Notes
+    -----
+    With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft (acceleration linear,
+    speed quadratic in time) and A-stable where there is. Zero slip is a root of the quadratic and overload a root of the linear
+    function; with drag or shafts the shortened step is solved again until its end meets the root. An energy is the product of mean
+    torque and mean slip. With these energies the trapezoidal rule satisfies work = kinetic + spring energy + losses to rounding,
+    for any step, and no loss can become negative. Compared with the exact integrals they are of second order in the step.
     """
     noinline()
     n = minv.shape[0]
@@ -307,7 +309,7 @@ def driveline_step(
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
         if loss is not None and jams >= 0:
-            # the only call of stop, as each has to pass all these arrays on
+            # the only call of stop, because each call is compiled with the passing of all these arrays
             made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
             jams = int(-1)
             joint = True
