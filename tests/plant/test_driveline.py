@@ -294,7 +294,7 @@ def test_mirrored_signs_give_the_mirrored_motion():
 
 
 def test_running_in_pieces_gives_the_same_bits():
-    """A second run that starts every step with a fresh work buffer, as after a restart, has the same end."""
+    """A second run that begins every step with a new work buffer, as after a restart, ends with the same values."""
     system = gearbox()
     q, cap = np.zeros((2, len(system.speeds))), system.limits()
     q[:] = 60.0 * system.bodies_from_speeds[system.bodies.index("in")]
@@ -348,7 +348,7 @@ def test_step_halving_converges_with_second_order():
 
 
 def test_random_chain_against_scipy():
-    """The engagement of a chain of three, only slipping, with drag and a shaft, is compared with an adaptive solver."""
+    """Three bodies with slipping clutches, drag and a shaft have the speeds of an adaptive solver; no clutch locks."""
     rng = np.random.default_rng(7)
     j = rng.uniform(0.2, 1.5, 3)
     d = Driveline()
@@ -441,7 +441,7 @@ def test_a_free_planetary_set_accelerates_by_its_two_by_two_mass_matrix():
     d.planetary("set", "sun", "ring", "carrier", K)
     system = d.build()
     assert system.speeds == ("sun", "ring")
-    by_sun, by_ring = 1.0 / (1.0 + K), K / (1.0 + K)  # shares of the carrier's speed
+    by_sun, by_ring = 1.0 / (1.0 + K), K / (1.0 + K)  # w_carrier = by_sun w_sun + by_ring w_ring
     mass = np.array([[js + jc * by_sun**2, jc * by_sun * by_ring], [jc * by_sun * by_ring, jr + jc * by_ring**2]])
     assert system.mass == pytest.approx(mass, rel=1e-14)
     start = np.array([2.0 * (1.0 + K) + 3.0 * K, -3.0])
@@ -453,7 +453,7 @@ def test_a_free_planetary_set_accelerates_by_its_two_by_two_mass_matrix():
 
 
 def test_a_planetary_gearbox_shifts_under_power_from_its_brake_to_its_clutch():
-    """The sun is driven, the carrier is the output, the ring has no inertia: the brake holds the low gear, the clutch joins all."""
+    """The brake holds the ring in the low gear; in the high gear the clutch makes sun, ring and carrier turn as one."""
     js, jc, drive, load, low = 0.3, 4.0, 40.0, -90.0, 1.0 + K
     d = Driveline()
     d.inertia("sun", js, speed=35.0 * low)
@@ -488,7 +488,7 @@ def test_a_planetary_gearbox_shifts_under_power_from_its_brake_to_its_clutch():
 
 
 def test_wheels_without_inertia_are_the_coefficients_of_a_clutch_bit_for_bit():
-    """Wheel z3, the countershaft and wheel z5 of the laboratory's gearbox are bodies, or coefficients in the clutches' slips."""
+    """Described once with z3, countershaft and z5 as bodies, and once with coefficients in the clutches' slips instead of them."""
     z3, countershaft, z5 = 34 / 47, 41 / 41, 41 / 40  # teeth of tab. 3.2
     as_bodies, as_numbers = Driveline(), Driveline()
     for name, j, d in (
@@ -514,7 +514,7 @@ def test_wheels_without_inertia_are_the_coefficients_of_a_clutch_bit_for_bit():
 
 
 def test_a_relation_of_its_own_kind_ties_four_bodies():
-    """In a differential whose carrier is geared, twice the crown's speed is the sum of both wheels'; the crown is on a shaft."""
+    """Twice the speed of a differential's crown is the sum of the speeds of its two wheels; a gear ties the crown to a shaft."""
     d = Driveline()
     d.inertia("shaft", 0.1, speed=20.0)
     d.inertia("crown", 0.0)
@@ -542,7 +542,7 @@ def described(*calls):
     d.inertia("a", 1.0)
     d.inertia("b", 1.0)
     for name, *args in calls:
-        kwargs = args.pop() if isinstance(args[-1], dict) else {}  # the coefficients of a relation stand before an empty dictionary
+        kwargs = args.pop() if isinstance(args[-1], dict) else {}  # after the coefficients of a relation an empty one is given
         getattr(d, name)(*args, **kwargs)
     return d.build()
 
@@ -629,7 +629,7 @@ def test_consistent_gear_loop_is_accepted():
 
 @pytest.mark.parametrize("seed", range(40))
 def test_random_drivelines_keep_the_laws(seed):
-    """In any arrangement, redundant ones too, energy closes, locked means no slip, and friction only brakes."""
+    """In any arrangement, also a redundant one, energy closes, locked elements do not slip, and friction gives no energy."""
     rng = np.random.default_rng(seed)
     names = [f"J{i}" for i in range(rng.integers(2, 6))]
     d = Driveline()

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertia over an angle: a slider-crank, compared with its own energy and momentum."""
+"""Inertia over an angle: a slider-crank, compared with the balances of energy and torques."""
 
 import math
 
@@ -97,7 +97,7 @@ def test_a_gear_to_a_crank_carries_what_the_slider_takes():
     slope = MASS * (lever(at + 1e-5) ** 2 - lever(at - 1e-5) ** 2) / 2e-5
     takes = (WHEEL + MASS * lever(at) ** 2) * r.accelerations()[:, 0] + 0.5 * slope * r.speed("crank") ** 2
     assert r.torque("gear", "crank") == pytest.approx(takes, abs=0.02) and np.ptp(takes) > 0.5
-    # what the slider puts on the crank
+    # the torque of the slider on the crank
     assert r.torque("piston") == pytest.approx(WHEEL * r.accelerations()[:, 0] - takes, abs=0.02)
 
 

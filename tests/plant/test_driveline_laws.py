@@ -71,7 +71,7 @@ def test_a_curve_with_bends_against_scipy():
 
 
 def test_a_torque_over_the_angle_swings_a_pendulum_with_its_exact_period():
-    """Angle by a table that repeats itself; period 4 K(sin(a/2)) / w (e.g. Landau, Mechanics, par. 11)."""
+    """The torque is a periodic table over the angle; the swing lasts 4 K(sin(a/2)) / w (e.g. Landau, Mechanics, par. 11)."""
     angles = np.linspace(-math.pi, math.pi, 20001)
     d = Driveline()
     d.inertia("pendulum", 0.5)
@@ -132,7 +132,7 @@ def test_friction_that_falls_with_slip_stops_a_body_when_its_closed_form_says():
 
 
 def test_friction_that_falls_with_slip_makes_a_shaft_stick_and_slip():
-    """A body on a spring is pulled over falling friction: events and speeds are compared with scipy's, from stick to stick."""
+    """A spring pulls a body whose friction falls with slip: it breaks away and sticks again when a solution by scipy does."""
     friction, pull = ([0.0, 1.0, 10.0], [1.0, 0.6, 0.5]), 0.5
     d = Driveline()
     d.inertia("puller", 1.0, speed=pull)
@@ -167,7 +167,7 @@ def test_a_stick_limit_may_differ_by_direction():
 
 
 def centrifugal():
-    """Returns shoes that press by the square of their speed beyond 100 rad/s."""
+    """Returns a clutch whose capacity grows with the square of the engine's speed, from 0 at 100 rad/s."""
     speeds = np.linspace(100.0, 400.0, 3001)
     d = Driveline()
     d.inertia("engine", 0.02)
@@ -212,7 +212,7 @@ def test_a_capacity_over_an_angle_and_one_over_the_slip_of_another_element():
 
 
 def test_a_capacity_that_is_0_at_the_slip_of_a_locked_clutch_stays_0():
-    """That slip is a number of rounding size: a capacity from it must neither open and close nor end a step undecided."""
+    """The slip of a locked clutch is a rounding error: a capacity over it must not switch on and off, or cap a step."""
     d = Driveline()
     for name, j in (("a", 0.7), ("b", 0.3), ("c", 1.0)):
         d.inertia(name, j)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Any number of losses by torque, and the short way of a step without events, compared with the whole step."""
+"""Any number of losses by torque; and the short calculation of a step without events, compared with the full one."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def step(lines, t=0.0):
 
 
 def chain(count):
-    """Returns four bodies in a row, clutches between them, and `count` losses whose elements stand in no order."""
+    """Returns four bodies in a row, clutches between them, and `count` losses whose elements are in mixed order."""
     d = Driveline()
     for name, j in zip("abcd", J):
         d.inertia(name, j, speed=50.0)
@@ -121,7 +121,7 @@ def test_a_loss_may_brake_the_element_that_another_one_owns():
 
 
 def test_the_short_way_of_a_quiet_step_is_the_whole_one():
-    """Three speeds, a shaft, drag, slip and locked elements side by side: 400 steps by both."""
+    """Both calculate 400 steps of a driveline with three speeds, a shaft, drag, and slipping beside locked elements."""
     d = Driveline()
     d.inertia("sun", 0.2, speed=120.0)
     d.inertia("ring", 0.0)
@@ -154,7 +154,7 @@ def test_the_short_way_of_a_quiet_step_is_the_whole_one():
 
 
 def test_the_short_way_holds_a_shaft_whose_brakes_share_a_load_above_the_limit_of_one():
-    """Two brakes on a shaft and one behind a gear of 2, limits 4, 30 and 5 Nm, under a load that swings: both ways alike."""
+    """Two brakes on a shaft and one behind a gear of 2, with limits of 4, 30 and 5 Nm, have the same torques in both ways."""
     d = Driveline()
     d.inertia("shaft", 0.4)
     d.inertia("wheel", 0.3)

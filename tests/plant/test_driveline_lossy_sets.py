@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A planetary set with efficiency, compared with closed forms: its teeth pass on power by the speeds against the carrier.
+"""A planetary set with efficiency, compared with closed forms: its loss is a share of the power by speeds relative to the carrier.
 
-The closed forms follow from Willis' relation, and from the torques on the teeth in balance with that on the carrier.
+The closed forms follow from Willis' relation and from the balance of the torques on sun, ring and carrier.
 """
 
 import itertools
@@ -33,8 +33,8 @@ def closes(r):
 
 
 def passed(efficiency, held, drives):
-    """Share of the power of the driving member that the other one gets, by Willis and the balance of torques."""
-    # torques on the teeth: 1 of the sun, K e of the ring, the carrier has the rest; e is turned round where the ring drives
+    """Returns the share of the driving member's power that the driven one gets, and the driven torque over the driving one."""
+    # torques: 1 on the sun, K e on the ring, the rest on the carrier; e is 1 / efficiency where power flows from ring to sun
     speeds = {
         "ring": {"sun": 1.0 + K, "carrier": 1.0},
         "sun": {"ring": (1.0 + K) / K, "carrier": 1.0},
@@ -67,7 +67,7 @@ def test_each_member_drives_each_other_with_the_efficiency_of_the_closed_form(ef
 
 @pytest.mark.parametrize("efficiency", [0.9, 0.4])
 def test_a_free_set_divides_the_torque_of_its_sun_by_what_its_teeth_lose(efficiency):
-    """The torques on the ring and on the carrier are K e and -(1 + K e) times the one that the sun gives to the teeth."""
+    """The torques on the ring and on the carrier are K e and -(1 + K e) times the sun's torque on its teeth."""
     r = run(described(efficiency), 0.5, 1e-2, {"sun": 30.0, "carrier": -10.0})
     # unknown: accelerations of sun, ring and carrier, and the torque t of the sun on the teeth
     rows = [
@@ -83,7 +83,7 @@ def test_a_free_set_divides_the_torque_of_its_sun_by_what_its_teeth_lose(efficie
 
 
 def test_a_self_locking_set_holds_its_load_until_its_sun_drives_it_down():
-    """With its carrier held it is a mesh: the load at the ring cannot turn the sun where the share back is below 0."""
+    """With its carrier held it acts as a mesh: a load at the ring cannot turn the sun where `back` is below 0."""
     load, back = 50.0, -0.3
     held = run(described(0.45, back, held="carrier"), 1.0, 1e-2, {"ring": load})
     assert np.abs(held.speeds).max() < 1e-18

@@ -38,7 +38,7 @@ def test_two_clutches_between_the_same_bodies_are_one_of_both_their_capacities()
 
 @pytest.mark.parametrize("kind", ["clutches", "shafts"])
 def test_a_body_of_a_billionth_of_its_neighbours_inertia_acts_as_none_between_two_in_series(kind):
-    """Two clutches in series are the weaker one, two springs one whose compliance is the sum of theirs."""
+    """Two clutches in series act as the weaker one, two springs as one whose compliance is the sum of theirs."""
     series, one, inputs, other = Driveline(), Driveline(), {"a": lambda t: 20.0 * math.sin(5.0 * t)}, {}
     for d in (series, one):
         d.inertia("a", 0.7, speed=90.0)
@@ -112,7 +112,7 @@ def test_a_chain_of_fifty_bodies_on_shafts_runs_and_has_its_modes():
 
 @pytest.mark.parametrize("step", [0.5, 1e-3])
 def test_elements_lock_break_away_and_lock_again_within_one_step(step):
-    """Four equal pairs side by side, each with its closed form: slipping to 0, carried along, torn loose, caught again."""
+    """Each of four pairs slips, locks, breaks away while a torque drives it, and locks again, at the times of its closed form."""
     d, inputs = Driveline(), {}
     drive = ([0.0, 0.2, 0.2, 0.3, 0.3, 1.0], [0.0, 0.0, 90.0, 90.0, 0.0, 0.0])
     for k in range(4):

@@ -31,7 +31,7 @@ def pair(efficiency, back=None, speed=0.0, ratio=R):
 
 
 def gain(at_a, at_b, passes):
-    """Returns the acceleration of b where `passes` is the share of a's torque, times the ratio, that arrives at b."""
+    """Returns the acceleration of b, where b gets the share `passes` of a's torque times the ratio."""
     return (at_b + passes * R * at_a) / (JB + passes * R**2 * JA)
 
 
@@ -60,7 +60,7 @@ def test_the_efficiency_is_exact_in_all_four_quadrants(efficiency, direction, dr
 
 @pytest.mark.parametrize("efficiency", EFFICIENCIES)
 def test_a_loaded_mesh_sticks_between_the_torques_of_its_two_directions(efficiency):
-    """Under a load at b it starts forwards at load / (R efficiency), and backwards at load * efficiency / R."""
+    """Under a load at b it breaks away forwards at load / (R efficiency) at a, and backwards at load * efficiency / R."""
     load, upper = 30.0, 30.0 / (R * efficiency)
     r = run(pair(efficiency), 4.0, 1e-2, {"b": -load, "a": ([0.0, 2.0, 4.0], [load / R, load / R + 2.0 * upper, 0.0])})
     moves = [e for e in r.events if e.t > 0.0]
@@ -86,7 +86,7 @@ def test_a_self_locking_mesh_holds_its_load_until_it_is_driven_down(efficiency, 
 
 
 def light_worm_behind_a_clutch():
-    """Returns a self-locking mesh that its own heavy wheel drives, with a further wheel behind a clutch."""
+    """Returns a self-locking mesh that its heavy wheel b drives, with a further wheel behind a clutch."""
     d = Driveline()
     d.inertia("a", 0.001, speed=10.0)
     d.inertia("b", 1.0)
@@ -103,7 +103,7 @@ def test_a_self_locking_mesh_jams_at_once_when_a_heavy_wheel_drives_it_at_speed(
     r = run(d.build(), 0.5, step, {"b": 5.0, "c1": 3.0})
     assert r.capped == 0 and [(e.element, e.kind) for e in r.events if e.element == "m loss"][-1] == ("m loss", "lock")
     assert np.abs(r.speeds[1:, :2]).max() < 1e-20 and np.abs(r.residual()).max() < 1e-12 * r.stored[0]
-    # the clutch cannot pass an impulse on: what is behind it runs out under the clutch's torque
+    # the clutch transmits its torque but no impulse, so that the wheel behind it slows down evenly
     assert np.interp(0.2, r.t, r.speed("c")) == pytest.approx(10.0 - 3.0 * 0.2, rel=1e-6)
     losses = r.e_fric.sum(axis=1)
     assert losses[1] == pytest.approx(0.5 * 1.001 * 100.0, rel=0.05) and np.diff(losses).min() >= 0.0
@@ -153,7 +153,7 @@ def test_a_motion_bears_its_share_of_the_impulse_that_stops_a_mesh(step):
 
 
 def test_a_mesh_that_breaks_away_takes_the_loss_that_lasts():
-    """A set across it returns so much power by inertia that two losses fit; at the greater one a small disturbance grows."""
+    """With a set across the mesh two losses satisfy the equations; at the greater one a small disturbance would grow."""
     efficiency, back, ratio, set_ratio, j_a, j_b, j_c = 0.4, 0.3, 0.7, 2.8, 0.1, 2.0, 3.0
     d = Driveline()
     d.inertia("a", j_a)
@@ -165,7 +165,8 @@ def test_a_mesh_that_breaks_away_takes_the_loss_that_lasts():
     r = run(d.build(), 1.0, 2e-3, {"a": at_a, "b": at_b})
     (begun,) = (e.t for e in r.events if e.kind == "break")
     assert at_b(begun) * back == pytest.approx(-at_a * ratio) and closes(r)
-    # by inertia a drives, though its load was what held: J_b b' - s J_c c' = T_b + ratio efficiency (T_a - J_a a' - (1 + s) J_c c')
+    # in motion a drives by its inertia, although b overcame the load at a:
+    # J_b b' - s J_c c' = T_b + ratio efficiency (T_a - J_a a' - (1 + s) J_c c')
     c = (1.0 + set_ratio) * ratio - set_ratio
     passed = ratio * efficiency
     inertia = j_b - set_ratio * j_c * c + passed * (j_a * ratio + (1.0 + set_ratio) * j_c * c)
@@ -197,7 +198,7 @@ def test_a_motion_moves_a_mesh_that_lets_power_through(efficiency, back, body):
 
 @pytest.mark.parametrize("sun, holds", [(0.45, True), (0.95, False)])
 def test_refuses_a_motion_against_a_loop_of_meshes_whose_power_goes_round(sun, holds):
-    """Of the power that a set without losses sends round through a mesh, the mesh loses more than goes in from outside."""
+    """Of the power that circulates through a set and the mesh, the mesh would lose more than is supplied from outside."""
     d = Driveline()
     for name in ("a", "b", "c"):
         d.inertia(name, 1.0)
@@ -215,7 +216,7 @@ def test_refuses_a_motion_against_a_loop_of_meshes_whose_power_goes_round(sun, h
 @pytest.mark.parametrize("efficiency", EFFICIENCIES)
 @pytest.mark.parametrize("step", [0.05, 1e-3])
 def test_reversing_under_a_steady_torque_has_its_events_where_the_closed_form_has_them(efficiency, step):
-    """While it turns forwards, a slows it down and b drives. It reverses at once, and then a drives it backwards."""
+    """While the mesh turns forwards, b drives it and a slows it down. It reverses without sticking; then a drives it backwards."""
     at_a, at_b, speed = -20.0, 3.0, 5.0
     r = run(pair(efficiency, speed=speed), 3.0, step, {"a": at_a, "b": at_b})
     slows = gain(at_a, at_b, 1.0 / efficiency)
@@ -310,7 +311,7 @@ def test_the_loss_of_a_mesh_is_no_input():
 
 @pytest.mark.parametrize("jump", [8.0, 5.0 + 1e-13])
 def test_a_torque_that_jumps_finds_the_loss_with_all_torques_that_follow_the_motion(jump):
-    """A weight acts the same as an input and as a table: the loss just behind a jump includes it."""
+    """A weight has the same effect as an input and as a table: the loss immediately after a jump includes it."""
     speeds = []
     for law in (False, True):
         d = Driveline()

@@ -52,7 +52,7 @@ def test_a_geared_branch_counts_by_the_square_of_its_ratio():
     d.shaft("belt", "wheel", "fan", stiffness=300.0)
     d.gear("mill", "wheel", 0.5)
     m = modes(d.build())
-    # reduced to the wheel's speed: motor and coupling times 36, the mill a quarter
+    # reduced to the wheel's speed: 36 times the motor and the coupling, a quarter of the mill
     jm, jw, jf, km, kf = 36 * 0.1, 9.0 / 4, 0.4, 36 * 800.0, 300.0
     half = 0.5 * (km * (1 / jm + 1 / jw) + kf * (1 / jw + 1 / jf))
     product = km * kf * (jm + jw + jf) / (jm * jw * jf)

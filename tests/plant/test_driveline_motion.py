@@ -32,7 +32,7 @@ def sine(t):
 
 
 def test_a_clutch_breaks_away_when_the_acceleration_asks_more_than_it_holds():
-    """It carries 0.5 * 60 |cos 6t| and holds 1.2 * 20: the first time after its lock-up is (pi - acos 0.8) / 6."""
+    """It carries 0.5 * 60 |cos 6t| Nm, up to 1.2 * 20 Nm: after its lock-up it first breaks away at (pi - acos 0.8) / 6 s."""
     exact = (math.pi - math.acos(0.8)) / 6.0
     for step in (1e-2, 5e-3, 2.5e-3, 1e-3, 1e-4):
         d = shaken(a=1.0, b=0.5)
@@ -77,7 +77,7 @@ def test_a_brake_on_a_moved_body_adds_its_torque_to_that_of_the_motion():
     away = np.abs(np.sin(6.0 * middle)) > 0.01
     assert r.torque("m")[1:][away] == pytest.approx(asked[away], abs=1e-3)
     assert r.e_fric[-1, 0] == pytest.approx(7.0 * np.abs(np.diff(r.angle("a"))).sum(), rel=1e-4) and closes(r)
-    # held still it sticks
+    # the brake sticks while the motion holds the body still
     still = run(d.build(), 1.0, 1e-3, {"m": ([0.0, 0.5, 1.0], [0.0, 0.0, 3.0]), "b": 7.0})
     assert [(e.kind, e.t) for e in still.events] == [("lock", 0.0), ("break", pytest.approx(0.5))] and closes(still)
 
@@ -87,7 +87,7 @@ def test_two_moved_bodies_and_a_clutch_between_them():
     d.clutch("k", "a", "b")
     d.clutch("pull", "b", "c")
     r = run(d.build(), 2.0, 1e-3, {"m": sine, "mb": lambda t: 5.0 * math.sin(6.0 * t) + 2.0, "k": 3.0, "pull": 20.0})
-    # 5 sin 6t passes 2
+    # the slip, 5 sin 6t - 2, is 0
     crossings = [e.t for e in r.events if e.element == "k" and e.kind == "cross"]
     assert crossings[:2] == pytest.approx([math.asin(0.4) / 6.0, (math.pi - math.asin(0.4)) / 6.0], abs=1e-6)
     assert r.speed("c")[500:] == pytest.approx(r.speed("b")[500:], abs=1e-9) and closes(r)
@@ -98,7 +98,7 @@ def test_a_moved_member_of_a_set_drives_the_others_by_their_inertia():
     d.planetary("set", "sun", "ring", "carrier", 2.0)
     system = d.build()
     r = run(system, 0.5, 1e-3, {"msun": sine, "carrier": 4.0})
-    # sun = 3 carrier - 2 ring: the torques of the set are x (1, 2, -3)
+    # w_sun + 2 w_ring = 3 w_carrier: the torques of the set on them are x times 1, 2 and -3
     gain = 60.0 * np.cos(6.0 * r.t)
     x = (gain - 3.0 * 4.0 / 0.8) / -(4.0 / 0.5 + 9.0 / 0.8)
     ring = 2.0 * x / 0.5

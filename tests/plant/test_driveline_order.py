@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What follows the motion is of second order in the step: a quarter of the error at half the step, against its own fine run."""
+"""Elements that depend on the motion: half the step has a quarter of the error, compared with a run of a far shorter step."""
 
 import math
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A description without a run is drawn: every body and every joint has its name in the picture."""
+"""A description is drawn without being run: every body and every joint has its name in the picture."""
 
 import xml.etree.ElementTree as ElementTree
 

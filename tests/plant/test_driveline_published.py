@@ -149,9 +149,10 @@ def test_elastic_bearing_a_relation_between_a_gear_and_its_housing():
 
 
 def test_backlash_a_spring_and_damper_and_the_first_contact_of_one_with_backlash():
-    """The first contact lets go at 0.02366 s, before its damper would pull, and the wheel turns freely through the gap.
+    """The first contact opens at 0.02366 s, where its damper would begin to pull, and the wheel turns freely through the gap.
 
-    Then ElastoBacklash limits the damping of a contact that begins by the torque of its spring too, which this one does not.
+    Later contacts are not compared: ElastoBacklash also limits the damping at the beginning of a contact to the torque of the
+    spring, which this shaft does not do.
     """
     for gap, end, published, twist in (
         (0.0, 1.0, [(0.02, -85.880065173), (0.05, 0.836918958), (0.075, 68.485139332), (1.0, -0.143703314)], (1.0, 0.0105180348)),

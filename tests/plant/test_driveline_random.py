@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drivelines of 2 to 12 bodies from every kind of element under random loads: finite, energy closed, locked means locked.
+"""Random drivelines of 2 to 12 bodies with every kind of element: finite values, closed energy, no slip of locked elements.
 
-Some of them always; two thousand on demand: `./rig test -m campaign tests/plant/test_driveline_random.py`.
+Some of them run always, two thousand on demand: `./rig test -m campaign tests/plant/test_driveline_random.py`.
 """
 
 import math
@@ -19,7 +19,7 @@ STEP, END = 2e-3, 2.0
 
 
 def draw(seed):
-    """(a description, its inputs) from a seed; some descriptions contradict themselves."""
+    """Return a description and its inputs, drawn from a seed; some descriptions contradict themselves."""
     rng = np.random.default_rng(seed)
     names = [f"J{i}" for i in range(rng.integers(2, 13))]
     d, inputs, joined = Driveline(), {}, []
@@ -155,7 +155,7 @@ def check(seed, everything=True):
     slips = np.abs(np.where(np.abs(r.modes) >= 2, r.slips, 0.0)).max(axis=0, initial=0.0)
     creep = [name for name, slip in zip(system.elements, slips) if slip >= 1e-9 * (1.0 + np.abs(r.speeds).max())]
     assert not creep, f"seed {seed}: locked, {creep} slip"
-    # where locked clutches close a loop round a mesh it is open who carries what: steps may be capped
+    # where locked clutches close a loop round a mesh, their torques are not determined: steps may be capped
     assert system.meshes or r.capped <= 0.02 * len(r.t), f"seed {seed}: {r.capped} of {len(r.t) - 1} steps are capped"
     return True
 

@@ -133,7 +133,7 @@ def test_a_controller_is_called_every_so_many_steps_and_its_torque_holds_between
 
 
 def test_a_controller_sees_slip_and_sets_a_capacity():
-    """The controller leads the slip down a straight line; the next row shows what it asks for."""
+    """The controller makes the slip fall along a straight line, which each row meets from one step to the next."""
 
     def controller(now):
         wanted = max(0.0, 100.0 - 200.0 * (now.t + 1e-3))

@@ -41,7 +41,7 @@ def test_a_shaft_with_a_ratio_is_a_shaft_behind_a_gear():
 
 
 def test_a_shaft_that_hardens_swings_with_the_period_of_its_potential():
-    """It is straight to 0.1 rad and three times as stiff beyond: the half period is the integral of dx over the speed."""
+    """Its stiffness is constant to 0.1 rad and three times that beyond: half a period is the integral of dx over the speed."""
     j = 0.5 * 2.0 / 2.5
     d = bodies()
     d.shaft("s", "a", "b", table=([-0.2, -0.1, 0.1, 0.2], [-80.0, -20.0, 20.0, 80.0]))
@@ -95,9 +95,10 @@ def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
 
 
 def bounce(stiffness, damping, gap, load, grid):
-    """Speeds of the two bodies over the grid: the equations of MSL 4.1.0's ElastoBacklash2, by scipy from contact to contact.
+    """Return the speeds of the two bodies at the times of `grid` by the equations of MSL 4.1.0's ElastoBacklash2.
 
-    A contact does not pull: where damping would exceed the torque of the spring there is no torque.
+    scipy solves them from one contact to the next. A contact does not pull: where damping would exceed the torque of the spring
+    there is no torque.
     """
     y, t, out = np.array([3.0, 0.0, 0.0]), 0.0, np.zeros((len(grid), 2))
     out[0], side = y[:2], 0.0

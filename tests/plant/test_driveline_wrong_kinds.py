@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A value of another type than a description or a run takes is refused in a sentence that names it, never by Python."""
+"""A value of a type that a description or a run does not take is refused in one sentence, not by an error of Python's."""
 
 import math
 

@@ -253,7 +253,7 @@ class Driveline:
             Name of the body.
         j : float
             Inertia [kg m2]. It may be 0 for a body that gears or relations tie to bodies with inertia, so that its speed follows
-            from theirs, and for one that only shafts with a stiffness hold, all damped in the same proportion to it.
+            from theirs, and for one on which only shafts act whose dampings are in the same proportion to their stiffnesses.
         speed : float, optional
             Initial speed [rad/s]. Without it the speed follows from the bodies that are tied to this one, or is 0.
 
@@ -629,7 +629,7 @@ class Driveline:
         """Prescribe the speed of a body by the input with the name of the motion.
 
         Without that input the speed stays at its initial value. The torque of the motion is computed and is a result. A speed that
-        jumps is reached within a step. Only one speed can be prescribed of bodies that gears tie to each other.
+        jumps is reached within a step. Of bodies that gears tie to each other only one can have a prescribed speed.
 
         Parameters
         ----------
@@ -847,11 +847,11 @@ class Driveline:
         )
 
     def _balances(self, bodies: tuple[str, ...]) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
-        """Return the relations that hold bodies without inertia between shafts, and these bodies with what gears tie to them.
+        """Return the relations for bodies without inertia between shafts, and these bodies with those that gears tie to them.
 
         At such a body the torques of its shafts, k (x + b dx/dt) with the same b for all, balance at all times. So the rates of
-        their twists balance with the stiffnesses as weights, which is a relation between speeds; and with balanced twists at the
-        start the shafts act as those in series do. Shafts without stiffness balance with their dampings as weights.
+        their twists, each times its stiffness, balance too, which is a relation between speeds. The torques stay in balance if
+        they are so at the start. Where no shaft has a stiffness, the rates are multiplied by the dampings instead.
         """
         found = move_nothing(self._inertia, self._gears, self._relations)
         balances, balanced = {}, np.zeros(len(bodies), bool)

@@ -20,8 +20,8 @@ from rig_nodes.plant.driveline_tables import Tables, line, piece
 
 SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less does not divide the step
 RESOLVED = 0.0015  # rad: most phase of the oscillation of a shaft with changing stiffness that a part of a step covers
-STIFF = 1900.0  # rad/s: above it the phase falls with the frequency, as the errors of more oscillations add up in the same time
-PARTS, PARTS_STIFF = 128, 1024  # most parts of a step, below STIFF and above it
+STIFF = 1900.0  # rad/s: above it less phase is allowed, because the errors of more oscillations add up in the same time
+PARTS, PARTS_STIFF = 128, 1024  # most parts of a step, up to STIFF and above it
 NEAR = 1e-4  # share of a change of twist within which a bend counts as at its beginning or end
 
 

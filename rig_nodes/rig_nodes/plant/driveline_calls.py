@@ -150,5 +150,5 @@ def bare_step(
     count: types.Type,
     work: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """Call driveline_step by its address, which is that without losses where the caller gives None for them."""
+    """Call driveline_step by its address; where None is given for the losses, it is the step compiled without them."""
     return calling(bare_types(loss != types.none))

@@ -75,7 +75,7 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
         t = 2.0 * y0 / den
         return t if t <= d else (d if y1 <= 0.0 else np.inf)
     if y0 < -tol:
-        # a root of the last sub-step at which rounding leaves a rest: accepted while the slip moves to the right side
+        # a root of the last sub-step at which rounding leaves a residual: accepted while the slip moves to the right side
         return 0.0 if b < 0.0 else np.inf
     low = y1 - y0
     if a > 0.0 and b < 0.0 and -b < 2.0 * a * d:
@@ -209,7 +209,8 @@ def driveline_step(
         kin, lo, hi zero at both ends is OPEN.
     loss : (k, loss_width(n, m)) array, or None
         Losses that grow with a torque, with the columns of driveline_losses. The capacities, above 0, of the elements that they
-        own come from there. With None for no losses the compiler leaves out all that they need, a tenth of a short step.
+        own come from there. None where there are no losses: the step is then compiled without them, which saves a tenth
+        of its time.
     v : (n,) array
         Speeds, changed in place.
     twist : (s,) or (s + n,) array
@@ -239,11 +240,13 @@ def driveline_step(
     int
         Number of events.
 
-    Notes ----- With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft
-    (acceleration linear, speed quadratic in time) and A-stable where there is. Zero slip and overload are roots of the quadratic
-    and of the linear function; with drag or shafts the shortened step is solved again until its end meets the root. Energies are
-    mean torque times mean slip: the trapezoidal rule satisfies work = kinetic + spring energy + losses with these to rounding, for
-    any step, and no loss can become negative; against the exact integral they are of second order in the step.
+    Notes
+    -----
+    With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft (acceleration linear,
+    speed quadratic in time) and A-stable where there is. Zero slip is a root of the quadratic and overload a root of the linear
+    function; with drag or shafts the shortened step is solved again until its end meets the root. An energy is the product of mean
+    torque and mean slip. With these energies the trapezoidal rule satisfies work = kinetic + spring energy + losses to rounding,
+    for any step, and no loss can become negative. Compared with the exact integrals they are of second order in the step.
     """
     noinline()
     n = minv.shape[0]
@@ -306,7 +309,7 @@ def driveline_step(
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
         if loss is not None and jams >= 0:
-            # the only call of stop, as each has to pass all these arrays on
+            # the only call of stop, because each call is compiled with the passing of all these arrays
             made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
             jams = int(-1)
             joint = True
@@ -320,7 +323,7 @@ def driveline_step(
                         slip += w[f, j] * v[j]
                     if abs(slip) <= tol:
                         work[ocand + f] = 1.0
-            # a joint decision that was reversed at once is one between equal choices: decide it with the inputs of a little later
+            # a joint decision that was reversed at once was one between equal choices: decide with the inputs of a later instant
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
             losses = cap[:0] if loss is None else loss

@@ -278,7 +278,7 @@ def capacity_at(tables: Tables, k: int, x: float) -> float:
 @njit(**INLINED)
 def put(to: Floats | Ints, what: Floats | Ints) -> None:
     """Copy the numbers of an array into another one, both C-contiguous."""
-    # a reshaped array would be counted as one more owner of its memory, which costs more than the copy
+    # reshape would make numba count one more reference to the memory, which takes longer than the copy
     for i in range(to.size):
         to.flat[i] = what.flat[i]
 

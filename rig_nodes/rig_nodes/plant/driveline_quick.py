@@ -591,7 +591,7 @@ def quick_step(base: int, layout: Ints, h: float, t: float) -> int:
             by_slot[TWIST0, slot[k]] = 0.0
         begin, end, height, point, rise = line(tables, k, piece(tables, k, here))
         if here == begin:
-            # at a bend the piece before it is as near as the one behind it
+            # at a bend the pieces before and behind it are equally close
             begin = np.inf if by_law[DX, k] < 0.0 else begin
         by_law[BEGIN, k], by_law[END, k], by_law[RISE, k] = begin, end, rise
         by_law[VALUE, k] = height + rise * (here - point)

@@ -199,10 +199,9 @@ class Result:
         ----------
         name : str
             A clutch, brake or free-wheel (torque without its drag), a shaft, a torque or motion of the description (for a motion
-            the mean of the last step), what a slider-crank or varying inertia puts on its body, or a gear, mesh, planetary set or
-            relation.
+            the mean of the last step), a slider-crank or varying inertia, a gear, mesh, planetary set or relation.
         body : str, optional
-            The body on which the gear, mesh, planetary set or relation puts the torque; needed for these.
+            The body on which the gear, mesh, planetary set or relation acts; needed for these.
 
         Returns
         -------
@@ -331,7 +330,7 @@ class Run:
     """A run of a driveline that can be stepped, stopped and continued; it begins at t = 0.
 
     A step ends at each point of a table, unless the points are as close as steps: then each step takes the mean of the table over
-    it. A body without an input has no torque, and a clutch or brake without one is open. A copy (copy.deepcopy) runs on
+    it. A body without an input has no torque, and a clutch or brake without one is open. A copy (copy.deepcopy) continues
     independently.
 
     Parameters

@@ -30,7 +30,7 @@ def bodies_from_speeds(
     relations: Mapping[str, Mapping[str, float]],
     kept: Collection[str] = (),
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Return the bodies whose speeds are free, and the speeds of all bodies by theirs.
+    """Return the bodies whose speeds are free, and the coefficients that give the speeds of all bodies from these.
 
     Parameters
     ----------
@@ -63,10 +63,10 @@ def bodies_from_speeds(
 def move_nothing(
     inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]], relations: Mapping[str, Mapping[str, float]]
 ) -> dict[str, np.ndarray]:
-    """Return the bodies whose speeds are free and move no inertia, and the speeds (b,) of all bodies by each of these.
+    """Return the bodies whose free speeds move no inertia, each with the speeds (b,) of all bodies where its own speed is 1.
 
-    The arguments and errors are those of :func:`bodies_from_speeds`. Without such bodies, and where bodies without inertia could
-    turn only together with others, there are none.
+    The arguments and errors are those of :func:`bodies_from_speeds`. The result is empty where each body
+    without inertia can turn only together with bodies that have some.
     """
     free, t = _tied(inertia, gears, relations)
     heavy = t[[j > 0.0 for j in inertia.values()]]
@@ -80,7 +80,7 @@ def _tied(
     relations: Mapping[str, Mapping[str, float]],
     kept: Collection[str] = (),
 ) -> tuple[list[str], np.ndarray]:
-    """Do the elimination of :func:`bodies_from_speeds`, whatever inertia the speeds move."""
+    """Do the elimination of :func:`bodies_from_speeds`, also where a speed moves no inertia."""
     bodies = tuple(inertia)
     root, factor = _gear_groups(inertia, gears)
     free = [name for name in bodies if root[name] == name]
