@@ -239,13 +239,13 @@ def _without_compiler(caching: ModuleType) -> None:
 
 def _read_only(cache: Any, signature: object, context: object) -> object:
     """Return a function from numba's cache, or None; in place of the method load_overload of numba's Cache."""
-    _tell_helpers(context)
+    _register_helpers(context)
     with cache._guard_against_spurious_io_errors():
         return cache._load_overload(signature, context)
 
 
 @cache
-def _tell_helpers(context: Any) -> None:
+def _register_helpers(context: Any) -> None:
     """Register with LLVM the addresses of the C functions of numba's memory management, which cached code calls."""
     from llvmlite.binding import add_symbol
     from numba.core.runtime import _nrt_python, rtsys

@@ -357,7 +357,7 @@ def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, a
     names = ("n_wej", "n_wyj", "p1", "p2", "current_1", "current_2", "current_3", "gear_request")
     try:
         for sample in (last, next_one):
-            controller.told = {"sample": sample, "level": 1} | dict.fromkeys(names, 0)
+            controller.newest = {"sample": sample, "level": 1} | dict.fromkeys(names, 0)
             controller.answer()
             laws.append(controller.law)
     finally:

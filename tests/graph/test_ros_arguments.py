@@ -69,7 +69,7 @@ def test_no_executable_takes_a_namespace(said, tmp_path, monkeypatch, start, arg
 @pytest.mark.parametrize(
     "start, arguments, ros, sentence",
     [
-        (of("rig_container"), [], ["-r", "__node:=lab"], "the rig's nodes keep their names"),
+        (of("rig_container"), [], ["-r", "__node:=lab"], "so these cannot change"),
         (of("rig_container"), [], ["-p", "motor:sped:=100.0"], "no parameter of /motor 'sped'; did you mean 'speed'?"),
         (of("rig_container"), [], ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
         (of("rig_container"), [], ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
@@ -176,5 +176,5 @@ def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain
     texts = {text for _, _, name, text, _ in Bag(tmp_path / "bag").events() if name == "setting_changed"}
     assert {"motor.speed = 100 rad/s", "alfa46.t12 = 0.25 s", "alfa46.t21 = 0.125 s"} <= texts
     log = (tmp_path / "logs" / "rig_container.log").read_text()
-    assert "what it says of /motr is for no node here" in log
+    assert "its entry /motr is for no node here" in log
     assert "--ros-args -p t12:=0.25: none of /rig, /motor" in log and "nothing done here" in log

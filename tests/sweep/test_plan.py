@@ -89,7 +89,7 @@ def test_a_file(tmp_path):
         ({"alfa46.t12": "-6 s .. 1 s in 3"}, {}, "outside -5 to 5"),
         ({"alfa46.t12": "100 ms .. 50 ms in 3"}, {}, "the range must rise"),
         ({"alfa46.t12": "-250 ms .. -150 ms"}, {}, "method grid needs values"),
-        ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "lhs"}, "say how many with --samples"),
+        ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "lhs"}, "give their number with --samples"),
         ({"alfa46.t12": "-250 ms .. -150 ms"}, {"samples": 0}, "samples is 0, expected 1 to"),
         ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "sobol", "samples": 3}, "expected grid, list, random, lhs"),
         ({"alfa46.t12": "-1 ms .. 1 ms log"}, {"samples": 3}, "must be above 0"),

@@ -339,7 +339,7 @@ def _parsed(ros_type: str, text: str) -> tuple[Node, str, Typestore]:
     """Return the tree and the hash of a type, and the store that decodes its messages."""
     store = get_typestore(Stores.EMPTY)
     try:
-        types = get_types_from_msg(_said(ros_type, text), ros_type)
+        types = get_types_from_msg(_stripped(ros_type, text), ros_type)
         _Size(ros_type, types).check()
         store.register(types)
         return _message(ros_type, store.fielddefs), store.hash_rihs01(ros_type), store
@@ -351,7 +351,7 @@ def _parsed(ros_type: str, text: str) -> tuple[Node, str, Typestore]:
         raise RigError(f"the definition of {ros_type} cannot be read ({why}); expected .msg text") from None
 
 
-def _said(ros_type: str, text: str) -> str:
+def _stripped(ros_type: str, text: str) -> str:
     """Return a definition without empty lines and comments: the parser's time grows with the square of the number of lines."""
     lines = [line for line in text.replace("\r\n", "\n").split("\n") if line.strip() and not line.lstrip().startswith("#")]
     longest = max(map(len, lines), default=0)

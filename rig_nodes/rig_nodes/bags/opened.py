@@ -23,7 +23,7 @@ from .definitions import installed
 from .index import BagIndex
 from .mcap_file import Contents
 from .metadata import profile_text, read_profile
-from .pieces import PACKED, Told, in_order, plain, told
+from .pieces import PACKED, Metadata, in_order, plain, read_metadata
 from .reader import Bag
 
 KINDS = (".mcap", ".db3")
@@ -64,7 +64,7 @@ class OpenedBags:
         self.path = ", ".join(map(str, paths))
         self.pieces: list[BagIndex] = []
         self.files: list[Path] = []
-        self.told: Counter[str] = Counter()  # messages per topic by metadata.yaml
+        self.stated: Counter[str] = Counter()  # messages per topic by metadata.yaml
         self.left_out: Counter[str] = Counter()  # messages per topic that the recorder left out on purpose, by metadata.yaml
         self.holes: Counter[str] = Counter()  # of these, messages that leave a hole in the sequence numbers
         self._damage: list[str] = []
@@ -144,13 +144,13 @@ class OpenedBags:
 
     def lost(self, held: Counter[str]) -> dict[str, int]:
         """Return how many messages per topic the bags' own counts exceed those that were read."""
-        said = {topic: max(self.counts.get(topic, 0), self.told[topic]) for topic in {**self.counts, **self.told}}
+        said = {topic: max(self.counts.get(topic, 0), self.stated[topic]) for topic in {**self.counts, **self.stated}}
         return {topic: count - held[topic] for topic, count in said.items() if count > held[topic]}
 
     def _open(self, path: Path) -> None:
         files, problems, about = files_of(path)
         self._damage += problems
-        self.told.update(about.counts)
+        self.stated.update(about.counts)
         self.left_out.update(about.left_out)
         self.holes.update(about.left_out)
         self.holes.subtract(about.left_out_at_end)
@@ -185,7 +185,7 @@ class OpenedBags:
         return _from_sqlite(file, Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-bag-"))))
 
 
-def files_of(path: Path) -> tuple[list[Path], list[str], Told]:
+def files_of(path: Path) -> tuple[list[Path], list[str], Metadata]:
     """Return the files of a bag in their order, one sentence for each that is missing, and the contents of metadata.yaml.
 
     Parameters
@@ -199,13 +199,13 @@ def files_of(path: Path) -> tuple[list[Path], list[str], Told]:
         When there is none.
     """
     if path.is_file():
-        return [path], [], Told()
+        return [path], [], Metadata()
     if not path.is_dir():
         raise BagError(f"{path}: there is no such file or folder; give the folder of a bag or one of its files")
     found = in_order([file for file in path.iterdir() if file.name.removesuffix(PACKED).endswith(KINDS)])
-    problems, about = [], Told()
+    problems, about = [], Metadata()
     try:
-        about = told(path)
+        about = read_metadata(path)
         listed = [path / name for name in about.files]
         problems = [f"{file} is missing, which metadata.yaml lists" for file in listed if not file.is_file()]
         found = [file for file in listed if file.is_file()] + [file for file in found if file not in listed]

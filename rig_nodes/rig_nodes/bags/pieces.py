@@ -64,7 +64,7 @@ def in_order(files: list[Path]) -> list[Path]:
 
 
 @dataclass(frozen=True)
-class Told:
+class Metadata:
     """The contents of a bag's metadata.yaml.
 
     Attributes
@@ -85,14 +85,14 @@ class Told:
     left_out_at_end: dict[str, int] = field(default_factory=dict)
 
 
-def told(folder: Path) -> Told:
+def read_metadata(folder: Path) -> Metadata:
     """Return the contents of a folder's metadata.yaml; nothing when there is no such file, BagError when it is not valid.
 
     The topics' qualities of service are not read: they are three quarters of the text, whose reading takes 40 ms.
     """
     path = folder / "metadata.yaml"
     if not path.is_file():
-        return Told()
+        return Metadata()
     if path.stat().st_size > limits.YAML:
         raise BagError(f"{path}: is of {path.stat().st_size} bytes, larger than the {limits.YAML} that are read")
     try:
@@ -106,7 +106,7 @@ def told(folder: Path) -> Told:
         left_out = [
             {str(topic): int(count) for topic, count in json.loads(custom.get(key, "{}")).items()} for key in (LEFT_OUT, AT_END)
         ]
-        return Told(names, counts, *left_out)
+        return Metadata(names, counts, *left_out)
     except (OSError, TypeError, KeyError, ValueError, AttributeError, RecursionError) as error:
         raise BagError(f"{path}: is no description of a bag ({type(error).__name__}: {error})") from None
 

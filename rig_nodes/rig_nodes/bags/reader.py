@@ -31,7 +31,7 @@ from . import limits
 from .cdr import all_frameless, decode_as, exact
 from .definitions import Definition, parse
 from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
-from .pieces import files_of_run, plain, told
+from .pieces import files_of_run, plain, read_metadata
 from .rig_record import rig_record
 from .sequence_numbers import Numbers, holes, lives_of
 
@@ -745,11 +745,11 @@ def _stamps(head: np.ndarray) -> np.ndarray:
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
     """Return one sentence per difference between metadata.yaml and the file beside it."""
     try:
-        said = told(metadata.parent).counts
+        stated = read_metadata(metadata.parent).counts
     except RigError as error:
         return [str(error)]
     return [
-        f"{metadata}: counts {said.get(topic, 0)} messages of {topic} where the bag holds {counts.get(topic, 0)}"
-        for topic in {**said, **counts}
-        if said.get(topic, 0) != counts.get(topic, 0)
+        f"{metadata}: counts {stated.get(topic, 0)} messages of {topic} where the bag holds {counts.get(topic, 0)}"
+        for topic in {**stated, **counts}
+        if stated.get(topic, 0) != counts.get(topic, 0)
     ]

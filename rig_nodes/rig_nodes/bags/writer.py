@@ -466,7 +466,7 @@ class BagWriter:
     def _end_file(self) -> None:
         """Write the end of the file, and pack it where whole files are packed."""
         self._writer.flush()
-        topics = [_told(name, topic, topic.count - topic.before) for name, topic in self._topics.items()]
+        topics = [_topic_entry(name, topic, topic.count - topic.before) for name, topic in self._topics.items()]
         this = metadata.File(self.path.name, self._first, self._last, sum(topic["count"] for topic in topics))
         self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata.bag_metadata([this], topics)})
         self._writer.finish()
@@ -477,11 +477,11 @@ class BagWriter:
 
     def _finish(self) -> None:
         self._end_file()
-        topics = [_told(name, topic, topic.count) for name, topic in {**self._earlier, **self._topics}.items()]
+        topics = [_topic_entry(name, topic, topic.count) for name, topic in {**self._earlier, **self._topics}.items()]
         information = metadata.bag_metadata(self._files, topics, self._layout.packing == "file", self.custom)
         # an atomic write, because a folder with metadata.yaml counts as a finished bag
         atomic_write(self.folder / "metadata.yaml", metadata.metadata_file(information))
 
 
-def _told(name: str, topic: _Topic, count: int) -> dict:
+def _topic_entry(name: str, topic: _Topic, count: int) -> dict:
     return {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": count}

@@ -71,7 +71,7 @@ def _look(work: str, path: str) -> int:
         if work == "hash":
             hashes, kept = content_hash(bags)
             print(f"{hashes['all']}  {path}")
-            return _told(path, kept)
+            return _print_lost(path, kept)
         kept = check(bags) if work == "check" else count(bags)
         if work == "info":
             _info(path, bags, kept)
@@ -80,7 +80,7 @@ def _look(work: str, path: str) -> int:
             if work == "check":
                 print(f"{path}: whole, {held} messages of {len(kept.counts)} topics")
             return WHOLE
-        return _told(path, kept)
+        return _print_lost(path, kept)
 
 
 def _info(path: str, bags: OpenedBags, kept: Kept) -> None:
@@ -111,10 +111,10 @@ def _write(args: argparse.Namespace) -> int:
             raise RigError(f"{bags.path}: holds no messages; there is nothing to write")
         path, kept = write(bags, args.out, topics, begin, end)
     print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
-    return _told(bags.path, kept)
+    return _print_lost(bags.path, kept)
 
 
-def _told(path: str, kept: Kept) -> int:
+def _print_lost(path: str, kept: Kept) -> int:
     """Print what is lost and return the exit code."""
     if kept.whole:
         return WHOLE

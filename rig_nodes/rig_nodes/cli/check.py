@@ -39,7 +39,7 @@ def main(args: argparse.Namespace) -> int:
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
-    print("\n".join(_told(config)))
+    print("\n".join(_summary(config)))
     for path in _sequences(args.rig):
         sequence = load_sequence(path, None, args.rig)
         sequence.check_rig(config)
@@ -87,7 +87,7 @@ def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
         yield f"calibration: {', '.join(f'{stage}.{name}' for stage, those in stages.items() for name in those)}"
 
 
-def _told(config: RigConfig) -> Iterator[str]:
+def _summary(config: RigConfig) -> Iterator[str]:
     """Yield the lines of the description's summary."""
     structure, n = config.structure, len(config.catalogue.signals)
     yield f"{config.name}: {config.description}"

@@ -199,7 +199,7 @@ def _table(found: Found) -> Iterator[str]:
     import numpy as np
 
     modes = found.modes
-    yield f"{found.state.name}" + (f" ({', '.join(found.state.locked)} locked)" if _said(found) else "")
+    yield f"{found.state.name}" + (f" ({', '.join(found.state.locked)} locked)" if _hides_locks(found) else "")
     if not len(modes.frequencies):
         yield "  nothing can turn"
         return
@@ -213,7 +213,7 @@ def _table(found: Found) -> Iterator[str]:
         yield "  no shaft can twist in this state, so its bodies only turn as one"
 
 
-def _said(found: Found) -> bool:
+def _hides_locks(found: Found) -> bool:
     """Whether the name of a state does not show what is locked."""
     return bool(found.state.locked) and "locked" not in found.state.name
 

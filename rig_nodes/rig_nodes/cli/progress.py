@@ -34,7 +34,7 @@ class ProgressLine:
         tqdm.monitor_interval = 0  # no thread of its own
         tqdm.set_lock(threading.RLock())  # also no semaphore of the system, which would start another process
         self._of, self._begun, self._format = of, begun, tqdm.format_meter
-        self._start = self._told = time.monotonic() - since
+        self._start = self._printed_at = time.monotonic() - since
         # a fixed size, because tqdm shows no line on a terminal that reports no size
         shape = {"bar_format": "{desc}", "ncols": WIDTH, "nrows": 20}
         self._bar = tqdm(total=of, initial=begun, file=sys.stderr, **shape) if sys.stderr.isatty() else None
@@ -52,8 +52,8 @@ class ProgressLine:
                 self._bar.close()
             return
         now = time.monotonic()
-        if last or part or now - self._told >= QUIET:
-            self._told = now
+        if last or part or now - self._printed_at >= QUIET:
+            self._printed_at = now
             gone, wide = now - self._start, len(text) + WIDTH
             line = self._format(done, self._of, gone, prefix=text, bar_format=form, initial=self._begun, ncols=wide)
             print(line, file=sys.stderr, flush=True)

@@ -52,7 +52,7 @@ class ControllerFmu(Plug):
         said = os.memfd_create("said")
         record = record_of(config)
         outputs, names = len(record.outputs), list(record.names)
-        self._sample, self._told = struct.Struct(SAMPLE.format(outputs + len(names))), struct.Struct(ANSWER.format(2 * outputs))
+        self._sample, self._answer = struct.Struct(SAMPLE.format(outputs + len(names))), struct.Struct(ANSWER.format(2 * outputs))
         self._outputs = outputs
         command = [
             sys.executable,
@@ -83,7 +83,7 @@ class ControllerFmu(Plug):
                 pass_fds=[theirs.fileno(), said],
                 env=environment,
             )
-        self._said = open(said, "rb", buffering=0)  # the FMU's newest message, which outlives its process
+        self._message_file = open(said, "rb", buffering=0)  # the FMU's newest message, which outlives its process
         self._printed = threading.Thread(target=_show, args=(self._process.stdout,), daemon=True)
         self._printed.start()
         self._link, self._core = Link(ours.detach(), name), -1
@@ -117,9 +117,11 @@ class ControllerFmu(Plug):
         try:
             data = self._link.receive(LOAD_TIMEOUT)
         except LinkClosed:
-            raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized{self._last_said()}") from None
+            raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized{self._last_message()}") from None
         if data is None:
-            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s{self._last_said()}")
+            raise RigError(
+                f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s{self._last_message()}"
+            )
         message = json.loads(data)
         if "error" in message:
             raise RigError(f"controller {name}: {message['error']}")
@@ -135,14 +137,14 @@ class ControllerFmu(Plug):
             return f"the FMU's process was ended by {number.name} ({signal.strsignal(number).lower()})"
         return f"the FMU's process ended itself with exit code {code}"
 
-    def _last_said(self) -> str:
+    def _last_message(self) -> str:
         """Return the newest message of an FMU that has gone or does not answer, as the end of a sentence."""
-        text = os.pread(self._said.fileno(), MESSAGE, 0).decode("utf-8", "replace")
+        text = os.pread(self._message_file.fileno(), MESSAGE, 0).decode("utf-8", "replace")
         return f"; its last message: {text}" if text else ""
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
         if status == Status.FATAL and not text.startswith("status"):  # the FMU's own status comes with its reason
-            text += self._last_said()
+            text += self._last_message()
         super()._fail(status, sample, text)
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
@@ -161,10 +163,10 @@ class ControllerFmu(Plug):
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
         if data is None:
             self._overdue(inputs.sample)
-        status, gear, shifting, flags, *values = self._told.unpack_from(data)
+        status, gear, shifting, flags, *values = self._answer.unpack_from(data)
         if status != Status.OK:
-            return ControllerOutputs(status=status, message=data[self._told.size :].decode("utf-8", "replace"))
-        own = dict(zip(self.signals, self._own_values.unpack_from(data, self._told.size), strict=True))
+            return ControllerOutputs(status=status, message=data[self._answer.size :].decode("utf-8", "replace"))
+        own = dict(zip(self.signals, self._own_values.unpack_from(data, self._answer.size), strict=True))
         return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, bool(shifting), flags, signals=own)
 
     @property
@@ -189,7 +191,7 @@ class ControllerFmu(Plug):
     def _gone(self) -> None:
         self._process.wait()
         self._printed.join(END_PATIENCE)  # a process that the FMU started may still hold the pipe
-        self._said.close()
+        self._message_file.close()
 
 
 def _show(pipe: IO[bytes]) -> None:

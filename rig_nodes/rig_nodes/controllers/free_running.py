@@ -171,7 +171,7 @@ class FreeRunning(Plug):
         while self._newest is None:
             if self.stopped():
                 return
-            in_vain = self._in_vain(waiting, patience, f"no command came on {self.place}", self._faults_told())
+            in_vain = self._in_vain(waiting, patience, f"no command came on {self.place}", self._faults_text())
             if in_vain:
                 self.close()
                 raise in_vain
@@ -183,7 +183,7 @@ class FreeRunning(Plug):
 
     def awaited(self) -> str:
         """Return the sentence of every plug that no command has come."""
-        return "" if self._was_here else f"no command has come on {self.place}{self._faults_told()}"
+        return "" if self._was_here else f"no command has come on {self.place}{self._faults_text()}"
 
     def _is_here(self) -> None:
         if not self._was_here:
@@ -216,11 +216,11 @@ class FreeRunning(Plug):
             self._told_silence = True
             self.say(
                 f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
-                f"{1e3 * self.timeout:.0f} ms{self._faults_told()}"
+                f"{1e3 * self.timeout:.0f} ms{self._faults_text()}"
             )
         self._waiting.report()
 
-    def _faults_told(self) -> str:
+    def _faults_text(self) -> str:
         told = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
         return f"; not used: {told}" if told else ""
 

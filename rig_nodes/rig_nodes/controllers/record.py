@@ -144,7 +144,7 @@ class ControllerRecord:
         return {gear.number: gear.name for gear in self.gears}
 
     @cached_property
-    def gears_told(self) -> str:
+    def gears_text(self) -> str:
         """The gears for people: "0 (neutral), 1 (I), 2 (II)"."""
         return ", ".join(f"{number} ({name})" for number, name in self.gear_names.items())
 

@@ -55,7 +55,7 @@ def register_map(record: ControllerRecord) -> list[Register]:
     out = [
         Register(0, "sample_high", "read", "", None, False, "Controller sample since time 0, upper 16 bits."),
         Register(1, "sample_low", "read", "", None, False, "Its lower 16 bits."),
-        Register(2, "gear_request", "read", "", None, False, f"Gear ordered last: {record.gears_told}."),
+        Register(2, "gear_request", "read", "", None, False, f"Gear ordered last: {record.gears_text}."),
         Register(3, "level", "read", "", None, False, "Level of this run: 0 duty, 1 current."),
     ]
     out += [_wired(len(out) + k, wire, "read") for k, wire in enumerate(given(record))]

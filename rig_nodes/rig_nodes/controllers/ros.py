@@ -129,7 +129,7 @@ class _OtherSide:
         self.was_here = False
         self.session = self._seq = 0
         self._life: int | None = None  # descriptor that becomes readable when the controller's process ends
-        self._said: set[tuple] = set()
+        self._reported: set[tuple] = set()
 
     @property
     def place(self) -> str:
@@ -246,8 +246,8 @@ class _OtherSide:
             why = "another controller is at work"
         if why:
             plug.refused = why
-            if (ready.controller, why) not in self._said:
-                self._said.add((ready.controller, why))
+            if (ready.controller, why) not in self._reported:
+                self._reported.add((ready.controller, why))
                 plug.say(f"a controller on {self.place} is not used: {why}")
             return
         if ready.controller != self.controller:

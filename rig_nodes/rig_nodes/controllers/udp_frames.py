@@ -149,7 +149,7 @@ class Client:
         self.socket.connect(self.rig)
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
         self.outputs, self.transducers = [], []  # the rig's names
-        self.told = ""  # the rig's newest message; the rig repeats it every second, it is printed once
+        self.last_message = ""  # the rig's newest message; the rig repeats it every second, it is printed once
         self.wants = tuple(getattr(controller, "wants", ()))
         signals = getattr(controller, "signals", ())
         self.signals = dict(signals) if isinstance(signals, dict) else dict.fromkeys(signals, "-")
@@ -236,8 +236,8 @@ class Client:
 
     def show(self, words: str) -> None:
         """Print a message of the rig once."""
-        if words != self.told:
-            self.told = words
+        if words != self.last_message:
+            self.last_message = words
             print(f"message of the rig: {words}", file=sys.stderr)
 
     def begin(
@@ -280,7 +280,7 @@ class Client:
         except Exception as error:
             self.send(BYE, f"initialize failed: {type(error).__name__}: {error}")
             raise
-        self.running, self.last, self.answer, self.told = True, 0, b"", ""
+        self.running, self.last, self.answer, self.last_message = True, 0, b"", ""
         self.send(READY, len(self.own), 0)
 
     def name(self, index: int, what: int) -> tuple[float, str, str] | None:

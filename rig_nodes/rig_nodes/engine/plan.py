@@ -219,7 +219,7 @@ class World:
     @cached_property
     def names(self) -> list[str]:
         """Names, for messages, of the numbers that a step leaves to the next one; made only when one of them is wrong."""
-        return [self._told(place) for place in places(self.record.dtype)[: self._count]]
+        return [self._label(place) for place in places(self.record.dtype)[: self._count]]
 
     def state(self, name: str) -> np.void:
         """Return the states of an instance, which may be read and written."""
@@ -305,7 +305,7 @@ class World:
             self._numbers[what] = self._places[self.place(what)]
         return self._numbers[what]
 
-    def _told(self, place: str) -> str:
+    def _label(self, place: str) -> str:
         """Return the name, for messages, of a number of the record."""
         plan, system = self.plan, self.plan.system
         for kind, group in self._by_part.items():

@@ -151,7 +151,7 @@ class Signals:
             names = small.columns(topic)
             if not names:
                 continue
-            told = dict(zip(names, self._told_units(topic)))
+            told = dict(zip(names, self._stated_units(topic)))
             groups.append(Group(topic, True, tuple(_column(name, known.get(name), told[name], units) for name in names)))
             taken |= set(names)
         by_topic: dict[str, list[Column]] = {}
@@ -163,7 +163,7 @@ class Signals:
                 by_topic.setdefault(topic.name, []).append(_command(topic.name, like, units))
         return groups + [Group(topic, False, tuple(columns)) for topic, columns in by_topic.items()]
 
-    def _told_units(self, topic: str) -> list[str]:
+    def _stated_units(self, topic: str) -> list[str]:
         node = topic.rpartition("/")[0]
         lists = [name for name, ros_type in self.small.types.items() if ros_type == DESCRIBING[2]]
         (told,) = [name for name in lists if name.rpartition("/")[0] == node][:1]

@@ -371,19 +371,19 @@ def _events(
 ) -> list[tuple[float, str, str, str, float]]:
     """Return the events of an exported run, or the orders that were given or are in a column."""
     if not (record["structure"]["gears"]):
-        return _told_events(foreign)
+        return _stated_events(foreign)
     box = transmission_of(record)
     if orders is not None:
         return _as_events(parse_orders(orders, box), box)
     if profile.orders is not None:
         return _as_events(parse_orders(profile.orders, box, f"{profile.name}: orders"), box)
     if profile.gear is None:
-        return _told_events(foreign)
+        return _stated_events(foreign)
     channel = _channel(foreign, profile.gear, f"{foreign.path}: gear")
     return _as_events(_from_column(foreign, channel, profile, box, clock), box)
 
 
-def _told_events(foreign: Foreign) -> list[tuple[float, str, str, str, float]]:
+def _stated_events(foreign: Foreign) -> list[tuple[float, str, str, str, float]]:
     told = foreign.provenance["events"] if foreign.provenance else []
     try:
         return [(float(t), str(topic), str(name), str(text), float(value)) for t, topic, name, text, value in told]

@@ -54,7 +54,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     box = transmission_of(record) if record["structure"]["gears"] else None
     time = _first(foreign, lambda one: one.name.lower() in TIME_NAMES)
     time = time or _first(foreign, lambda one: UNITS.get(unit_of(one.unit) or "", ("",))[0] == "time")
-    gear = _first(foreign, lambda one: one.name in ORDER_NAMES or any(_said(one.name, (word,)) for word in GEAR))
+    gear = _first(foreign, lambda one: one.name in ORDER_NAMES or any(_mentions(one.name, (word,)) for word in GEAR))
     best: dict[str, Signal] = {}
     for one in foreign.channels:
         if one not in (time, gear) and (found := _guess(one, measured, box)):
@@ -120,7 +120,7 @@ def _first(foreign: Foreign, which: object) -> Channel | None:
     return next((one for one in foreign.channels if callable(which) and which(one)), None)
 
 
-def _said(head: str, words: tuple[str, ...]) -> bool:
+def _mentions(head: str, words: tuple[str, ...]) -> bool:
     """Return True when a word of the head is one of ``words``, or begins with one of them that has more than three letters."""
     said = [word.lower() for word in _WORDS.findall(head)]
     return any(word == other or (len(other) > 3 and word.startswith(other)) for word in said for other in words)
@@ -148,13 +148,13 @@ def _mark(head: str, signal: Signal, box: Transmission | None) -> int:
     marks = 4 * any(said[n : n + len(own_words)] == own_words for n in range(len(said)))
     device = signal.topic.split("/")[1]
     if box is not None and signal.name in (box.input.torque, box.input.speed):
-        return marks + 3 * _said(head, INPUT) - 3 * _said(head, OUTPUT)
+        return marks + 3 * _mentions(head, INPUT) - 3 * _mentions(head, OUTPUT)
     if box is not None and signal.name in (box.output.torque, box.output.speed):
-        return marks + 3 * _said(head, OUTPUT) - 3 * _said(head, INPUT)
+        return marks + 3 * _mentions(head, OUTPUT) - 3 * _mentions(head, INPUT)
     for number, clutch in enumerate(box.clutches if box else (), 1):
         if signal.name in (clutch.pressure, clutch.current):
             names = {clutch.name.lower(), clutch.key.lower()}
             own = str(number) in said or (ROMAN[number - 1] in said if number <= len(ROMAN) else False)
             return marks + 3 * own + 3 * bool(names & {a + b for a, b in pairwise(said)} | names & set(said))
-    marks += 3 * (_said(head, LOAD) and "load" in device) + 3 * (_said(head, SUPPLY) and "supply" in device)
-    return marks + 2 * (_said(head, OIL) and "oil" in device)
+    marks += 3 * (_mentions(head, LOAD) and "load" in device) + 3 * (_mentions(head, SUPPLY) and "supply" in device)
+    return marks + 2 * (_mentions(head, OIL) and "oil" in device)

@@ -334,7 +334,7 @@ def controller_variables(
             "gear_request",
             "integer",
             "input",
-            f"Gear ordered last: {record.gears_told}",
+            f"Gear ordered last: {record.gears_text}",
             0,
             low=min(record.gear_names),
             high=max(record.gear_names),

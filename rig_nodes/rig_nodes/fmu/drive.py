@@ -43,14 +43,14 @@ class FmuBench:
         measured = config.catalogue.measured().values()
         self._states = [name not in measured for name in self.names]
         self._read = fmu.reader(self.names)
-        self._told: dict[str, float] = {}
+        self._readings: dict[str, float] = {}
         self._gear: int | None = None
 
     def hear(self, ms: int) -> None:
         """Read the outputs as often as a listener on the rig's topics receives them: transducers at 100 Hz, states at 200 Hz."""
         for name, value, state in zip(self.names, self._read(), self._states, strict=True):
             if ms % SCALAR == 0 or state:
-                self._told[name] = float(value)
+                self._readings[name] = float(value)
 
     def ready(self) -> bool:
         """Return True, because the FMU is ready from the start."""
@@ -71,14 +71,14 @@ class FmuBench:
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return not shifting and self._gear in (None, gear)
 
-    def controller_says(self) -> tuple[int, bool]:
+    def controller_gear(self) -> tuple[int, bool]:
         """Return (gear, shifting) of the embedded controller."""
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return int(gear), bool(shifting)
 
     def reading(self, signal: str) -> float:
         """Return the newest value [SI] that was read of a signal; nan before the first."""
-        return self._told.get(signal, float("nan"))
+        return self._readings.get(signal, float("nan"))
 
     def change(self, name: str, value: float) -> None:
         """Set a setting [SI] by the tunable parameter of its name; RigError when the FMU has no such parameter."""

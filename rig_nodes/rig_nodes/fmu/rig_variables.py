@@ -103,7 +103,7 @@ def _controller_inputs(config: RigConfig) -> list[Variable]:
         "gear_request",
         "integer",
         "input",
-        f"Gear ordered of the embedded Alfa46: {record.gears_told}; one that comes while a shift runs is taken at its end",
+        f"Gear ordered of the embedded Alfa46: {record.gears_text}; one that comes while a shift runs is taken at its end",
         0,
         low=0,
         high=highest,

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..bags.metadata import read_profile
-from ..bags.pieces import files_of_run, told
+from ..bags.pieces import files_of_run, read_metadata
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
 from ..catalogue import Topic, catalogue, installed_topics
@@ -71,7 +71,7 @@ def join_pieces(folder: Path) -> None:
 def _listed(folder: Path) -> list[str]:
     """Return the files that metadata.yaml lists; none when it cannot be read."""
     try:
-        return told(folder).files
+        return read_metadata(folder).files
     except RigError:
         return []
 

@@ -29,7 +29,7 @@ NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|nan|inf)\b")
 class Refusal:
     """One reason why commands of a topic are refused: time of its last event [ns], number since then, and the newest text."""
 
-    told_ns: int
+    reported_ns: int
     count: int = 0
     text: str = ""
 
@@ -80,7 +80,7 @@ class Commands:
                 self.refused[topic] += 1
                 self._refuse(topic, str(error))
         if self._refusals:
-            self._tell_what_came_since()
+            self._report_repeated()
 
     def _refuse(self, topic: str, why: str) -> None:
         # the key is the sentence without its numbers, because each valve command names another sample
@@ -92,10 +92,10 @@ class Commands:
         else:
             known.count, known.text = known.count + 1, text
 
-    def _tell_what_came_since(self) -> None:
+    def _report_repeated(self) -> None:
         now = self._outputs.rig.time_ns
         for key, refusal in list(self._refusals.items()):
-            if now - refusal.told_ns < QUIET_NS:
+            if now - refusal.reported_ns < QUIET_NS:
                 continue
             if refusal.count == 0:
                 del self._refusals[key]

@@ -60,7 +60,7 @@ class CutDevice(Node):
         """Number of rigs whose port this device could answer."""
         return self.count_publishers(self._port.name)
 
-    def is_heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Return whether all subscribers of the answers are connected."""
         connected = self.publisher.get_subscription_count()
         return 0 < connected >= self.count_subscribers(self._answer.name)
@@ -117,7 +117,7 @@ def work(process: Process, device: str) -> None:
     while not process.stopping:
         process.spin(0.02 if not node.listens else 0.1)
         if not node.listens:
-            if node.rigs and node.is_heard():
+            if node.rigs and node.has_subscribers():
                 node.listen()
                 process.log.info("answers the rig in ROS domain %s", domain)
                 silent = False

@@ -39,7 +39,7 @@ class Diagnostics:
         """Open the topic; ``now_ns`` returns the simulated time [ns], the stamp of the messages."""
         self._health, self._now_ns = health, now_ns
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._told, self._said, self._listeners = float("-inf"), [], 0
+        self._published_at, self._published, self._listeners = float("-inf"), [], 0
         self._timer = node.create_timer(LOOK, self.look)
 
     def look(self) -> None:
@@ -47,9 +47,9 @@ class Diagnostics:
         statuses, now = self._health(), time.monotonic()
         says = [status[:3] for status in statuses]
         before, self._listeners = self._listeners, self._publisher.get_subscription_count()
-        if self._listeners <= before and says == self._said and now - self._told < PERIOD - LOOK / 2:
+        if self._listeners <= before and says == self._published and now - self._published_at < PERIOD - LOOK / 2:
             return
-        self._said, self._told = says, now
+        self._published, self._published_at = says, now
         seconds, rest = divmod(self._now_ns(), 1_000_000_000)
         message = DiagnosticArray(status=[to_ros(status) for status in statuses])
         message.header.stamp = Time(sec=seconds, nanosec=rest)

@@ -126,8 +126,8 @@ class Lockstep:
         self._done = False
         self._needed: list[str] = []
         # when the sequencer is to be asked: sample, condition that may be met before, rig status that it has received
-        self._next, self._watch, self._told = 0, {}, rig.status
-        self._controller_knows: tuple | None = None  # status and reason
+        self._next, self._watch, self._published_status = 0, {}, rig.status
+        self._reported: tuple | None = None  # status and reason
         self._took = 0.0
 
     def run(self, publish: Callable[[], None], stop: Callable[[], bool]) -> None:
@@ -157,7 +157,7 @@ class Lockstep:
                     time.sleep(0.01)
                 break
             self.commands.apply()
-            self._tell_controller()
+            self._report_to_controller()
             if self.controller is None or rig.safe:
                 publish()
                 rig.advance_samples(1)
@@ -165,10 +165,10 @@ class Lockstep:
                 self._sample(self.controller, publish)
         self._took = time.monotonic() - began
 
-    def _tell_controller(self) -> None:
+    def _report_to_controller(self) -> None:
         now = (self.rig.status, self.rig.reason)
-        if self.controller is not None and now != self._controller_knows:
-            self._controller_knows = now
+        if self.controller is not None and now != self._reported:
+            self._reported = now
             self.controller.send_status(*now)
 
     def _sample(self, controller: RemoteController, publish: Callable[[], None]) -> None:
@@ -200,7 +200,7 @@ class Lockstep:
     def _sequencer_due(self) -> bool:
         """Return whether the sequencer is to be asked: for a time, a condition, a change of the rig or a received order."""
         rig, watch = self.rig, self._watch
-        if rig.sample >= self._next or rig.status != self._told:
+        if rig.sample >= self._next or rig.status != self._published_status:
             return True
         if "gear" in watch and not rig.shifting and rig.gear == watch["gear"]:
             return True
@@ -220,7 +220,7 @@ class Lockstep:
     def _ask_sequencer(self) -> None:
         """Do one tick of the sequence; wait for what it has sent over DDS, so that it acts in this same tick."""
         rig = self.rig
-        self._told = rig.status
+        self._published_status = rig.status
         self._sequencer.send_json(
             {
                 "sample": rig.sample,

@@ -101,7 +101,7 @@ class Process:
         self.executor = None
         self.failure: RigError | None = None  # what ended one of its threads
         threading.excepthook = self._on_thread_death
-        self._told = ""
+        self._last_text = ""
         self._began = time.monotonic()
         for number in STOP_SIGNALS:
             signal.signal(number, self._on_signal)
@@ -204,8 +204,8 @@ class Process:
         elif kind == "state":
             reason = f": {fields['reason']}" if fields["reason"] else ""
             text = f"the rig is {fields['state'].lower()}{reason}"
-        if text and text != self._told:
-            self._told = text
+        if text and text != self._last_text:
+            self._last_text = text
             self.log.info("%s%s", f"{fields['t']:.2f} s  " if "t" in fields else "", text)
 
     @property

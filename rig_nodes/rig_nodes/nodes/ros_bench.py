@@ -175,7 +175,7 @@ class RosBench:
             return not self._shifting and self._gear == self._ordered
         return self._done
 
-    def controller_says(self) -> tuple[int, bool] | None:
+    def controller_gear(self) -> tuple[int, bool] | None:
         """Return gear and shifting of the newest answer of the controller; None in real time, which has no such answers here."""
         return (self._gear, self._shifting) if self.in_lockstep else None
 

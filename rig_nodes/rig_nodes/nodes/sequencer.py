@@ -57,7 +57,7 @@ class Sequencer(Node):
         self._tick = -1
         self._runner: SequenceRunner | None = None
         self._goal: ServerGoalHandle | None = None
-        self._steps_told = 0
+        self._steps_reported = 0
         self._cancelled = False  # True when the goal is to be ended at the next tick
         self._failed = ""  # why the newest sequence did not reach its end
         self.outcome: dict | None = None  # result of the sequence of --sequence, when it is over
@@ -152,7 +152,7 @@ class Sequencer(Node):
         """Start a sequence at the next tick; RigError when the rig lacks something that it asks for."""
         sequence.check_rig(self._config)
         self.bench.need(sequence)
-        self._steps_told, self._cancelled = 0, False
+        self._steps_reported, self._cancelled = 0, False
         self._runner = SequenceRunner(sequence, self.bench, self._config)
         self.wake()
 
@@ -180,23 +180,23 @@ class Sequencer(Node):
             return
         if done:
             self.finish(True, f"sequence '{runner.sequence.name}' is done", t)
-        elif (self._tell_steps(runner, t) or self._tick % FEEDBACK_TICKS == 0) and self._goal is not None:
+        elif (self._report_steps(runner, t) or self._tick % FEEDBACK_TICKS == 0) and self._goal is not None:
             self._goal.publish_feedback(RunSequence.Feedback(step=runner.step + 1, steps=runner.steps, text=runner.text, t=t))
 
-    def _tell_steps(self, runner: SequenceRunner, t: float) -> bool:
+    def _report_steps(self, runner: SequenceRunner, t: float) -> bool:
         """Report to /rosout and the supervisor which steps have begun since the last tick; False when none has."""
-        begun = runner.sequence.steps[self._steps_told : runner.step + 1]
+        begun = runner.sequence.steps[self._steps_reported : runner.step + 1]
         for step in begun:
-            self._steps_told += 1
-            self.get_logger().info(f"step {self._steps_told} of {runner.steps}: {step.text}")
-            self.process.status("step", step=self._steps_told, steps=runner.steps, text=step.text, t=t)
+            self._steps_reported += 1
+            self.get_logger().info(f"step {self._steps_reported} of {runner.steps}: {step.text}")
+            self.process.status("step", step=self._steps_reported, steps=runner.steps, text=step.text, t=t)
         return bool(begun)
 
     def finish(self, success: bool, text: str, t: float) -> None:
         """Report to supervisor and client that the sequence is over, at simulated time t [s]."""
         runner, self._runner = self._runner, None
         self._failed = "" if success else text
-        self._tell_steps(runner, t)
+        self._report_steps(runner, t)
         goal, self._goal = self._goal, None
         self.process.status("done", success=success, text=text, t=t)
         if goal is None:

@@ -27,7 +27,7 @@ CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS
 STEEPEST = 0.5  # largest slope where power flows backwards: two losses in a path then take at most all of it, without self-locking
 MOST = 1e15  # Nm, above which the search for a loss ends
 CLOSE = 1e-5  # Nm, largest last Newton step; with parabolas the remaining error is a hundred-thousandth of that
-FORETOLD = 1e-3  # Nm, largest difference of a predicted loss, which is not solved, from the one that its torque demands
+PREDICTED = 1e-3  # Nm, largest difference of a predicted loss, which is not solved, from the one that its torque demands
 
 
 def loss_width(n: int, m: int) -> int:
@@ -61,7 +61,7 @@ def put_all_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
 
 
 @njit(**INLINED)
-def put_foretold(loss: Floats, cap: Floats, own: int, k: int) -> None:
+def put_predicted(loss: Floats, cap: Floats, own: int, k: int) -> None:
     """Set the capacities of loss k's own element to those of the last step at the beginning and those of NEXT at the end."""
     torque0 = torque1 = loss[k, BASE]
     for other in range(loss.shape[0]):
@@ -118,7 +118,7 @@ def parabola(loss: Floats, k: int, x: float) -> tuple[float, float]:
 
 
 @njit(**INLINED)
-def foretell_losses(loss: Floats) -> None:
+def predict_losses(loss: Floats) -> None:
     """Set NEXT to the losses that continue the course of the last two steps."""
     for k in range(loss.shape[0]):
         loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])

@@ -38,7 +38,7 @@ from rig_nodes.plant.driveline_algebra import (
     places,
     stale,
 )
-from rig_nodes.plant.driveline_losses import BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_foretold
+from rig_nodes.plant.driveline_losses import BEFORE, LAST, NEXT, PREDICTED, WAY, WEIGHTS, loss_at, predict_losses, put_predicted
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 EVENT, DONE, CORRECTED = 0, 1, 2  # outcomes of attempt
 ATTEMPTS = 5  # most attempts at a step; each multiplies the error of a predicted loss by the slope of loss over torque
-NEAR = 1e-9  # Nm, in place of FORETOLD where stuck elements share a torque, because their shares depend on the loss itself
+NEAR = 1e-9  # Nm, in place of PREDICTED where stuck elements share a torque, because their shares depend on the loss itself
 
 
 @njit(**INLINED)
@@ -97,9 +97,9 @@ def attempt(h: float, line: Record, before: int) -> int:
     speed = vector(v, 0, v)
     force = vector(q, 0, v)
     if before == 0:
-        foretell_losses(loss)
+        predict_losses(loss)
     for k in range(loss.shape[0]):
-        put_foretold(loss, cap, own[k], k)
+        put_predicted(loss, cap, own[k], k)
     vmax = 0.0
     for j in range(n):
         vmax = max(vmax, abs(v[j]))
@@ -178,7 +178,7 @@ def attempt(h: float, line: Record, before: int) -> int:
             if not (y0 > tol and mo * slip1[f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
                 return EVENT
     if loss.shape[0] > 0:
-        near = NEAR if shared else FORETOLD
+        near = NEAR if shared else PREDICTED
         # accelerations at the end, by the trapezoidal rule
         gained = add(scaled(2.0 / h, dv), -1.0, accel)
         met = True

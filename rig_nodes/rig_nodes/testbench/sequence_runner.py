@@ -49,7 +49,7 @@ class Bench(Protocol):
     def shift_done(self) -> bool:
         """Return whether the shift that was ordered last has ended."""
 
-    def controller_says(self) -> tuple[int, bool] | None:
+    def controller_gear(self) -> tuple[int, bool] | None:
         """Return the controller's gear, and True when it is shifting; None before the controller has reported it."""
 
     def change(self, name: str, value: float) -> None:
@@ -210,7 +210,7 @@ class SequenceRunner:
                 signal = self.config.catalogue.signal(step.condition.signal)
                 value = signal.shown(self.bench.reading(signal.name))
                 seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
-            elif step.kind == "shift" and (says := self.bench.controller_says()) is not None:
+            elif step.kind == "shift" and (says := self.bench.controller_gear()) is not None:
                 seen = f"; the controller reports gear {says[0]}, {'shifting' if says[1] else 'not shifting'}"
             raise SequenceFailed(f"{step.where}: '{step.text}' did not come true within {step.timeout:g} s{seen}")
         return done

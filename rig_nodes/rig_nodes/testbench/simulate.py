@@ -113,7 +113,7 @@ class LocalBench:
             self.outputs.event(CONTROLLER_EVENTS, "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
 
-    def controller_says(self) -> tuple[int, bool]:
+    def controller_gear(self) -> tuple[int, bool]:
         """Return the controller's gear, and True when it is shifting."""
         return self.rig.gear, self.rig.shifting
 

@@ -513,7 +513,7 @@ def text(summary: dict, objectives: Sequence[str]) -> str:
     lines.append("fresh rigs and points, that nothing was sought or chosen by (shares of the compared settings):")
     for number, verdict in enumerate(summary["verdicts"], 1):
         for name, ways in verdict.items():
-            lines += [f"  draw {number}: {name:<9} {way:<5} {_says(one)}" for way, one in ways.items()]
+            lines += [f"  draw {number}: {name:<9} {way:<5} {_verdict_text(one)}" for way, one in ways.items()]
     lines.append("as measured on the rig itself (sequence grid_point): compared, then balanced")
     for row in summary["measured"]:
         lines.append(f"  {row['point']:<22} {_cell(row['compared'])}  |  {_cell(row['balanced'])}")
@@ -533,7 +533,7 @@ def text(summary: dict, objectives: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def _says(verdict: dict) -> str:
+def _verdict_text(verdict: dict) -> str:
     """Return one verdict as text for the terminal."""
     shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}" for key, one in verdict["shares"].items())
     return (

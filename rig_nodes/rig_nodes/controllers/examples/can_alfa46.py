@@ -43,7 +43,7 @@ class CanController:
         self.messages = {message.frame_id: message for message in messages}
         self.names = {message.name: message for message in messages}
         self.currents, self.measured = currents(self.record), measured(self.record)
-        self.told = {}  # newest value by signal
+        self.newest = {}  # newest value by signal
         self.unread = {}  # number of times by text, for what came and could not be read
         self.law: Alfa46 | None = None
         self.sample = None
@@ -57,8 +57,8 @@ class CanController:
             message = self.messages[frame.arbitration_id]
             if len(frame.data) != message.length or message.senders != ["RIG"]:
                 continue
-            self.told.update(message.decode(bytes(frame.data), decode_choices=False))
-            if message.name == "RIG_CURRENTS" and "level" in self.told and self.measured[0].name in self.told:
+            self.newest.update(message.decode(bytes(frame.data), decode_choices=False))
+            if message.name == "RIG_CURRENTS" and "level" in self.newest and self.measured[0].name in self.newest:
                 self.answer()
 
     def fault(self, text: str) -> None:
@@ -69,7 +69,7 @@ class CanController:
 
     def answer(self) -> None:
         """Compute one sample of the law in SI; a counter that jumps back begins a new run."""
-        told = self.told
+        told = self.newest
         ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
         if self.law is None or ahead > GAP:
             self.law = Alfa46()

@@ -380,7 +380,7 @@ def bench(config: RigConfig) -> Table:
         ("all spectra and c_2", np.arange(12), True),
     ):
         least = np.inf
-        for _ in range(24):
+        for _ in range(6):
             start = random.uniform(*STARTS)[free]
             start = optimize.least_squares(
                 lambda y, w=which, c=stiffness: deviations(np.append(y, 0.0), w, c)[0],
