@@ -12,7 +12,7 @@ import pytest
 from mcap.writer import Writer
 
 from rig_nodes.bags.cdr import encoder
-from rig_nodes.bags.pieces import told
+from rig_nodes.bags.pieces import read_metadata
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
@@ -227,10 +227,10 @@ OTHER_FORMS = {
 
 @pytest.mark.parametrize("form", OTHER_FORMS.values(), ids=OTHER_FORMS)
 def test_metadata_counts_the_same_however_its_qualities_of_service_are_written(run, tmp_path, form):
-    as_ours, text = told(run), (run / "metadata.yaml").read_text()
+    as_ours, text = read_metadata(run), (run / "metadata.yaml").read_text()
     (tmp_path / "metadata.yaml").write_text(PROFILES.sub(form, text))
     assert (tmp_path / "metadata.yaml").read_text() != text
-    assert told(tmp_path) == as_ours and as_ours.counts["/motor/state"] > 0 and as_ours.files == ["run_0.mcap"]
+    assert read_metadata(tmp_path) == as_ours and as_ours.counts["/motor/state"] > 0 and as_ours.files == ["run_0.mcap"]
 
 
 def test_an_error_in_metadata_has_its_line(run, tmp_path):
@@ -238,7 +238,7 @@ def test_an_error_in_metadata_has_its_line(run, tmp_path):
     lines[-1] = "  ros_distro: ]"
     (tmp_path / "metadata.yaml").write_text("\n".join(lines))
     with pytest.raises(RigError, match=rf"metadata.yaml:{len(lines)}: "):
-        told(tmp_path)
+        read_metadata(tmp_path)
 
 
 def recorded_elsewhere(run, folder, keep):

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from rcl_interfaces.srv import GetParameters
 from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.msg import RigState
 from running_graph import Client
@@ -158,11 +159,8 @@ def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain
         ready = RigState.READY, RigState.RUNNING
         user.until(lambda: states and states[-1].state in ready and motor, "a rig", PATIENCE)
         for node, values in (("motor", {"speed": 100.0}), ("alfa46", {"t12": 0.25, "t21": 0.125})):
-            client = AsyncParameterClient(user.node, node)
-            user.until(client.services_are_ready, f"the parameters of {node}")
-            answer = client.get_parameters(list(values))
-            user.until(answer.done, "the values")
-            assert [value.double_value for value in answer.result().values] == list(values.values())
+            answer = user.call(GetParameters, f"/{node}/get_parameters", names=list(values))
+            assert [value.double_value for value in answer.values] == list(values.values())
         assert user.call(Trigger, "/rig/end").success
         for name in ("rig_container", "alfa46", "sequencer", "recorder"):
             if name != "rig_container":

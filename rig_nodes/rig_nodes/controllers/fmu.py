@@ -52,7 +52,10 @@ class ControllerFmu(Plug):
         said = os.memfd_create("said")
         record = record_of(config)
         outputs, names = len(record.outputs), list(record.names)
-        self._sample, self._answer = struct.Struct(SAMPLE.format(outputs + len(names))), struct.Struct(ANSWER.format(2 * outputs))
+        self._sample, self._answer_form = (
+            struct.Struct(SAMPLE.format(outputs + len(names))),
+            struct.Struct(ANSWER.format(2 * outputs)),
+        )
         self._outputs = outputs
         command = [
             sys.executable,
@@ -163,10 +166,10 @@ class ControllerFmu(Plug):
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
         if data is None:
             self._overdue(inputs.sample)
-        status, gear, shifting, flags, *values = self._answer.unpack_from(data)
+        status, gear, shifting, flags, *values = self._answer_form.unpack_from(data)
         if status != Status.OK:
-            return ControllerOutputs(status=status, message=data[self._answer.size :].decode("utf-8", "replace"))
-        own = dict(zip(self.signals, self._own_values.unpack_from(data, self._answer.size), strict=True))
+            return ControllerOutputs(status=status, message=data[self._answer_form.size :].decode("utf-8", "replace"))
+        own = dict(zip(self.signals, self._own_values.unpack_from(data, self._answer_form.size), strict=True))
         return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, bool(shifting), flags, signals=own)
 
     @property
