@@ -74,6 +74,8 @@ class McapWriter:
         self._chunks, self._chunk_count = bytearray(), 0  # the index of the chunks as the file will hold it
         self._metadata: list[MetadataIndex] = []
         self._first = self._last = 0  # first and last time of the messages in closed chunks
+        # for each chunk that the file may still hold in its buffer: its end in the file, and the last time of its messages [ns]
+        self.unflushed: deque[tuple[int, int]] = deque()
         self._begin_chunk()
         self._write(MAGIC)
         self._write(_bytes(Header(profile, library)))
@@ -149,6 +151,7 @@ class McapWriter:
         self.end_chunk()
         self._put_chunks()
         self._file.flush()
+        self.unflushed.clear()
 
     def finish(self) -> None:
         """Write the end of the file: summary, indices and magic."""
@@ -251,6 +254,7 @@ class McapWriter:
         head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, crc, len(compression))
         at = self._file.tell()
         indices_at = at + 9 + length
+        self.unflushed.append((indices_at, index.last))  # before the write, which may fail behind the chunk
         self._write(b"".join([head, compression, _PACKED.pack(len(packed)), packed, index.records]))
         for channel, count in zip(index.channels.tolist(), index.counts.tolist()):
             self._counts[channel] += count

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import struct
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -270,6 +271,7 @@ class BagWriter:
             records = content[at[k] : int(starts[k + 1])]
             self._guard(self._writer.add_records, records, of[begin:end], times[begin:end], ends[begin:end] - at[k], each[k])
         self._guard(self._file.flush)
+        self._writer.unflushed.clear()
         self._kept = self._writer.last
         self._first, self._last = min(self._first, int(times.min())), max(self._last, int(times.max()))
 
@@ -400,10 +402,14 @@ class BagWriter:
             raise self._fail(error) from None
 
     def _fail(self, error: OSError) -> RigError:
-        failure = not_written(self.path, error, f"what was recorded up to {self._kept / 1e9:.3f} s stays readable")
-        self._failure = type(failure), str(failure)
+        size = 0
         with suppress(OSError):
-            self._file.close()
+            self._file.close()  # it may write more of its buffer
+        with suppress(OSError):
+            size = self.path.stat().st_size
+        kept = max([self._kept, *(last for end, last in self._unflushed if end <= size)])
+        failure = not_written(self.path, error, f"what was recorded up to {kept / 1e9:.3f} s stays readable")
+        self._failure = type(failure), str(failure)
         return failure
 
     def _open(self) -> None:
@@ -414,10 +420,12 @@ class BagWriter:
         self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
         self._kept = 0  # ns, up to which everything is handed to the operating system
+        self._unflushed: deque[tuple[int, int]] = deque()  # of McapWriter, once it has begun the file
         self._file = open(self.path, "xb", buffering=BUFFER)
 
     def _begin(self) -> McapWriter:
         writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk")
+        self._unflushed = writer.unflushed
         self._file.flush()
         return writer
 
