@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from small_rig import HEAD
 
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_run import Run
@@ -12,15 +13,10 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.plan import plan_of
 from rig_nodes.testbench.rig import Rig
 
-RIG = """description: two shafts with a flange between them
-step: [100 us, "assumed"]
-parts:
-  motor: {part: dc_motor, body: engine, torque_limit: [50 Nm, x], braking_limit: [20 Nm, x], power_limit: [10 kW, x],
-    torque_time: [3.3 ms, x], speed_gain: [1 Nm s/rad, x], speed_gain_integral: [20 Nm/rad, x], ramp: [5000 rpm/s, x]}
-transducers:
-  n_in: {type: speed, shows: engine.speed, at: motor, range: [0 rpm, 9000 rpm], text: Speed of the engine.}
-instruments: {speed_noise: [0.01 rad/s, x], speed_range: [9000 rpm, x], speed_gate: [2 ms, x], hum_frequency: [50 Hz, x]}
-bodies:
+RIG = (
+    "description: two shafts with a flange between them\n"
+    + HEAD
+    + """bodies:
   engine: {inertia: [0.3 kg m2, x], speed: [100 rad/s, x]}
   flange: massless
   fan: {inertia: [0.4 kg m2, x], speed: [90 rad/s, x]}
@@ -28,6 +24,7 @@ shafts:
   first: {joins: [engine, flange], stiffness: [900 Nm/rad, x], damping: [0.9 Nm s/rad, x]}
   second: {joins: [flange, fan], stiffness: [300 Nm/rad, x], damping: [0.3 Nm s/rad, x]}
 """
+)
 
 
 def rig_of(tmp_path, text):

@@ -5,25 +5,22 @@
 
 import numpy as np
 import pytest
+from small_rig import HEAD
 
 from rig_nodes.plant.driveline_run import Run
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.plan import plan_of
 from rig_nodes.testbench.rig import Rig
 
-COMMON = """description: what depends on the motion
-step: [100 us, "assumed"]
-parts:
-  motor: {part: dc_motor, body: engine, torque_limit: [50 Nm, x], braking_limit: [20 Nm, x], power_limit: [10 kW, x],
-    torque_time: [3.3 ms, x], speed_gain: [1 Nm s/rad, x], speed_gain_integral: [20 Nm/rad, x], ramp: [5000 rpm/s, x]}
-transducers:
-  n_in: {type: speed, shows: engine.speed, at: motor, range: [0 rpm, 9000 rpm], text: Speed of the engine.}
-instruments: {speed_noise: [0.01 rad/s, x], speed_range: [9000 rpm, x], speed_gate: [2 ms, x], hum_frequency: [50 Hz, x]}
-bodies:
+COMMON = (
+    "description: what depends on the motion\n"
+    + HEAD
+    + """bodies:
   engine: {inertia: [0.3 kg m2, x], speed: [100 rad/s, x]}
   saw: {inertia: [0.1 kg m2, x]}
   fan: {inertia: [0.4 kg m2, x]}
 """
+)
 LAWS = """
   sun: {inertia: [0.6 kg m2, x], speed: [90 rad/s, x]}
   crank: {inertia: [0.05 kg m2, x], speed: [50 rad/s, x]}

@@ -150,6 +150,10 @@ class McapWriter:
         """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
         self.end_chunk()
         self._put_chunks()
+        self.hand_over()
+
+    def hand_over(self) -> None:
+        """Hand all that is written to the operating system; the chunk in progress stays open."""
         self._file.flush()
         self.unflushed.clear()
 

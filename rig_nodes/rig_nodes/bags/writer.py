@@ -270,8 +270,7 @@ class BagWriter:
             self._begin_chunk(int(times[begin]), False)
             records = content[at[k] : int(starts[k + 1])]
             self._guard(self._writer.add_records, records, of[begin:end], times[begin:end], ends[begin:end] - at[k], each[k])
-        self._guard(self._file.flush)
-        self._writer.unflushed.clear()
+        self._guard(self._writer.hand_over)
         self._kept = self._writer.last
         self._first, self._last = min(self._first, int(times.min())), max(self._last, int(times.max()))
 

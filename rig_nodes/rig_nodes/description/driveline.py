@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import RigError
 from ..parts import part as parts
-from ..plant.driveline import Driveline, System
+from ..plant.driveline import Driveline, System, torque_refused
 from ..plant.driveline_tables import Table, table_of
 from .structure import Device, Element, Follows, GearHeld, Points, Structure
 
@@ -148,10 +147,7 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
         turned = (device.name for device in structure.devices if body in parts.bodies_of(device.part, device.wires))
         by = next(turned, "an input" if body in structure.inputs else None)
         if by is not None:
-            raise RigError(
-                f"driveline: body '{body}' has no inertia and stands between shafts, so that no torque but theirs may act on it, "
-                f"and {by} does; give it an inertia"
-            )
+            raise torque_refused(body, by)
     return system
 
 

@@ -222,6 +222,14 @@ def check_built(system: object) -> None:
 
 
 @checks_arguments
+def torque_refused(body: str, by: str) -> RigError:
+    """Return the error for a torque on one of the bodies `System.balanced`; ``by`` is what puts it there."""
+    return RigError(
+        f"driveline: body '{body}' has no inertia and stands between shafts, so that no torque but theirs may act on it, "
+        f"and {by} does; give it an inertia"
+    )
+
+
 class Driveline:
     """Description of a driveline: add the bodies first, then what joins them; `build` returns the arrays.
 

@@ -21,7 +21,7 @@ from rig_nodes.compiled import njit
 from rig_nodes.errors import RigError, brief
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.described import is_number
-from rig_nodes.plant.driveline import State, System, check_built
+from rig_nodes.plant.driveline import State, System, check_built, torque_refused
 from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_laws import (
@@ -417,10 +417,7 @@ class Run:
         known = [*loaded, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
         for name, signal in inputs.items():
             if name in s.balanced:
-                raise RigError(
-                    f"driveline: body '{name}' has no inertia and stands between shafts, so that no torque but theirs may act on "
-                    "it; give it an inertia"
-                )
+                raise torque_refused(name, "an input")
             if name not in known:
                 raise RigError(f"driveline: there is no input '{name}'; inputs are: {', '.join(known)}")
             self._inputs[name] = Input(name, signal, self.step_length)
