@@ -221,7 +221,6 @@ def check_built(system: object) -> None:
         raise RigError(f"driveline: a {type(system).__name__} cannot be run; a description becomes a System by its build()")
 
 
-@checks_arguments
 def torque_refused(body: str, by: str) -> RigError:
     """Return the error for a torque on one of the bodies `System.balanced`; ``by`` is what puts it there."""
     return RigError(
@@ -230,6 +229,7 @@ def torque_refused(body: str, by: str) -> RigError:
     )
 
 
+@checks_arguments
 class Driveline:
     """Description of a driveline: add the bodies first, then what joins them; `build` returns the arrays.
 
