@@ -66,12 +66,13 @@ class Tap:
         self._flush_at = 0.0
         self.flush()
 
-    def put(self, topic: str, data: bytes) -> None:
-        """Hand over one encoded message; it is sent after 20 ms or 128 KiB, with the next one or by :meth:`flush`."""
+    def put(self, messages: Iterable[tuple[str, bytes]]) -> None:
+        """Hand over (topic, encoded message) pairs; they are sent after 20 ms or 128 KiB, with later ones or by :meth:`flush`."""
+        numbers, parts = self._numbers, self._parts
         with self._lock:
-            self._parts.append(HEAD.pack(self._numbers[topic], len(data)))
-            self._parts.append(data)
-            self._bytes += len(data)
+            for topic, data in messages:
+                parts += HEAD.pack(numbers[topic], len(data)), data
+                self._bytes += len(data)
             due = self._bytes > FLUSH_BYTES or time.monotonic() > self._flush_at
         if due:
             self.flush()

@@ -490,7 +490,7 @@ class Alfa46Node(Node):
         self.counts[topic] += 1
         self._send[topic](data)
         if self.tap is not None:
-            self.tap.put(topic, data)
+            self.tap.put([(topic, data)])
 
 
 def reporter(process: Process, plug: Plug) -> Callable[[str], None]:

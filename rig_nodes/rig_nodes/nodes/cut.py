@@ -65,7 +65,7 @@ class CutEnds:
 
         def take(message: np.void) -> None:
             if self.tap is not None:
-                self.tap.put(answer.name, message.tobytes())
+                self.tap.put([(answer.name, message.tobytes())])
             self._commands.put(
                 answer.name,
                 self._rig.cuts.answer,

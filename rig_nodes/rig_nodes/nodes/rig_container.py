@@ -178,13 +178,14 @@ class Container:
         if self.rig.sample % TICK_SAMPLES == 0:
             seconds, rest = divmod(self.rig.time_ns, 1_000_000_000)
             self._clock_out.publish(CLOCK_BYTES.pack(b"\x00\x01\x00\x00", seconds, rest))
-        send, tap, dropped = self._send, self.tap, self.dropped
+        send, dropped, sent = self._send, self.dropped, []
         for topic, _, data in self.outputs.due():
             if dropped and self.is_dropped(topic, *dropped):
                 continue
             send[topic](data)
-            if tap is not None:
-                tap.put(topic, data)
+            sent.append((topic, data))
+        if self.tap is not None:
+            self.tap.put(sent)
 
     def is_dropped(self, topic: str, name: str, number: int) -> bool:
         """Return whether this is the one message that must not be sent."""

@@ -179,8 +179,9 @@ class States:
         speeds = np.zeros((count, len(self._speeds), ticks + 1))
         for k, column in enumerate(self._speeds):
             speeds[:, k, :ticks] = rows[:, :, column].T
-        gained = ROW * speeds.sum(axis=0)[:, :ticks]
-        turned = np.concatenate([[self.angles], gained.T]).cumsum(axis=0)[1:]
+        turned = (ROW * speeds.sum(axis=0)[:, :ticks]).T
+        turned[0] += self.angles
+        turned = turned.cumsum(axis=0)
         self.angles = turned[-1].tolist()
         return turned
 
