@@ -349,11 +349,13 @@ def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, 
     plug = load_controller(f"fmu:{mute}", config)
     try:
         assert level_line(plug) == (
-            f"controller fmu:{mute} at level duty, by default, the controller declares none: its commands are taken as shares of "
-            "the supply from 0 to 1; if they are amperes, choose --level current"
+            f"controller fmu:{mute} sends shares of the supply: level duty, by default, the controller declares none; "
+            "if it sends currents in A, choose --level current"
         )
     finally:
         plug.close()
     plug = load_controller(f"fmu:{build(2)}", config)
     plug.close()
-    assert level_line(plug) == f"controller fmu:{build(2)} at level duty, as the controller declares (its parameter level)"
+    assert level_line(plug) == (
+        f"controller fmu:{build(2)} sends shares of the supply: level duty, as the controller declares (its parameter level)"
+    )

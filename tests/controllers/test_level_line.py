@@ -49,11 +49,11 @@ def box(tmp_path, monkeypatch):
         (
             "",
             [],
-            "at level duty, by default, the controller declares none: its commands are taken as shares of the supply from 0 "
-            "to 1; if they are amperes, choose --level current",
+            "sends shares of the supply: level duty, by default, the controller declares none; if it sends currents "
+            "in A, choose --level current",
         ),
-        ("", ["--level", "duty"], "at level duty, as given"),
-        ('levels = ("current", "duty")', [], "at level current, as the controller declares"),
+        ("", ["--level", "duty"], "sends shares of the supply: level duty, as given"),
+        ('levels = ("current", "duty")', [], "sends currents in A: level current, as the controller declares"),
     ],
 )
 def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, given, line):
@@ -61,11 +61,11 @@ def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, g
     said = capsys.readouterr().out.splitlines()
     assert said[0] == f"controller python:box.py:Box {line}"
     told = json.loads(open("run/report.json").read())["run"]["controller"]
-    assert f"at level {told['level']}, {told['level_from']}" == line.partition(":")[0]
+    assert f"level {told['level']}, {told['level_from']}" in line
 
 
 def test_the_built_in_one_says_it_too_in_runs_and_procedures(box, capsys):
-    line = "controller alfa46 at level duty, as the controller declares"
+    line = "controller alfa46 sends shares of the supply: level duty, as the controller declares"
     assert main(["simulate", "short.yaml", "--out", "run"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == line
     assert level_line(load_controller(None, load_rig("hydmag"))) == line
@@ -80,9 +80,13 @@ def test_a_sweep_and_a_check_say_it(box, capsys):
         ["sweep", "short.yaml", "--vary", "alfa46.t12=-200 ms, -180 ms", "--controller", spec, "--jobs", "1", "--out", "swept"]
     ) in (0, 1)
     said = capsys.readouterr().err.splitlines()[0]
-    assert said.startswith("controller python:") and said.endswith("box.py:Box at level current, as the controller declares")
+    assert said.startswith("controller python:") and said.endswith(
+        "box.py:Box sends currents in A: level current, as the controller declares"
+    )
     main(["controller", "check", spec])
-    assert capsys.readouterr().out.splitlines()[0].endswith(f"{spec} at level current, as the controller declares")
+    assert (
+        capsys.readouterr().out.splitlines()[0].endswith(f"{spec} sends currents in A: level current, as the controller declares")
+    )
 
 
 @pytest.mark.parametrize("setpoint, doubted", [("[ampere, 0.0, 0.0]", True), ("[0.3, 0.0, 0.0]", False), ("None", False)])

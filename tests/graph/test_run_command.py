@@ -30,7 +30,7 @@ def test_a_run_ends_well(tmp_path):
     run = RigRun(tmp_path / "run")
     code, output = run.end()
     assert code == 0, output
-    assert output.splitlines()[0] == "controller alfa46 at level duty, as the controller declares"
+    assert output.splitlines()[0] == "controller alfa46 sends shares of the supply: level duty, as the controller declares"
     part = report_of(run)["run"]
     assert part["lost"] == 0 and part["behind"]["times"] == 0
     bag = Bag(run.folder)

@@ -95,7 +95,7 @@ def test_ctrl_c_ends_it_without_a_word():
     controller, first = process.stderr.readline(), process.stderr.readline()
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert controller == "controller alfa46 at level duty, as the controller declares\n"
+    assert controller == "controller alfa46 sends shares of the supply: level duty, as the controller declares\n"
     assert first.startswith("coast_down") and first.endswith(" left\n")
     assert (process.returncode, out) == (130, "") and "Traceback" not in err
 

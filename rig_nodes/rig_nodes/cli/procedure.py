@@ -40,7 +40,7 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.report import build_report, format_report, write_report
     from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
     from ..bags.reader import Bag
-    from ..controllers.load import EMBEDDED
+    from ..controllers.load import embedded_line
     from ..errors import interrupted_code, printable
     from ..testbench.folders import parse_settings, run_folder
     from ..testbench.procedure import load_procedure, prepare
@@ -55,7 +55,7 @@ def main(args: argparse.Namespace) -> int:
     ready = [(series, *prepare(series, args.rig, settings)) for series in chosen]
     folder = run_folder(args.out, procedure.name)
     if ready[0][1].structure.shifts:
-        print(EMBEDDED, flush=True)
+        print(embedded_line(), flush=True)
     failed, members = 0, list[Member]()
     about = {"procedure": procedure.name, "description": procedure.description, "source": procedure.source}
     told = [{"label": series.label, "conditions": series.conditions} for series in chosen]

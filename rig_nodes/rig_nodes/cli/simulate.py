@@ -51,7 +51,7 @@ def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
-    from ..controllers.load import EMBEDDED, level_line, load_controller
+    from ..controllers.load import embedded_line, level_line, load_controller
     from ..errors import interrupted_code
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
@@ -73,7 +73,7 @@ def main(args: argparse.Namespace) -> int:
         controller.wait(args.step_timeout.come)
     folder = run_folder(args.out, sequence.name)
     if controller is None and config.structure.shifts:
-        print(EMBEDDED, flush=True)
+        print(embedded_line(), flush=True)
     shown = [""]
 
     starting = contextlib.ExitStack()

@@ -82,7 +82,7 @@ def main(args: argparse.Namespace) -> int:
     if args.jobs > 1:
         start_server("rig_nodes.validation.programme")
 
-    from ..controllers.load import EMBEDDED
+    from ..controllers.load import embedded_line
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
@@ -100,7 +100,7 @@ def main(args: argparse.Namespace) -> int:
     check_json(args.json)
     runs = programme.runs_of(procedures)
     if runs:
-        print(EMBEDDED, file=sys.stderr, flush=True)
+        print(embedded_line(), file=sys.stderr, flush=True)
     drawn = []
     # rows that only inform need no processes
     with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:

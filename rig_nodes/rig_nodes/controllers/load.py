@@ -45,7 +45,7 @@ KINDS = {
     "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
 }
 
-EMBEDDED = f"controller alfa46 at level duty, {SAID}"  # level_line of the built-in controller inside the kernel
+SENDS = {"duty": "shares of the supply", "current": "currents in A"}  # what a command means, by level
 
 # the most likely meaning of a file name that is given without a prefix
 OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so": "c:{}", ".fmu": "fmu:{}", ".py": "python:{}:CLASS"}
@@ -125,12 +125,20 @@ def load_controller(spec: str | None, config: RigConfig, level: str | None = Non
 
 def level_line(plug: Plug) -> str:
     """Return the first line of a run: the controller, its level, and where the level comes from."""
-    text = f"controller {printable(plug.name)} at level {plug.level}, {plug.level_from}"
+    text = _line(printable(plug.name), plug.level, plug.level_from)
     if plug.level_from == DEFAULT:
         other = LEVELS[1 - LEVELS.index(plug.level)]
-        meant = {"duty": "shares of the supply from 0 to 1", "current": "amperes"}
-        text += f": its commands are taken as {meant[plug.level]}; if they are {meant[other]}, choose --level {other}"
+        text += f"; if it sends {SENDS[other]}, choose --level {other}"
     return text
+
+
+def embedded_line() -> str:
+    """Return :func:`level_line` of the built-in controller inside the kernel."""
+    return _line("alfa46", "duty", SAID)
+
+
+def _line(name: str, level: str, level_from: str) -> str:
+    return f"controller {name} sends {SENDS[level]}: level {level}, {level_from}"
 
 
 def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
