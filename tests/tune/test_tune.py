@@ -20,10 +20,12 @@ from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.transmission import transmission_of
 from rig_nodes.tune import document, folder, judge, run, scout, search, space, uncertainty
+from rig_nodes.tune.beginning import read_beginnings
 from rig_nodes.tune.bench import RPM, Bench, Point, Shift
 from rig_nodes.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
 
 WAYS = ("I-II", "II-I")
+BEGIN = read_beginnings("hydmag", load_rig("hydmag").transmission)
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +89,7 @@ def test_a_shift_does_not_depend_on_the_one_before(config, bench):
 def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
     """The profiles end long before the shift does: the time is the same as in a window that covers the whole shift."""
     point = Point("I-II", 1500.0 * RPM, 80.0)
-    settings = space.settings(config.alfa46, "I-II", space.BEGIN["I-II"], transmission_of(config))
+    settings = space.settings(config.alfa46, "I-II", BEGIN["I-II"], transmission_of(config))
     whole = bench.shift(point, settings)
     monkeypatch.setattr("rig_nodes.tune.bench.LEAST_WINDOW", 0.2)
     monkeypatch.setattr("rig_nodes.tune.bench.AFTER", -0.3)
@@ -325,7 +327,7 @@ def test_a_scout_lowers_the_worst_shift_and_goes_on_as_if_not_stopped(config):
     task = Task((config,), tuple(points), config.alfa46, ("peak", "time"), ())
 
     def scouted(entries, generations):
-        one = scout.Scout("scout II-I", "II-I", config.alfa46, task, space.BEGIN["II-I"], 5, entries)
+        one = scout.Scout("scout II-I", "II-I", config.alfa46, task, BEGIN["II-I"], 5, entries)
         with Workers(1) as workers:
             scout.run(one, workers, lambda entries, cpu: None, lambda: one.generation >= generations)
         return one
@@ -516,7 +518,7 @@ def test_another_gearbox_has_ways_and_delays_of_its_own():
     assert list(ways) == [name for way in ("1-2", "2-1", "2-3", "3-2") for name in (f"scout {way}", way)] + ["least"]
     assert ways["least"] == "2-1" and set(parts) == set(ways)
     assert space.delay_of(rig.transmission, "2-3") == "t23"
-    assert space.begin_of(rig, "2-3") == space.values_of(rig.alfa46, "2-3", rig.transmission)
+    assert read_beginnings("three_speed", rig.transmission) == {}, "it begins at the settings of its controller"
     assert uncertainty.parameters(rig) == {}, "nothing of it was calibrated"
     cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, {}, (20.0, 60.0), 2, 5))
     assert 20.0 <= min(cold, warm) < max(cold, warm) <= 60.0

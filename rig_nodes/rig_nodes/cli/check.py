@@ -36,6 +36,7 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.plan import plan_of
     from ..testbench.sequence import load_sequence
+    from ..tune.beginning import read_beginnings
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
@@ -46,6 +47,8 @@ def main(args: argparse.Namespace) -> int:
         print(f"sequence {path.stem}: {len(sequence.steps)} steps")
     for line in _held_against(args.rig, config):
         print(line)
+    if config.structure.shifts and (ways := read_beginnings(args.rig, config.transmission)):
+        print(f"settings at which tune begins: {', '.join(ways)}")
     picture, drawn = Path(args.picture) if args.picture else _beside(args.rig), driveline_svg(config).encode()
     if picture.suffix != ".svg":
         raise RigError(f"--picture {picture}: expected an .svg file, which is the only kind that is drawn")

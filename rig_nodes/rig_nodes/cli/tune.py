@@ -177,6 +177,7 @@ def _problem(args: argparse.Namespace) -> Problem:
     from ..errors import RigError
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
+    from ..tune.beginning import read_beginnings
     from ..tune.problem import OBJECTIVES, Range
     from ..tune.run import Problem
     from ..tune.space import delay_of
@@ -208,6 +209,7 @@ def _problem(args: argparse.Namespace) -> Problem:
     return Problem(
         rig,
         config,
+        read_beginnings(args.rig, config.transmission),
         {way: ranges[way] for way in ways if way in wanted},
         objectives,
         bounds,

@@ -32,7 +32,7 @@ from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
-from .space import begin_of, settings, values_of
+from .space import settings, values_of
 from .uncertainty import sampled_rigs
 
 if TYPE_CHECKING:
@@ -62,6 +62,8 @@ class Problem:
         Name or file of the rig.
     config : RigConfig
         The rig.
+    begin : dict of str to dict of str to int
+        Settings at which the search for a way begins, by way; without them, those of the controller.
     ranges : dict of str to Range
         Operating range of each way.
     objectives : tuple of str
@@ -90,6 +92,7 @@ class Problem:
 
     rig: str
     config: RigConfig
+    begin: dict[str, dict[str, int]]
     ranges: dict[str, Range]
     objectives: tuple[str, ...]
     bounds: dict[str, float]
@@ -108,6 +111,7 @@ class Problem:
         return {
             "rig": self.rig,
             "configuration": self.config.as_dict(),
+            "begin": self.begin,
             "ranges": {way: vars(one) for way, one in self.ranges.items()},
             "objectives": list(self.objectives),
             "bounds": self.bounds,
@@ -297,10 +301,10 @@ def _study(
 ) -> search.Study | scout.Scout:
     config = problem.config
     seed = problem.seed * 10 + list(searches(config)[0]).index(name)
+    base = values_of(config.alfa46, way, config.transmission)
     if name.startswith(SCOUT):
         task = problem.task(points[SCOUT_POINTS], rigs)
-        return scout.Scout(name, way, config.alfa46, task, begin_of(config, way), seed, known)
-    base = values_of(config.alfa46, way, config.transmission)
+        return scout.Scout(name, way, config.alfa46, task, problem.begin.get(way, base), seed, known)
     if name == LEAST:
         points, _ = held(config, problem.ranges[way].heaviest(way))
         points = [point for point in points if point.output_torque == max(other.output_torque for other in points)]

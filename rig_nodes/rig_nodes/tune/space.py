@@ -32,38 +32,6 @@ BOUNDS = {
     "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
-# Settings at which the search begins, in round numbers, for the shifts of the laboratory's gearbox; for another gearbox it
-# begins at the settings of its controller. I-II: the new clutch is filled at once, then clamped along a ramp; the old one is
-# released as fast as its coil allows. II-I: the course of both pressures in tab. 7.5, but its ramp begins where the valve
-# opens and not 150 ms before, and both clutches are a little quicker.
-BEGIN = {
-    "I-II": {
-        "P1.time": 30,
-        "P1.current": 410,
-        "P2.gap": 30,
-        "P2.current": 650,
-        "P3.gap": 500,
-        "P4.time": 60,
-        "P4.current": 170,
-        "P5.gap": 40,
-        "P5.current": 90,
-        "P6.gap": 50,
-        "delay": -260,
-    },
-    "II-I": {
-        "P1.time": 30,
-        "P1.current": 130,
-        "P2.gap": 180,
-        "P2.current": 285,
-        "P3.gap": 180,
-        "P4.time": 195,
-        "P4.current": 130,
-        "P5.gap": 290,
-        "P5.current": 180,
-        "P6.gap": 140,
-        "delay": -105,
-    },
-}
 LONGEST = 1500  # ms from the order to the last point of both profiles
 MS, MA = 1e-3, 1e-3
 
@@ -147,11 +115,6 @@ class Rates:
 def whole(values: dict[str, int]) -> tuple[int, ...]:
     """Return the settings as whole numbers in the order of BOUNDS."""
     return tuple(int(values[name]) for name in BOUNDS)
-
-
-def begin_of(config: RigConfig, way: str) -> dict[str, int]:
-    """Return the settings at which the search of a way begins."""
-    return BEGIN.get(way) or values_of(config.alfa46, way, config.transmission)
 
 
 def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dict[str, int]:
