@@ -25,7 +25,7 @@ from ..plant.driveline_modes import Modes, Response, Sensitivities, modes, respo
 if TYPE_CHECKING:
     from ..arrays import Floats
     from ..bags.reader import Bag
-    from ..plant.driveline import System
+    from ..plant.driveline_system import System
     from ..testbench.configuration import RigConfig
 
 OPEN = "all open"

@@ -19,9 +19,10 @@ import numpy as np
 from ..compiled import njit
 from ..engine.general_step import addresses, general_step
 from ..engine.world import Sizes, driveline_dtype
-from ..plant.driveline import Driveline, State, System
+from ..plant.driveline import Driveline
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
 from ..plant.driveline_quiet import quiet_step
+from ..plant.driveline_system import State, System
 
 if TYPE_CHECKING:
     from ..arrays import Record

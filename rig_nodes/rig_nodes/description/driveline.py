@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..parts import part as parts
-from ..plant.driveline import Driveline, System, torque_refused
+from ..plant.driveline import Driveline
+from ..plant.driveline_system import System, torque_refused
 from ..plant.driveline_tables import Table, table_of
 from .structure import Device, Element, Follows, GearHeld, Points, Structure
 

@@ -17,11 +17,11 @@ import numpy as np
 from ..config.schema import fill
 from ..errors import RigError
 from ..parts.part import BODY, NOWHERE, Part, part
-from ..plant.driveline import State, System
 from ..plant.driveline_driven import driven_arrays
 from ..plant.driveline_laws import MOTION, TORQUE
 from ..plant.driveline_losses import ON, OWN
 from ..plant.driveline_quick import layout_of
+from ..plant.driveline_system import State, System
 from ..plant.driveline_tables import Table
 from .world import Sizes, places, world_dtype
 

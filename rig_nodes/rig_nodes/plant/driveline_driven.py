@@ -38,7 +38,7 @@ from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, 
 
 if TYPE_CHECKING:
     from rig_nodes.arrays import Floats, Ints
-    from rig_nodes.plant.driveline import System
+    from rig_nodes.plant.driveline_system import System
 
 FACTOR, LIMIT, PUSH = range(3)  # kinds of inputs over time: factor of a law or speed of a motion; capacity; torque on a body
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from numba.core.typing import Signature
 
     from rig_nodes.arrays import Floats, Ints
-    from rig_nodes.plant.driveline import System
+    from rig_nodes.plant.driveline_system import System
 
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)

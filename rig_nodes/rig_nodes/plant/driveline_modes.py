@@ -17,8 +17,8 @@ import numpy as np
 from scipy import linalg
 
 from rig_nodes.errors import RigError, brief
-from rig_nodes.plant.driveline import System, check_built
 from rig_nodes.plant.driveline_laws import INERTIA, MOTION, TORQUE
+from rig_nodes.plant.driveline_system import System, check_built
 from rig_nodes.plant.driveline_tables import slope_at, value_at
 
 if TYPE_CHECKING:

@@ -21,7 +21,6 @@ from rig_nodes.compiled import njit
 from rig_nodes.errors import RigError, brief
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.described import is_number
-from rig_nodes.plant.driveline import State, System, check_built, torque_refused
 from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_laws import (
@@ -38,6 +37,7 @@ from rig_nodes.plant.driveline_laws import (
     settled_address,
     stored_energy,
 )
+from rig_nodes.plant.driveline_system import State, System, check_built, torque_refused
 from rig_nodes.plant.driveline_tables import slope_at
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from ..errors import RigError
 from ..parts import part as parts
 from ..parts import plates
 from ..plant import driveline_losses as losses
-from ..plant.driveline import System
+from ..plant.driveline_system import System
 from .configuration import RigConfig
 from .effects import leave_out
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from ..engine.plan import World
-    from ..plant.driveline import System
+    from ..plant.driveline_system import System
     from .configuration import RigConfig
 
 
