@@ -15,7 +15,7 @@ from ..description.signals import torque_signals
 from ..plant.driveline_algebra import LAM, VISC
 from ..plant.driveline_inputs import Input
 from ..plant.driveline_laws import MOTION, TORQUE
-from ..plant.driveline_run import Result
+from ..plant.driveline_result import Result
 from .rig import Rig
 
 

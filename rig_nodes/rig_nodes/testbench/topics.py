@@ -20,6 +20,7 @@ from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..description.signals import CONTROLLER_COMMAND, TORQUES, absolute_pressures
 from ..parts import part as parts
+from .joint_torques import JointTorques
 from .moments import Moments, Present
 from .rig import Rig
 
@@ -146,8 +147,6 @@ class States:
         self.topics = state_fields(self._present, lambda: self.overruns)
         self._torques = None
         if TORQUES in rig.config.structure.signals:
-            from .joint_torques import JointTorques  # here: it imports what runs drivelines in Python, which few rigs need
-
             self._torques = JointTorques(rig)
             self.topics["/rig/torques"] = self._joint_torques
 
