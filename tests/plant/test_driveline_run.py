@@ -229,7 +229,7 @@ def test_elements_that_a_description_does_not_use_have_no_compiled_code():
     code = """
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_laws import run_laws, settled_step
+from rig_nodes.plant.driveline_law_steps import run_laws, settled_step
 from rig_nodes.plant.driveline_run import run
 
 def compiled():

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from ..compiled import intrinsic, types
 from ..plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_address, bare_types, call_at
 from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS, driven_step
-from ..plant.driveline_laws import settled_address
+from ..plant.driveline_law_steps import settled_address
 from ..plant.driveline_quick import QUICK, quick_address
 
 if TYPE_CHECKING:

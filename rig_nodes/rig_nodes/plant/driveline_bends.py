@@ -3,9 +3,9 @@
 
 """Divides a step at the bends of a shaft's characteristic, where a contact begins or ends, and so that contacts are resolved.
 
-Used by plant/driveline_laws.py. The mean of a characteristic over a twist has the right energy but spreads the force of a contact
-over the whole step; with the bend at the end of a part the force acts from the contact on. In contact the period of the trapezoidal
-rule is too long by the share (angular frequency times step)^2 / 12, which adds up from contact to contact.
+Used by plant/driveline_law_steps.py. The mean of a characteristic over a twist has the right energy but spreads the force of a
+contact over the whole step; with the bend at the end of a part the force acts from the contact on. In contact the period of the
+trapezoidal rule is too long by the share (angular frequency times step)^2 / 12, which adds up from contact to contact.
 """
 
 from __future__ import annotations

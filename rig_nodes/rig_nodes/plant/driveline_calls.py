@@ -3,7 +3,7 @@
 
 """Calls of the driveline's compiled steps by their address, so that each is compiled once for all its callers.
 
-Used by plant/driveline_laws.py, plant/driveline_run.py and engine/general_step.py. The compiler copies all functions that a
+Used by plant/driveline_law_steps.py, plant/driveline_run.py and engine/general_step.py. The compiler copies all functions that a
 function calls into its machine code and optimises them again; with the bare step inside five callers this took most of the time to
 compile them. The arrays may have any sizes, so that the machine code does not depend on a rig.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A step of a rig's driveline that has laws, meshes with losses or inputs over time, by plant/driveline_laws.py.
+"""A step of a rig's driveline that has laws, meshes with losses or inputs over time, by plant/driveline_law_steps.py.
 
 The engine calls it by its address (engine.general_step), with arrays of any sizes, in place of the quiet and the bare step. What
 plant/driveline_run.py does with numpy before a run is done here in each step: it evaluates the tables of inputs at the ends of the
@@ -18,20 +18,8 @@ import numpy as np
 from rig_nodes.compiled import njit
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
 from rig_nodes.plant.driveline_inputs import SAME
-from rig_nodes.plant.driveline_laws import (
-    CAPACITY,
-    INERTIA,
-    MOTION,
-    TORQUE,
-    Laws,
-    LawState,
-    jumped,
-    law_state,
-    laws_of,
-    put,
-    settled_step_at,
-    share_of,
-)
+from rig_nodes.plant.driveline_law_steps import jumped, put, settled_step_at, share_of
+from rig_nodes.plant.driveline_laws import CAPACITY, INERTIA, MOTION, TORQUE, Laws, LawState, law_state, laws_of
 from rig_nodes.plant.driveline_losses import LAST, OWN, put_losses
 from rig_nodes.plant.driveline_motion import invert, product
 from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, tables_of

@@ -3,10 +3,10 @@
 
 """Prescribed motion inside a step: its acceleration is imposed exactly, its torque is a result.
 
-Used by plant/driveline_laws.py. A prescribed speed is one of the generalised speeds (plant/driveline_ties.py chooses them so). In
-the kernel its inertia is 1 / HELD, so large that no torque changes the speed, and a force on it produces its acceleration. The
-other speeds have the inverse of their own part of the mass matrix. The kernel thus finds every event under an acceleration that
-varies in the step as it does under any other torque. A speed over time is taken as a parabola in each step.
+Used by plant/driveline_law_steps.py. A prescribed speed is one of the generalised speeds (plant/driveline_ties.py chooses them
+so). In the kernel its inertia is 1 / HELD, so large that no torque changes the speed, and a force on it produces its
+acceleration. The other speeds have the inverse of their own part of the mass matrix. The kernel thus finds every event under an
+acceleration that varies in the step as it does under any other torque. A speed over time is taken as a parabola in each step.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@
 """One step of a driveline with laws, lossy meshes or inputs over time in which no mode changes: most steps of such a rig.
 
 The engine calls it before plant/driveline_driven.py, which takes the steps that this one leaves. The equations are those of
-plant/driveline_laws.py. Where that module repeats a step, this one uses Newton's method: the slope of every law over the step is in
-the matrix, also where a law acts on other speeds than those that it depends on. A law that stays on one straight piece of its
-table is met at once, and the matrix is kept as long as no slope changes.
+plant/driveline_law_steps.py. Where that module repeats a step, this one uses Newton's method: the slope of every law over the
+step is in the matrix, also where a law acts on other speeds than those that it depends on. A law that stays on one straight piece
+of its table is met at once, and the matrix is kept as long as no slope changes.
 
 It is compiled once for all rigs. Instead of some seventy arrays, each of seven machine words, it is given the address of the
 driveline's record and the places of the fields in it.
@@ -48,19 +48,8 @@ from rig_nodes.plant.driveline_calls import address_of
 from rig_nodes.plant.driveline_driven import FACTOR, LIMIT
 from rig_nodes.plant.driveline_inputs import SAME
 from rig_nodes.plant.driveline_kernel import end_losses
-from rig_nodes.plant.driveline_laws import (
-    CAPACITY,
-    CLOSE,
-    FRICTION,
-    INERTIA,
-    MOTION,
-    SHAFT,
-    TORQUE,
-    contact_damping,
-    differ,
-    mobility_of,
-    spring_with_friction,
-)
+from rig_nodes.plant.driveline_law_steps import CLOSE, contact_damping, differ, mobility_of, spring_with_friction
+from rig_nodes.plant.driveline_laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE
 from rig_nodes.plant.driveline_losses import BEFORE, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses
 from rig_nodes.plant.driveline_losses import FACTOR as PER_LOSS
 from rig_nodes.plant.driveline_tables import Tables, along, line, piece, value

@@ -21,18 +21,8 @@ from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.described import is_number
 from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
-from rig_nodes.plant.driveline_laws import (
-    CAPACITY,
-    MOTION,
-    TORQUE,
-    LawState,
-    law_state,
-    laws_of,
-    put,
-    run_laws,
-    settled_address,
-    stored_energy,
-)
+from rig_nodes.plant.driveline_law_steps import put, run_laws, settled_address
+from rig_nodes.plant.driveline_laws import CAPACITY, MOTION, TORQUE, LawState, law_state, laws_of, stored_energy
 from rig_nodes.plant.driveline_result import EVENT_NAMES, Event, Moment, Result
 from rig_nodes.plant.driveline_system import State, System, check_built, torque_refused
 

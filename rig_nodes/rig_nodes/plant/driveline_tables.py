@@ -3,8 +3,9 @@
 
 """Characteristics that are linear between their points: values, slopes and exact means over an interval.
 
-Used by plant/driveline_laws.py. A mean over an interval is that of the characteristic itself, not of its values at the ends, so
-that bends and jumps inside a step do not lower the order of accuracy, and a spring gives back exactly the energy that it stores.
+Used by plant/driveline_laws.py and its steps. A mean over an interval is that of the characteristic itself, not of its values at
+the ends, so that bends and jumps inside a step do not lower the order of accuracy, and a spring gives back exactly the energy
+that it stores.
 """
 
 from __future__ import annotations
