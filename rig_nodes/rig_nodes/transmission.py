@@ -231,12 +231,12 @@ class Transmission:
         int or None
             The number; None when there is no such gear.
         """
-        said = text.strip().lower()
+        wanted = text.strip().lower()
         return next(
             (
                 gear.number
                 for gear in self.gears
-                if said in (gear.name.lower(), str(gear.number)) or (gear.number == NEUTRAL and said == "n")
+                if wanted in (gear.name.lower(), str(gear.number)) or (gear.number == NEUTRAL and wanted == "n")
             ),
             None,
         )

@@ -62,8 +62,8 @@ def simulate(tmp_path, capsys):
     def run(spec, *more):
         sequence, folder = str(tmp_path / "sequence.yaml"), str(tmp_path / "run")
         code = main(["simulate", sequence, "--out", folder, "--controller", spec, *more])
-        said = capsys.readouterr()
-        return code, said.out, said.err
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
 
     return run
 
@@ -106,8 +106,8 @@ def other_machine(build, _tmp_path):
 )
 def test_a_library_that_does_not_fit_is_refused(made, sentence, simulate, build, tmp_path):
     path = made(build, tmp_path)
-    code, _, said = simulate(f"c:{path}")
-    assert (code, said) == (2, f"rig: controller c:{path}: {sentence.format(path)}\n")
+    code, _, error = simulate(f"c:{path}")
+    assert (code, error) == (2, f"rig: controller c:{path}: {sentence.format(path)}\n")
     assert not (tmp_path / "run").exists()
 
 
@@ -117,8 +117,8 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(simulate, config, 
     with zipfile.ZipFile(tmp_path / "whole.fmu") as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
             new.writestr(name.replace("linux64", "win64").replace(".so", ".dll"), old.read(name))
-    code, _, said = simulate(f"fmu:{path}")
-    assert (code, said) == (2, f"rig: controller fmu:{path}: the FMU has no binary for this platform, linux64; it has win64\n")
+    code, _, error = simulate(f"fmu:{path}")
+    assert (code, error) == (2, f"rig: controller fmu:{path}: the FMU has no binary for this platform, linux64; it has win64\n")
     assert not (tmp_path / "run").exists()
 
 
@@ -158,11 +158,11 @@ def check_safe_state(folder, oldest):
 )
 def test_a_library_that_fails_in_the_run(what, sentence, simulate, build, tmp_path):
     path = build(holding(what), "-w")
-    code, _, said = simulate(f"c:{path}", "--step-timeout", "0.2")
+    code, _, error = simulate(f"c:{path}", "--step-timeout", "0.2")
     reason = f"controller c:{path}, sample {FAIL}: {sentence}"
-    assert code == 1 and said.replace("-nan", "nan") == f"rig: {reason}\n"
-    told, tripped = check_safe_state(tmp_path / "run", 0.001)
-    assert told.replace("-nan", "nan") == reason and FAIL * 1e-3 <= tripped <= FAIL * 1e-3 + 0.005
+    assert code == 1 and error.replace("-nan", "nan") == f"rig: {reason}\n"
+    stated, tripped = check_safe_state(tmp_path / "run", 0.001)
+    assert stated.replace("-nan", "nan") == reason and FAIL * 1e-3 <= tripped <= FAIL * 1e-3 + 0.005
 
 
 def test_a_plug_that_breaks_trips_the_rig_with_a_sentence(simulate, tmp_path, monkeypatch):
@@ -170,18 +170,18 @@ def test_a_plug_that_breaks_trips_the_rig_with_a_sentence(simulate, tmp_path, mo
         return answer(plug, inputs) if inputs.sample < FAIL else {}["gear"]
 
     monkeypatch.setattr(BuiltIn, "_answer", broken)
-    code, _, said = simulate("alfa46")
+    code, _, error = simulate("alfa46")
     reason = f"controller alfa46, sample {FAIL}: the plug could not get its answer: KeyError: 'gear'"
-    assert (code, said) == (1, f"rig: {reason}\n")
+    assert (code, error) == (1, f"rig: {reason}\n")
     assert check_safe_state(tmp_path / "run", 0.001)[0] == reason
     assert "return answer(plug, inputs) if" in (tmp_path / "run" / "logs" / "controller.log").read_text(), "the traceback"
 
 
 def test_a_library_that_crashes_at_its_end_is_a_warning_of_the_run(simulate, build, tmp_path):
     path = build(holding("out->shifting = 0;").replace("{ (void)instance; }", "{ *(volatile int *)instance = 1; }"))
-    code, _, said = simulate(f"c:{path}")
+    code, _, error = simulate(f"c:{path}")
     fault = "in rig_controller_destroy the library's process was ended by SIGSEGV (segmentation fault)"
-    assert (code, said) == (0, f"rig: warning: controller c:{path}: {fault}\n")
+    assert (code, error) == (0, f"rig: warning: controller c:{path}: {fault}\n")
     run = json.loads((tmp_path / "run" / "report.json").read_text())["run"]
     assert run["end"]["state"] == "ended" and run["controller"]["end_fault"] == fault
 
@@ -191,10 +191,10 @@ def test_a_program_over_udp_that_dies(simulate, tmp_path, free_udp_port):
     (tmp_path / "dying.c").write_text(holding("_Exit(9);"))
     subprocess.run(["cc", f"-I{INCLUDE}", "-o", program, main_c, tmp_path / "dying.c", "-lm"], check=True)
     process = subprocess.Popen([program, "127.0.0.1", str(free_udp_port)])
-    code, _, said = simulate(f"udp:{free_udp_port}", "--level", "current")
+    code, _, error = simulate(f"udp:{free_udp_port}", "--level", "current")
     assert process.wait(10) == 9
     reason = f"controller udp:{free_udp_port}, sample {FAIL}: no program listens at its port any more"
-    assert (code, said) == (1, f"rig: {reason}\n")
+    assert (code, error) == (1, f"rig: {reason}\n")
     assert check_safe_state(tmp_path / "run", 0.001)[0] == reason
 
 
@@ -217,10 +217,10 @@ class Leaving(ModbusController):
         self.stop = stop
         super().run(stop)
 
-    def answer(self, told):
-        if (told[0] << 16 | told[1]) >= FAIL:
+    def answer(self, registers):
+        if (registers[0] << 16 | registers[1]) >= FAIL:
             self.stop.set()
-        return super().answer(told)
+        return super().answer(registers)
 
 
 def can_with_short_frames(config, _port):
@@ -233,7 +233,7 @@ def modbus_that_leaves(config, port):
 
 
 @pytest.mark.parametrize(
-    ("made", "told"),
+    ("made", "line"),
     [
         (
             can_with_short_frames,
@@ -243,19 +243,19 @@ def modbus_that_leaves(config, port):
         (modbus_that_leaves, r"no command on Modbus TCP 127.0.0.1:\d+ for 50 ms; the rig trips at 100 ms"),
     ],
 )
-def test_a_controller_by_its_own_clock_that_fails(made, told, simulate, config, tmp_path, free_udp_port):
+def test_a_controller_by_its_own_clock_that_fails(made, line, simulate, config, tmp_path, free_udp_port):
     spec, controller, end = made(config, free_udp_port)
     stop = threading.Event()
     thread = threading.Thread(target=controller.run, args=(stop,), daemon=True)
     thread.start()
     try:
-        code, out, said = simulate(spec)
+        code, out, error = simulate(spec)
     finally:
         stop.set()
         thread.join(5.0)
         end()
-    assert code == 1 and re.fullmatch(r"rig: .*older than 100 ms.*\n", said)
-    assert re.search(told, out), out
+    assert code == 1 and re.fullmatch(r"rig: .*older than 100 ms.*\n", error)
+    assert re.search(line, out), out
     check_safe_state(tmp_path / "run", 0.1)
 
 

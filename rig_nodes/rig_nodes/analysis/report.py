@@ -36,7 +36,7 @@ from .ranges import range_lines, signal_ranges
 from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
-WHERE_TOLD = (
+WHERE_DEFINED = (
     "what the symbols mean: docs/reference/glossary.md; valid and quality: docs/how_to/report.md, section Quality of a shift"
 )
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
@@ -404,9 +404,9 @@ def format_report(report: dict) -> str:
     lines = _shift_table(rows, errors, verdicts, box) if rows else [no_shift(report)]
     names = [shift_name(number, row, box) for number, row in enumerate(rows, 1)]
     for name, row, verdict in zip(names, rows, verdicts):
-        lines += [f"  {name}, is {said}"] if (said := sentence_of(verdict)) else []
+        lines += [f"  {name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         lines += [f"  {name}, is not valid: {reason}" for reason in row["why"]]
-    lines += [WHERE_TOLD] if rows else []
+    lines += [WHERE_DEFINED] if rows else []
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     if "annex_a" in report:
         lines += ["", *annex_lines(columns_of(box), names, rows, report["annex_a"])]
@@ -514,12 +514,12 @@ def _basis_lines(report: dict) -> list[str]:
         return []  # no result was computed
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
-    said = ", as the bag does not name its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
+    origin = ", as the bag does not name its own" if basis.get("taken") else f", {basis['named_by']}" if "named_by" in basis else ""
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [
         f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
         f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig "
-        f"'{basis['rig']}'{said}, ratios {ratios}"
+        f"'{basis['rig']}'{origin}, ratios {ratios}"
     ]
 
 

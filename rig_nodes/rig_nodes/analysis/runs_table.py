@@ -81,14 +81,14 @@ def read_procedure(folder: Path) -> dict:
     if not path.exists():
         return {}
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        if not all(isinstance(one["label"], str) and isinstance(one["runs"], list) for one in told["series"]):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not all(isinstance(one["label"], str) and isinstance(one["runs"], list) for one in content["series"]):
             raise TypeError("its series are no list of labels and runs")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RigError(
             f"{path}: is not what `rig procedure` writes ({error}); delete it, the reports beside it are enough"
         ) from None
-    return told
+    return content
 
 
 def write_procedure(folder: Path, about: Mapping, series: Iterable[Mapping], members: Sequence[Member]) -> None:
@@ -109,8 +109,8 @@ def write_procedure(folder: Path, about: Mapping, series: Iterable[Mapping], mem
     for one in series:
         own = [member for member in members if member.label == one["label"]]
         rows.append({**one, "runs": [member.name for member in own], "found": spread(member.results for member in own)})
-    told = {**about, "series": rows, "found": spread(member.results for member in members)}
-    atomic_write(folder / PROCEDURE_FILE, json.dumps(plain(told), indent=2, ensure_ascii=False) + "\n")
+    content = {**about, "series": rows, "found": spread(member.results for member in members)}
+    atomic_write(folder / PROCEDURE_FILE, json.dumps(plain(content), indent=2, ensure_ascii=False) + "\n")
 
 
 def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
@@ -159,8 +159,8 @@ def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]
 def warnings_of(members: Sequence[Member]) -> list[str]:
     """Return sentences on the runs that did not end as planned."""
     bad = [member for member in members if member.failed]
-    said = [f"{member.name} did not end as planned: {member.failed}" for member in bad[:MOST_NAMED]]
-    return said + ([f"{len(bad) - MOST_NAMED} more runs did not end as planned"] if len(bad) > MOST_NAMED else [])
+    sentences = [f"{member.name} did not end as planned: {member.failed}" for member in bad[:MOST_NAMED]]
+    return sentences + ([f"{len(bad) - MOST_NAMED} more runs did not end as planned"] if len(bad) > MOST_NAMED else [])
 
 
 def judged_members(members: Sequence[Member], limits: Sequence[Limit]) -> list[Verdict]:

@@ -144,8 +144,8 @@ class OpenedBags:
 
     def lost(self, held: Counter[str]) -> dict[str, int]:
         """Return how many messages per topic the bags' own counts exceed those that were read."""
-        said = {topic: max(self.counts.get(topic, 0), self.stated[topic]) for topic in {**self.counts, **self.stated}}
-        return {topic: count - held[topic] for topic, count in said.items() if count > held[topic]}
+        expected = {topic: max(self.counts.get(topic, 0), self.stated[topic]) for topic in {**self.counts, **self.stated}}
+        return {topic: count - held[topic] for topic, count in expected.items() if count > held[topic]}
 
     def _open(self, path: Path) -> None:
         files, problems, about = files_of(path)

@@ -276,11 +276,11 @@ class Bag:
         the bag's. BagError is raised for an invalid record.
         """
         try:
-            said = info.get("configuration", info) if (info := self.run_info()) else None
+            stored = info.get("configuration", info) if (info := self.run_info()) else None
         except BagError:  # run_info() itself raises this error to its callers
-            said = None
+            stored = None
         try:
-            return rig_record(said, self.types)
+            return rig_record(stored, self.types)
         except UNREADABLE as error:
             raise self.no_rig(error) from None
 
@@ -420,9 +420,9 @@ class Bag:
             whole = np.full((len(names), int(ends[-1])), np.nan)
             whole[:, np.concatenate([np.arange(a, b) for a, b in zip(starts, ends)])] = columns
             columns = whole
-        t0, told = first * period, float(_stamps(self._heads(self._streams[topic]))[0]) / 1e9
-        if SHIFTED < told - t0 < period:
-            t0 = told  # an imported recording, whose rows do not begin at a multiple of the period
+        t0, stamp = first * period, float(_stamps(self._heads(self._streams[topic]))[0]) / 1e9
+        if SHIFTED < stamp - t0 < period:
+            t0 = stamp  # an imported recording, whose rows do not begin at a multiple of the period
         return Logger(t0, period, dict(zip(names, columns)), first)
 
     def gaps(self) -> dict[str, int]:

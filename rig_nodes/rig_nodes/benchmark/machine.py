@@ -121,6 +121,6 @@ def timed_rig(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
         raise RigError(f"rig {' '.join(arguments)} took more than {TIMEOUT:.0f} s while it was measured") from None
     wall, after = time.perf_counter() - begun, os.times()
     if done.returncode:
-        said = (done.stdout + done.stderr).strip().rpartition("\n")[2]
-        raise RigError(f"rig {' '.join(arguments)} failed while it was measured: {said or 'it printed no message'}")
+        last_line = (done.stdout + done.stderr).strip().rpartition("\n")[2]
+        raise RigError(f"rig {' '.join(arguments)} failed while it was measured: {last_line or 'it printed no message'}")
     return Spent(wall, after.children_user + after.children_system - before.children_user - before.children_system)

@@ -51,7 +51,7 @@ def main(args: argparse.Namespace) -> int:
         for number, part in enumerate(parts):
             head = f"[{number + 1}/{len(parts)}] {part}"
             results[part] = _measure(
-                part, args.repeats, lambda said, head=head, number=number: line.show(number, f"{head}: {said}")
+                part, args.repeats, lambda detail, head=head, number=number: line.show(number, f"{head}: {detail}")
             )
             line.leave()
             if text:

@@ -91,8 +91,8 @@ def check_compiler() -> Finding:
     compiler = next((n for n in names if shutil.which(n)), None)
     if compiler is None:
         return Finding("compiler", WARN, "no C++ compiler", "needed when msgs/ changes: install the Debian package g++")
-    said = subprocess.run([compiler, "--version"], capture_output=True, text=True, timeout=10)
-    return Finding("compiler", OK, (said.stdout or said.stderr).splitlines()[0])
+    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, timeout=10)
+    return Finding("compiler", OK, (done.stdout or done.stderr).splitlines()[0])
 
 
 def check_headers() -> Finding:

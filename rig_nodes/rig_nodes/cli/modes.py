@@ -96,7 +96,7 @@ def main(args: argparse.Namespace) -> int:
     others = [analysis.found_in(system, one) for one in analysis.states_of(config) if one.locked != state.locked]
     critical = analysis.critical_speeds(chosen.modes, body, orders, speeds)
     answer = analysis.response_of(system, state, body, _band(args.band)) if args.response else None
-    told = _spectrum(args, chosen) if args.run else None
+    spectrum = _spectrum(args, chosen) if args.run else None
     detuned = _detuned(args, config) if args.detune else None
     content = {
         "rig": config.name,
@@ -114,8 +114,8 @@ def main(args: argparse.Namespace) -> int:
     }
     if answer:
         content["response"] = _json_of_response(answer, body)
-    if told:
-        content["spectrum"] = _json_of_spectrum(args, *told, chosen)
+    if spectrum:
+        content["spectrum"] = _json_of_spectrum(args, *spectrum, chosen)
     if detuned:
         content["detuning"] = _json_of_detuning(*detuned, config)
     if args.json:
@@ -123,11 +123,11 @@ def main(args: argparse.Namespace) -> int:
     if args.json != "-":
         lines = [*_text(config, chosen, others), *_text_of_speeds(critical, body, orders, speeds)]
         lines += _text_of_response(answer, body, chosen) if answer else []
-        lines += _text_of_spectrum(args.signal, *told, chosen) if told else []
+        lines += _text_of_spectrum(args.signal, *spectrum, chosen) if spectrum else []
         lines += _text_of_detuning(*detuned, config) if detuned else []
         print("\n".join(lines))
     if args.picture:
-        _draw(args, config, chosen, body, orders, speeds, answer, told)
+        _draw(args, config, chosen, body, orders, speeds, answer, spectrum)
     return 0
 
 
@@ -207,8 +207,8 @@ def _table(found: Found) -> Iterator[str]:
     yield f"  {'mode':>4} {'Hz':>10} {'1/s':>10} {'damping':>8}  " + " ".join(f"{body:>{width}}" for body in modes.bodies)
     for k, (f, damping, shape) in enumerate(zip(modes.frequencies, modes.damping, modes.shapes), 1):
         sizes = np.abs(shape) * np.where(np.real(shape) < 0.0, -1.0, 1.0)
-        told = " ".join(f"{size:>{width}.3f}" for size in sizes + 0.0)
-        yield f"  {k:>4} {f:>10.3f} {2.0 * math.pi * f:>10.2f} {damping:>8.4f}  {told}"
+        amplitudes = " ".join(f"{size:>{width}.3f}" for size in sizes + 0.0)
+        yield f"  {k:>4} {f:>10.3f} {2.0 * math.pi * f:>10.2f} {damping:>8.4f}  {amplitudes}"
     if not np.any(modes.frequencies > 0.0):
         yield "  no shaft can twist in this state, so its bodies only turn as one"
 
@@ -235,9 +235,9 @@ def _sensitivities(found: Found) -> Iterator[str]:
 
 
 def _text_of_speeds(critical: Sequence[Critical], body: str, orders: Sequence[float], speeds: tuple[float, float]) -> Iterator[str]:
-    told = ", ".join(f"{order:g}" for order in orders)
+    numbers = ", ".join(f"{order:g}" for order in orders)
     yield ""
-    yield f"critical speeds of {body} by orders {told}, {speeds[0] / RPM:.0f} to {speeds[1] / RPM:.0f} rpm"
+    yield f"critical speeds of {body} by orders {numbers}, {speeds[0] / RPM:.0f} to {speeds[1] / RPM:.0f} rpm"
     if not critical:
         yield "  none"
         return
@@ -369,7 +369,7 @@ def _draw(
     orders: Sequence[float],
     speeds: tuple[float, float],
     answer: Response | None,
-    told: tuple[Spectrum, str] | None,
+    spectrum: tuple[Spectrum, str] | None,
 ) -> None:
     from ..atomic_write import atomic_write
     from ..errors import RigError, not_written
@@ -381,8 +381,10 @@ def _draw(
     ]
     if answer:
         figures.append(pictures.response_figure(config.name, chosen.state.name, body, answer))
-    if told:
-        figures.append(pictures.spectrum_figure(config.name, args.signal, told[1], told[0], chosen.modes.frequencies.tolist()))
+    if spectrum:
+        figures.append(
+            pictures.spectrum_figure(config.name, args.signal, spectrum[1], spectrum[0], chosen.modes.frequencies.tolist())
+        )
     drawn = [one for one in figures if one]
     if not drawn:
         raise RigError(f"--picture: no shaft of the rig '{config.name}' can twist in this state, so there is no shape to draw")

@@ -44,8 +44,8 @@ def shapes_figure(rig: str, found: Found) -> Figure | None:
     for f, damping, shape in zip(modes.frequencies, modes.damping, modes.shapes):
         if f > 0.0 and len(series) < MOST:
             amplitudes = np.abs(shape) * np.where(np.real(shape) < 0.0, -1.0, 1.0)
-            told = f"{f:.4g} Hz, D {damping:.2g}" if damping else f"{f:.4g} Hz"
-            series.append(Series(told, list(range(1, len(shape) + 1)), amplitudes.tolist()))
+            label = f"{f:.4g} Hz, D {damping:.2g}" if damping else f"{f:.4g} Hz"
+            series.append(Series(label, list(range(1, len(shape) + 1)), amplitudes.tolist()))
     return Figure(title, f"body: {names}", "amplitude, largest 1", series) if series else None
 
 

@@ -165,12 +165,12 @@ def _written(bag: Bag, folder: Path) -> dict[str, int]:
     if not path.is_file():
         return {}
     try:
-        told = load_yaml(path)["rosbag2_bagfile_information"]
-        if told["relative_file_paths"] != [bag.path.name]:
+        info = load_yaml(path)["rosbag2_bagfile_information"]
+        if info["relative_file_paths"] != [bag.path.name]:
             return {}
         return {
             topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"])
-            for entry in told["topics_with_message_count"]
+            for entry in info["topics_with_message_count"]
         }
     except (RigError, TypeError, KeyError, ValueError):
         return {}  # the metadata are damaged like the bag, so the lost messages stay unknown

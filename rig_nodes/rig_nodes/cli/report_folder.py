@@ -72,8 +72,8 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
     head, rows = table_of(members)
     spreads, warnings = spread(member.results for member in members), warnings_of(members)
     if args.json:
-        told = [{"series": one.label, "run": one.name, "results": [result.as_dict() for result in one.results]} for one in members]
-        content = {"runs": told, "spread": spreads, "limits": verdicts}
+        runs = [{"series": one.label, "run": one.name, "results": [result.as_dict() for result in one.results]} for one in members]
+        content = {"runs": runs, "spread": spreads, "limits": verdicts}
         print(json.dumps(content, indent=2, ensure_ascii=False), flush=True)
     else:
         lines = [*table_lines(head, rows), "", "spread over all runs", *spread_lines(spreads), *warnings, *limit_lines(listed)]
@@ -94,10 +94,10 @@ def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
 
     if (folder / MANIFEST).exists():
         return _of_sweep(folder)
-    told, members = read_procedure(folder), members_in(folder)
-    about = [told["description"], f"Source: {told['source']}."] if told else []
+    content, members = read_procedure(folder), members_in(folder)
+    about = [content["description"], f"Source: {content['source']}."] if content else []
     about.append(f"{len(members)} runs of {len({one.label for one in members})} series; the table has the mean of each series.")
-    return f"Procedure {told['procedure']}" if told else f"Runs in {folder.name or folder.absolute().name}", about, members
+    return f"Procedure {content['procedure']}" if content else f"Runs in {folder.name or folder.absolute().name}", about, members
 
 
 def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:

@@ -194,11 +194,11 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     pointer = library.rig_controller_abi()
     if not pointer:
         return None, {"abi": None}
-    told = pointer.contents
-    found: dict = {"abi": {field[0]: getattr(told, field[0]) for field in AbiInfo._fields_ if field[1] is ct.c_uint32}}
-    if told.abi != ABI:
+    info = pointer.contents
+    found: dict = {"abi": {field[0]: getattr(info, field[0]) for field in AbiInfo._fields_ if field[1] is ct.c_uint32}}
+    if info.abi != ABI:
         return None, found
-    found["abi"]["record"] = (told.record or b"").decode("utf-8", "replace")
+    found["abi"]["record"] = (info.record or b"").decode("utf-8", "replace")
     for key, (names, values) in PAIRS.items():
         found[key] = []
         if not hasattr(library, names):

@@ -28,7 +28,7 @@ from ..errors import RigError, no_file
 from ..graph.link import Link, LinkClosed, pair
 from .c_host import ABI, END, END_ALL, TEXT, Info, Inputs, Outputs, Parameter
 from .own_signals import checked_settings, checked_signals
-from .plug import SAID, Plug, chosen_level
+from .plug import DECLARED, Plug, chosen_level
 from .record import ControllerRecord, record_of
 from .record_header import NAME, header_text
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
@@ -277,7 +277,7 @@ class CLibrary(Plug):
     A .c or .cpp file is compiled first, into a folder that is removed afterwards.
     """
 
-    prefix, level_from = "c", SAID
+    prefix, level_from = "c", DECLARED
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         """Load the library; ``rest`` is FILE.so, FILE.c or FILE.cpp."""

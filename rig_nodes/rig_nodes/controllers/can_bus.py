@@ -246,7 +246,7 @@ class CanBus(FreeRunning):
         gearbox, measured_now = self._gearbox, self._shown.measured
         n_in, n_out = self.rig_record.speeds(measured_now)
         slip = percent(self.rig_record.slip(self.gear, measured_now))
-        shifting = j1939.NOT_AVAILABLE if not self._was_here else j1939.ERROR if self._told_silence else int(self.shifting)
+        shifting = j1939.NOT_AVAILABLE if not self._was_here else j1939.ERROR if self._silence_reported else int(self.shifting)
         self._put(
             frames.ETC1,
             {

@@ -24,7 +24,7 @@ from ..errors import RigError, no_file, printable
 from ..graph.link import Link, LinkClosed, pair
 from .c_library import CORE
 from .own_signals import checked_settings, checked_signals
-from .plug import DEFAULT, SAID, Plug, chosen_level
+from .plug import DECLARED, DEFAULT, Plug, chosen_level
 from .record import record_of
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
@@ -49,7 +49,7 @@ class ControllerFmu(Plug):
             raise RigError(f"controller {name}: {no_file(file)}")
         ours, theirs = pair()
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
-        said = os.memfd_create("said")
+        message_descriptor = os.memfd_create("message")
         record = record_of(config)
         outputs, names = len(record.outputs), list(record.names)
         self._sample, self._answer_form = (
@@ -64,7 +64,7 @@ class ControllerFmu(Plug):
             "rig_nodes.controllers.fmu_process",
             file,
             str(theirs.fileno()),
-            str(said),
+            str(message_descriptor),
             str(os.getpid()),
             json.dumps(
                 {
@@ -83,17 +83,17 @@ class ControllerFmu(Plug):
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                pass_fds=[theirs.fileno(), said],
+                pass_fds=[theirs.fileno(), message_descriptor],
                 env=environment,
             )
-        self._message_file = open(said, "rb", buffering=0)  # the FMU's newest message, which outlives its process
+        self._message_file = open(message_descriptor, "rb", buffering=0)  # the FMU's newest message, which outlives its process
         self._printed = threading.Thread(target=_show, args=(self._process.stdout,), daemon=True)
         self._printed.start()
         self._link, self._core = Link(ours.detach(), name), -1
         try:
             found = self._hear(name)
             super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
-            self.level_from = f"{SAID} ({found['level_from']})" if found["level_from"] else DEFAULT
+            self.level_from = f"{DECLARED} ({found['level_from']})" if found["level_from"] else DEFAULT
             self.wants = checked_wants(found["wants"], name, record.all_transducers)
             self.signals = checked_signals(found["signals"], name)
             # a parameter with the name of one of the rig's settings gets the rig's value

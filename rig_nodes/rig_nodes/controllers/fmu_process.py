@@ -181,13 +181,13 @@ def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
         When the units of the commands do not agree, or the parameter level is wrong.
     """
     commands = [name for name in names.commands if name in fmu.variables]
-    said = {name: meaning_of(fmu, name)[0] for name in commands}
-    if len(set(said.values())) > 1:
-        found = ", ".join(f"{name} {f'at level {level}' if level else 'without one'}" for name, level in said.items())
+    level_of = {name: meaning_of(fmu, name)[0] for name in commands}
+    if len(set(level_of.values())) > 1:
+        found = ", ".join(f"{name} {f'at level {level}' if level else 'without one'}" for name, level in level_of.items())
         raise RigError(f"the units of the FMU's commands do not agree: {found}")
     level = fmu.variables.get("level")
     if level is None:
-        (by_unit,) = set(said.values())
+        (by_unit,) = set(level_of.values())
         if not by_unit:
             return list(LEVELS), ""
         return [by_unit], "the unit of its commands"
@@ -242,13 +242,13 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
     """
     inputs = check_variables(fmu, names)
     write, places = fmu.writer(inputs), [names.inputs.index(name) for name in inputs]
-    told = [name for name in names.outputs if name in fmu.variables]
-    read, first, done = fmu.reader(told), None, 0
+    outputs = [name for name in names.outputs if name in fmu.variables]
+    read, first, done = fmu.reader(outputs), None, 0
     wants, signals = wants_of(fmu, names), list(signals_of(fmu, names))
     write_others, read_own, write_settings = fmu.writer(wants), fmu.reader(signals), fmu.writer(settings)
     others, own, tuned = (struct.Struct(f"<{len(own)}d") for own in (wants, signals, settings))
     newest = tuple(settings_of(fmu)[name] for name in settings)  # the values in the FMU
-    factors = {name: meaning_of(fmu, name)[1] for name in (*names.commands, *names.setpoints) if name in told}
+    factors = {name: meaning_of(fmu, name)[1] for name in (*names.commands, *names.setpoints) if name in outputs}
     while data := link.recv(FRAME):
         sample, request, *values = names.sample.unpack_from(data)
         given = [request, *values]
@@ -264,7 +264,7 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
             while done <= sample - first:  # samples that did not come are stepped over with the present inputs
                 fmu.step(done * period, period)
                 done += 1
-            found = dict(zip(told, read(), strict=True))
+            found = dict(zip(outputs, read(), strict=True))
             own_values = own.pack(*read_own())
         except FmuFailed as failure:
             status = STATUS.get(failure.status, Status.ERROR)
@@ -284,7 +284,7 @@ def main() -> int:
     Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process, the
     rig's record.
     """
-    file, (descriptor, said, parent), record = sys.argv[1], map(int, sys.argv[2:5]), json.loads(sys.argv[5])
+    file, (descriptor, message_descriptor, parent), record = sys.argv[1], map(int, sys.argv[2:5]), json.loads(sys.argv[5])
     # an FMU that computes without end must not outlive the rig
     ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:
@@ -293,18 +293,18 @@ def main() -> int:
         signal.signal(number, signal.SIG_IGN)  # Ctrl-C is for the rig, which ends this process in order
     with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         try:
-            serve(link, file, said, Names(**record))
+            serve(link, file, message_descriptor, Names(**record))
         except RigError as error:
             link.send(json.dumps({"error": str(error).removeprefix(f"{file}: ")}).encode())
     return 0
 
 
-def serve(link: socket.socket, file: str, said: int, names: Names) -> None:
+def serve(link: socket.socket, file: str, message_descriptor: int, names: Names) -> None:
     """Do everything from the FMU's loading to its end; RigError before the first sample."""
 
     def keep(text: str) -> None:  # the rig reads it there when the FMU has crashed
-        os.ftruncate(said, 0)
-        os.pwrite(said, text.encode(), 0)
+        os.ftruncate(message_descriptor, 0)
+        os.pwrite(message_descriptor, text.encode(), 0)
 
     with Fmu(file, "controller", keep) as fmu:
         check_variables(fmu, names)

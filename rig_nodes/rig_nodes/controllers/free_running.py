@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl
 
 from ..clocks import COMMAND_TIMEOUT
 from ..errors import RigError
-from .plug import TOLD, Plug, Waiting, chosen_level
+from .plug import RECEIVED, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class FreeRunning(Plug):
         Time without a command after which the rig trips [s].
     """
 
-    own_clock, level_from = True, TOLD
+    own_clock, level_from = True, RECEIVED
 
     def __init__(self, name: str, config: RigConfig, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT) -> None:
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
@@ -127,7 +127,7 @@ class FreeRunning(Plug):
         self.faults: dict[str, int] = {}  # number of times by text, for what came and was not used
         self._newest: ControllerOutputs | None = None
         self._waiting: Waiting | None = None  # the wait since the newest command
-        self._discarded, self._told_silence, self._was_here = 0, False, False
+        self._discarded, self._silence_reported, self._was_here = 0, False, False
         self._held: ControllerOutputs | None = None  # the newest answer
         self._master, self._mastered = "", -math.inf  # the controller that commands, and time.monotonic() of its newest command
         self._origin: float | None = None  # time.monotonic() of sample 0
@@ -203,7 +203,7 @@ class FreeRunning(Plug):
             return ControllerOutputs(status=Status.DISCARD)
         answer, self._newest = self._newest, None
         self._held = answer
-        self._waiting, self._discarded, self._told_silence = None, 0, False
+        self._waiting, self._discarded, self._silence_reported = None, 0, False
         self._is_here()
         return answer
 
@@ -212,8 +212,8 @@ class FreeRunning(Plug):
         self._discarded += 1
         if self._waiting is None:
             self._waiting = Waiting(f"waiting for controller on {self.place}", self.say)
-        if self._was_here and not self._told_silence and self._discarded * self.info.period > 0.5 * self.timeout:
-            self._told_silence = True
+        if self._was_here and not self._silence_reported and self._discarded * self.info.period > 0.5 * self.timeout:
+            self._silence_reported = True
             self.say(
                 f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
                 f"{1e3 * self.timeout:.0f} ms{self._faults_text()}"
@@ -221,8 +221,8 @@ class FreeRunning(Plug):
         self._waiting.report()
 
     def _faults_text(self) -> str:
-        told = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
-        return f"; not used: {told}" if told else ""
+        faults = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
+        return f"; not used: {faults}" if faults else ""
 
     def _abandon(self) -> None:
         self._end()

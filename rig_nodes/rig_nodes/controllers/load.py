@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..config.names import unknown
 from ..errors import RigError, printable
-from .plug import DEFAULT, GIVEN, SAID, BuiltIn, Plug
+from .plug import DECLARED, DEFAULT, GIVEN, BuiltIn, Plug
 from .seam import LEVELS
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def level_line(plug: Plug) -> str:
 
 def embedded_line() -> str:
     """Return :func:`level_line` of the built-in controller inside the kernel."""
-    return _line("alfa46", "duty", SAID)
+    return _line("alfa46", "duty", DECLARED)
 
 
 def _line(name: str, level: str, level_from: str) -> str:

@@ -109,8 +109,8 @@ class Waiting:
 
 
 # where a controller's level comes from
-GIVEN, SAID, DEFAULT = "as given", "as the controller declares", "by default, the controller declares none"
-TOLD = "by default; a controller of the other level has no effect"
+GIVEN, DECLARED, DEFAULT = "as given", "as the controller declares", "by default, the controller declares none"
+RECEIVED = "by default; a controller of the other level has no effect"
 
 
 class Plug(ABC):
@@ -430,7 +430,7 @@ class Plug(ABC):
 class BuiltIn(Plug):
     """The Alfa46 law as it is compiled for the kernel."""
 
-    level_from = SAID
+    level_from = DECLARED
 
     def __init__(self, config: RigConfig, level: str | None = None) -> None:
         super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NoReturn
 from ..config.names import unknown
 from ..errors import RigError, no_file
 from .own_signals import checked_settings, checked_signals
-from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, error_text
+from .plug import DECLARED, DEFAULT, LOG, Plug, chosen_level, error_text
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class PythonClass(Plug):
         if not (isinstance(levels, (tuple, list)) and levels and all(item in LEVELS for item in levels)):
             raise RigError(f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}")
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
-        self.level_from = SAID if hasattr(found, "levels") else DEFAULT
+        self.level_from = DECLARED if hasattr(found, "levels") else DEFAULT
         self.wants = checked_wants(getattr(found, "wants", ()), name, self.rig_record.all_transducers)
         self.signals = checked_signals(getattr(found, "signals", ()), name)
         self.settings = checked_settings(getattr(found, "settings", {}), name)

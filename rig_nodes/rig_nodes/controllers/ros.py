@@ -21,7 +21,7 @@ from rig_msgs.msg import ControllerRecord as ControllerRecordMessage
 from ..errors import RigError
 from .free_running import FreeRunning, split_options
 from .own_signals import checked_settings, checked_signals
-from .plug import TOLD, Plug, Waiting, chosen_level
+from .plug import RECEIVED, Plug, Waiting, chosen_level
 from .record import ControllerRecord
 from .ros_topics import Answered, NoAnswer, Topics, pack_step
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
@@ -68,7 +68,7 @@ def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Pl
     if timing not in TIMINGS:
         raise RigError(f"controller {spec}: timing is '{timing}', expected {' or '.join(TIMINGS)}")
     plug = FreeRosNode(spec, config, level) if timing == "free" else RosNode(spec, config, chosen_level(level, LEVELS, spec))
-    plug.level_from = TOLD
+    plug.level_from = RECEIVED
     plug.other_side = _OtherSide(plug, name)
     plug.wants = checked_wants(_items(options, "wants"), spec, plug.rig_record.all_transducers)
     plug.settings = checked_settings(dict(_setting(item, spec) for item in _items(options, "settings")), spec)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # Published reliably, so that any subscriber may listen; received best effort, because a reliable reader costs an
 # acknowledgement for each message, and a step without an answer is sent again anyway. In both only the newest counts.
 SENT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-HEARD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+ANSWER_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Nodes that come later receive the newest message too.
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # A reader's depth is shared by all writers: with 1, one node's refusal would displace another's ready.
@@ -156,7 +156,7 @@ class Topics:
         self._start = node.create_publisher(ControllerStart, f"/{name}/start", LASTING)
         self._step = node.create_publisher(ControllerStep, f"/{name}/step", SENT)
         self._ready = node.create_subscription(ControllerReady, f"/{name}/ready", _nothing, FROM_MANY)
-        self._answers = node.create_subscription(ControllerAnswer, f"/{name}/answer", _nothing, HEARD, raw=True)
+        self._answers = node.create_subscription(ControllerAnswer, f"/{name}/answer", _nothing, ANSWER_QOS, raw=True)
         self._wait_set = rclpy_c.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
 
     def _hold(self, name: str) -> socket.socket:

@@ -194,8 +194,8 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
             if not math.isfinite(value):
                 raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
     if gear not in tuple(info.gears):
-        told = " or ".join(f"{number} ({name})" for number, name in info.gears.items())
-        raise RigError(f"gear is {gear!r}, expected {told}")
+        choices = " or ".join(f"{number} ({name})" for number, name in info.gears.items())
+        raise RigError(f"gear is {gear!r}, expected {choices}")
     try:
         bits = int(flags)
     except (TypeError, ValueError, OverflowError):

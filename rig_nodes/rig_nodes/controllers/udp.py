@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import RigError
 from .own_signals import MOST, checked_settings, checked_signals
-from .plug import TOLD, Plug, Waiting, chosen_level
+from .plug import RECEIVED, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
 from .udp_frames import (
     ANSWER,
@@ -55,7 +55,7 @@ IP_RECVERR = 11  # of Linux: reports that no program listens at the other end
 class Udp(Plug):
     """The plug udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
 
-    named_later, level_from = True, TOLD
+    named_later, level_from = True, RECEIVED
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         address, _, port = rest.rpartition(":")
@@ -75,7 +75,7 @@ class Udp(Plug):
             ) from None
         self._socket.setsockopt(socket.IPPROTO_IP, IP_RECVERR, 1)
         info = self.info
-        self._names_told = (  # value, name, unit; the rig's lists in the order of udp_frames
+        self._name_lists = (  # value, name, unit; the rig's lists in the order of udp_frames
             [(value, key, "") for key, value in info.parameters.items()],
             [(0.0, key, "") for key in info.outputs],
             [(0.0, key, unit) for key, unit in info.transducers.items()],
@@ -137,8 +137,8 @@ class Udp(Plug):
                 self._greet(session, peer, values[0], text(values[2]))
             elif session != self._session:
                 self._send(BYE, peer, session=session, values=["another run; send HELLO"])
-            elif kind == ASK and values[1] < len(self._names_told) and values[0] < len(self._names_told[values[1]]):
-                self._send(NAME, peer, values=[values[0], values[1], *self._names_told[values[1]][values[0]]])
+            elif kind == ASK and values[1] < len(self._name_lists) and values[0] < len(self._name_lists[values[1]]):
+                self._send(NAME, peer, values=[values[0], values[1], *self._name_lists[values[1]][values[0]]])
             elif kind == READY and peer != self._peer and self._away:
                 self._coming, self._count = peer, values[0]
                 self._names = {}
@@ -172,7 +172,7 @@ class Udp(Plug):
             self._send_away(peer, why)
             return
         high, level = self.info.command_high, LEVEL_BITS[self.level]
-        self._send(INFO, peer, values=[level, 0, *map(len, self._names_told), self.info.period, high, self.rig_record.id])
+        self._send(INFO, peer, values=[level, 0, *map(len, self._name_lists), self.info.period, high, self.rig_record.id])
 
     def _send_away(self, peer: tuple[str, int], why: str) -> None:
         self._send(BYE, peer, session=0, values=[why])

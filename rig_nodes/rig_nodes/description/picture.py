@@ -60,7 +60,7 @@ def _links(structure: Structure, config: object) -> list[Link]:
     out += [(*one.bodies, one.kind, one.name) for one in structure.of_kind("clutch", "torque") if len(one.bodies) == 2]
     for one in structure.of_kind("relation"):
         words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
-        out += [(one.bodies[0], other, "set", f"{one.name}: {words[0]}, {told}") for other, told in zip(one.bodies[1:], words[1:])]
+        out += [(one.bodies[0], other, "set", f"{one.name}: {words[0]}, {term}") for other, term in zip(one.bodies[1:], words[1:])]
     for one in structure.planetary_sets:
         named = f"{one.name}, {getattr(config, one.name).efficiency:.3g}" if one.lossy else one.name
         if one.ring == "ground":

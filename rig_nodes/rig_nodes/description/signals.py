@@ -135,16 +135,16 @@ def unnamed(structure: Structure) -> tuple[list[str], list[str]]:
 def _words(structure: Structure, device: Device) -> dict[str, str]:
     """The words that the sentences on a device's signals may contain."""
 
-    def told(body: str) -> str:
+    def spaced(body: str) -> str:
         return body.replace("_", " ")
 
     driving, driven = device.wires.get("joins", (device.wires.get("brakes", ""), "ground"))
     fed = structure.device(device.wires["feeds"]).called if "feeds" in device.wires else ""
     return {
         "called": device.called,
-        "body": told(str(device.wires.get("body", ""))),
-        "driving": told(driving),
-        "driven": told(driven),
+        "body": spaced(str(device.wires.get("body", ""))),
+        "driving": spaced(driving),
+        "driven": spaced(driven),
         "fed": f"clutch {fed}",
     }
 

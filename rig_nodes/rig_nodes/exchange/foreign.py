@@ -299,9 +299,9 @@ def _table(path: Path) -> Foreign:
             channels.append(Channel(one.name, one.name, "s", values))
         elif pa.types.is_floating(one.type) or pa.types.is_integer(one.type) or pa.types.is_boolean(one.type):
             name, unit = split_head(one.name)
-            told = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
+            stated = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
             values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-            channels.append(Channel(one.name, one.name if told else name, told or unit, np.array(values, float)))
+            channels.append(Channel(one.name, one.name if stated else name, stated or unit, np.array(values, float)))
     if not channels or table.num_rows < 2:
         raise RigError(f"{path}: holds {len(channels)} columns of numbers with {table.num_rows} rows; a recording needs more")
     return Foreign(path, channels, provenance=read_provenance((table.schema.metadata or {}).get(KEY.encode())))
@@ -372,10 +372,12 @@ def _of_struct(struct: dict) -> list[Channel]:
     out = []
     for name, column in vectors.items():
         plain, unit = split_head(name)
-        told = units.get(name)
+        stated = units.get(name)
         own = times if times is not None and len(times) == len(column) else None
         out.append(
-            Channel(str(names.get(name, name)), str(names.get(name, plain if not told else name)), str(told or unit), column, own)
+            Channel(
+                str(names.get(name, name)), str(names.get(name, plain if not stated else name)), str(stated or unit), column, own
+            )
         )
     return out
 

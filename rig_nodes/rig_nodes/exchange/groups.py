@@ -151,8 +151,8 @@ class Signals:
             names = small.columns(topic)
             if not names:
                 continue
-            told = dict(zip(names, self._stated_units(topic)))
-            groups.append(Group(topic, True, tuple(_column(name, known.get(name), told[name], units) for name in names)))
+            stated = dict(zip(names, self._stated_units(topic)))
+            groups.append(Group(topic, True, tuple(_column(name, known.get(name), stated[name], units) for name in names)))
             taken |= set(names)
         by_topic: dict[str, list[Column]] = {}
         for name, signal in known.items():
@@ -166,8 +166,8 @@ class Signals:
     def _stated_units(self, topic: str) -> list[str]:
         node = topic.rpartition("/")[0]
         lists = [name for name, ros_type in self.small.types.items() if ros_type == DESCRIBING[2]]
-        (told,) = [name for name in lists if name.rpartition("/")[0] == node][:1]
-        return next(list(message.units) for _, message in self.small.messages(told))
+        (channels_topic,) = [name for name in lists if name.rpartition("/")[0] == node][:1]
+        return next(list(message.units) for _, message in self.small.messages(channels_topic))
 
 
 def _column(name: str, signal: Signal | None, unit: str, units: str) -> Column:
@@ -272,14 +272,14 @@ def on_one_clock(groups: Sequence[Group], parts: Iterator[list[Part]], period: i
 def _ordered(groups: Sequence[Group], parts: Iterator[list[Part]]) -> Iterator[list[tuple[np.ndarray, Floats]]]:
     """Yield times and rows of each group in order of time, such that no later part has an earlier time."""
     waiting: list[list[Part]] = [[] for _ in groups]
-    newest, told = 0, 0
+    newest, complete = 0, 0
     for piece in parts:
         for part in piece:
             waiting[part.group].append(part)
             newest = max(newest, int(part.times[-1]))
-        if newest - told > 4 * LATE:
-            told = newest - LATE
-            yield [_before(waiting, number, len(group.columns), told) for number, group in enumerate(groups)]
+        if newest - complete > 4 * LATE:
+            complete = newest - LATE
+            yield [_before(waiting, number, len(group.columns), complete) for number, group in enumerate(groups)]
     yield [_before(waiting, number, len(group.columns), None) for number, group in enumerate(groups)]
 
 

@@ -229,16 +229,16 @@ def _channel(foreign: Foreign, head: str, where: str) -> Channel:
 def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
     """Return the values of a column in SI."""
     own, dimension = signal.display_unit, UNITS[signal.display_unit][0]
-    if not (said := one.unit or channel.unit):
+    if not (stated := one.unit or channel.unit):
         if dimension != "ratio":
             raise RigError(
                 f"{one.where} has no unit; write it in brackets behind the name, e.g. '{channel.name} [{own}]', or in a profile"
             )
-        said = "-"
-    unit = unit_of(said)
+        stated = "-"
+    unit = unit_of(stated)
     if unit is None or UNITS[unit][0] != dimension:
         known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
-        raise RigError(f"{one.where} is in {said}; {with_article(dimension)} such as {one.signal} is in {known}")
+        raise RigError(f"{one.where} is in {stated}; {with_article(dimension)} such as {one.signal} is in {known}")
     values = channel.values
     if one.factor != 1.0 or one.offset:
         values = values * one.factor + one.offset
@@ -249,13 +249,13 @@ def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
 def _axis(foreign: Foreign, profile: Profile, channels: Sequence[Channel]) -> Channel:
     """Return a channel whose ``times`` are the clock: the one with the most rows, or the column of times."""
     if profile.time is not None:
-        told = _channel(foreign, profile.time, f"{foreign.path}: time")
-        unit = unit_of(profile.time_unit or told.unit or "s")
+        axis = _channel(foreign, profile.time, f"{foreign.path}: time")
+        unit = unit_of(profile.time_unit or axis.unit or "s")
         if unit is None or UNITS[unit][0] != "time":
             raise RigError(
-                f"{foreign.path}: column '{told.head}' of the times is in {profile.time_unit or told.unit}; expected s, ms, us, min"
+                f"{foreign.path}: column '{axis.head}' of the times is in {profile.time_unit or axis.unit}; expected s, ms, us, min"
             )
-        return Channel(told.head, told.name, "s", told.values, told.values * UNITS[unit][1])
+        return Channel(axis.head, axis.name, "s", axis.values, axis.values * UNITS[unit][1])
     longest = max(channels, key=lambda one: len(one.values))
     if profile.period is not None:
         times = profile.period * np.arange(len(longest.values))
@@ -384,9 +384,9 @@ def _events(
 
 
 def _stated_events(foreign: Foreign) -> list[tuple[float, str, str, str, float]]:
-    told = foreign.provenance["events"] if foreign.provenance else []
+    events = foreign.provenance["events"] if foreign.provenance else []
     try:
-        return [(float(t), str(topic), str(name), str(text), float(value)) for t, topic, name, text, value in told]
+        return [(float(t), str(topic), str(name), str(text), float(value)) for t, topic, name, text, value in events]
     except (TypeError, ValueError) as error:
         raise RigError(f"{foreign.path}: the events of the exported run in it cannot be used ({error})") from None
 
@@ -465,8 +465,8 @@ def write_bag(measurement: Measurement, folder: Path, name: str) -> Path:
         (first, RUN_INFO, (json.dumps(record, sort_keys=True),)),
         (first, CHANNELS, (names, [known.signal(one).unit for one in names], measurement.period)),
     ]
-    told = [event for event in measurement.events if event[1] in types and event[0] >= 0.0]
-    messages += [(round(t * 1e9), topic, (what, text, value)) for t, topic, what, text, value in told]
+    events = [event for event in measurement.events if event[1] in types and event[0] >= 0.0]
+    messages += [(round(t * 1e9), topic, (what, text, value)) for t, topic, what, text, value in events]
     messages += _blocks(measurement)
     messages.sort(key=itemgetter(0))  # the sort is stable, so that the description of the run stays before its rows
     encoders = {topic: encoder(types[topic]).encode for _, topic, _ in messages}

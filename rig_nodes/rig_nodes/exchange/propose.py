@@ -59,7 +59,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     for one in foreign.channels:
         if one not in (time, gear) and (found := _guess(one, measured, box)):
             best[one.head] = found
-    told = [signal.name for signal in best.values()]
+    guesses = [signal.name for signal in best.values()]
     lines = [
         f"# How {foreign.path.name} and files like it are read; a guess, so look at each line.",
         f"# Then: ./rig import {foreign.path.name} --profile THIS_FILE --out runs/NAME",
@@ -100,10 +100,10 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         if one in (time, gear):
             continue
         signal, unit = best.get(one.head), unit_of(one.unit) or ""
-        if signal is not None and told.count(signal.name) == 1:
-            said = unit or f"{signal.display_unit}"
+        if signal is not None and guesses.count(signal.name) == 1:
+            unit_text = unit or f"{signal.display_unit}"
             doubt = "" if unit else "  # the file has no unit: is it this one?"
-            lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(said)}}}{doubt}")
+            lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(unit_text)}}}{doubt}")
         else:
             unsure.append(one.head)
             could = [s.name for s in measured if not unit or UNITS[s.display_unit][0] == UNITS[unit][0]]
@@ -122,8 +122,8 @@ def _first(foreign: Foreign, which: object) -> Channel | None:
 
 def _mentions(head: str, words: tuple[str, ...]) -> bool:
     """Return True when a word of the head is one of ``words``, or begins with one of them that has more than three letters."""
-    said = [word.lower() for word in _WORDS.findall(head)]
-    return any(word == other or (len(other) > 3 and word.startswith(other)) for word in said for other in words)
+    head_words = [word.lower() for word in _WORDS.findall(head)]
+    return any(word == other or (len(other) > 3 and word.startswith(other)) for word in head_words for other in words)
 
 
 def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Signal | None:
@@ -143,9 +143,9 @@ def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Si
 
 
 def _mark(head: str, signal: Signal, box: Transmission | None) -> int:
-    said = [word.lower() for word in _WORDS.findall(head)]
+    head_words = [word.lower() for word in _WORDS.findall(head)]
     own_words = [word.lower() for word in _WORDS.findall(signal.name)]
-    marks = 4 * any(said[n : n + len(own_words)] == own_words for n in range(len(said)))
+    marks = 4 * any(head_words[n : n + len(own_words)] == own_words for n in range(len(head_words)))
     device = signal.topic.split("/")[1]
     if box is not None and signal.name in (box.input.torque, box.input.speed):
         return marks + 3 * _mentions(head, INPUT) - 3 * _mentions(head, OUTPUT)
@@ -154,7 +154,7 @@ def _mark(head: str, signal: Signal, box: Transmission | None) -> int:
     for number, clutch in enumerate(box.clutches if box else (), 1):
         if signal.name in (clutch.pressure, clutch.current):
             names = {clutch.name.lower(), clutch.key.lower()}
-            own = str(number) in said or (ROMAN[number - 1] in said if number <= len(ROMAN) else False)
-            return marks + 3 * own + 3 * bool(names & {a + b for a, b in pairwise(said)} | names & set(said))
+            own = str(number) in head_words or (ROMAN[number - 1] in head_words if number <= len(ROMAN) else False)
+            return marks + 3 * own + 3 * bool(names & {a + b for a, b in pairwise(head_words)} | names & set(head_words))
     marks += 3 * (_mentions(head, LOAD) and "load" in device) + 3 * (_mentions(head, SUPPLY) and "supply" in device)
     return marks + 2 * (_mentions(head, OIL) and "oil" in device)

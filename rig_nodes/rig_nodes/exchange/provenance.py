@@ -75,14 +75,14 @@ def read_provenance(text: object) -> dict | None:
 def lines_of(provenance: dict) -> list[tuple[str, str]]:
     """Return names and values of the main facts of the provenance."""
     run = provenance["run"]
-    said = [("rig", run["configuration"].get("name")), ("sequence", run.get("sequence")), ("seed", run.get("seed"))]
+    facts = [("rig", run["configuration"].get("name")), ("sequence", run.get("sequence")), ("seed", run.get("seed"))]
     parent = run.get("parent")
-    said += [("parent", parent.get("bag") if isinstance(parent, dict) else None), ("bag", provenance["bag"])]
+    facts += [("parent", parent.get("bag") if isinstance(parent, dict) else None), ("bag", provenance["bag"])]
     versions = run.get("versions")
-    said += [
+    facts += [
         ("simulated_by", f"rig_nodes {versions['rig_nodes']}" if isinstance(versions, dict) and "rig_nodes" in versions else None)
     ]
-    return [(name, str(value)) for name, value in [*said, ("exported_by", provenance["exported_by"])] if value is not None]
+    return [(name, str(value)) for name, value in [*facts, ("exported_by", provenance["exported_by"])] if value is not None]
 
 
 def csvw_path(path: Path) -> Path:

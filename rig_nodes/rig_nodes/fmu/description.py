@@ -237,17 +237,17 @@ def _types(fmi: int, variables: Sequence[Variable]) -> list[str]:
     for v in variables:
         if not v.words:
             continue
-        said = ", ".join(f"{value} {word}" for value, word in v.words)
+        meanings = ", ".join(f"{value} {word}" for value, word in v.words)
         if fmi == 3:
             lines += [
-                f"    <EnumerationType{_attributes({'name': v.declared, 'description': said})}>",
+                f"    <EnumerationType{_attributes({'name': v.declared, 'description': meanings})}>",
                 *(f"      <Item{_attributes({'name': word, 'value': value})}/>" for value, word in v.words),
                 "    </EnumerationType>",
             ]
         else:
             limits = {"min": min(value for value, _ in v.words), "max": max(value for value, _ in v.words)}
             lines += [
-                f"    <SimpleType{_attributes({'name': v.declared, 'description': said})}>",
+                f"    <SimpleType{_attributes({'name': v.declared, 'description': meanings})}>",
                 f"      <Integer{_attributes(limits)}/>",
                 "    </SimpleType>",
             ]

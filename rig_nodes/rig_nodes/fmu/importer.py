@@ -91,7 +91,7 @@ class Fmu:
         self._error = FMICallException
         self._instance = self._folder = None
         self.path, self._keep = Path(path), keep
-        self._heard: deque[tuple[int, str]] = deque(maxlen=KEPT)  # status and text of the FMU's newest messages
+        self._newest_messages: deque[tuple[int, str]] = deque(maxlen=KEPT)  # status and text of the FMU's newest messages
         if not self.path.is_file():
             raise RigError(f"{path}: {no_file(path)}")
         self._folder = tempfile.mkdtemp(prefix="rig-fmu-")
@@ -137,19 +137,19 @@ class Fmu:
 
     def _hear(self, status: int, text: str) -> None:
         if text := _in_one_line(text)[:LONGEST]:
-            self._heard.append((status, text))
+            self._newest_messages.append((status, text))
             self._keep(text)
 
     def forget(self) -> None:
         """Forget the messages so far, so that they are not given as the reason of a later failure."""
-        self._heard.clear()
+        self._newest_messages.clear()
 
     def _why(self, otherwise: str) -> str:
         """Return why a call failed: the FMU's warnings and errors, else ``otherwise`` with the newest message."""
-        reasons = list(dict.fromkeys(text for status, text in self._heard if status > 0))
+        reasons = list(dict.fromkeys(text for status, text in self._newest_messages if status > 0))
         if reasons:
             return "; ".join(reasons)
-        return f"{otherwise}; its last message: {self._heard[-1][1]}" if self._heard else otherwise
+        return f"{otherwise}; its last message: {self._newest_messages[-1][1]}" if self._newest_messages else otherwise
 
     def _instantiate(self) -> None:
         """Make the instance and receive its messages."""

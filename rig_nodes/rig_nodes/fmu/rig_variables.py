@@ -22,7 +22,7 @@ from ..parts import part as parts
 from ..testbench.configuration import RigConfig
 from ..testbench.cross_checks import cross_check
 from ..testbench.rig import Rig
-from ..testbench.topics import Heard, States
+from ..testbench.topics import Readings, States
 from .description import Variable
 
 # units of the configuration as FMI writes them
@@ -303,7 +303,7 @@ class Reader:
     def __init__(self, rig: Rig, values: Values) -> None:
         self.rig, self.values = rig, values
         known = rig.config.catalogue
-        self._states, self._heard, signals = States(rig), Heard(known), known.signals
+        self._states, self._readings, signals = States(rig), Readings(known), known.signals
         first = values.place[next(iter(signals))]
         measured = self._states.measured
         self._measured = [(first + k, measured[s.topic]) for k, s in enumerate(signals.values()) if s.topic in measured]
@@ -315,17 +315,17 @@ class Reader:
 
     def read(self) -> None:
         """Read all outputs."""
-        rig, numbers, fields = self.rig, self.values.numbers, self._heard.fields
+        rig, numbers, fields = self.rig, self.values.numbers, self._readings.fields
         row = rig.row()
         for place, column in self._measured:
             numbers[place] = row[column]
         self._states.refresh()
-        for topic, told in self._states.topics.items():
-            fields[topic] = told()
+        for topic, newest in self._states.topics.items():
+            fields[topic] = newest()
         if rig.shifts:
             fields[CONTROLLER_COMMAND] = self._states.command() if rig.level else (0, 0, False, 0, 0, rig.duty, rig.setpoint)
         for place, name in self._others:
-            numbers[place] = self._heard.reading(name)
+            numbers[place] = self._readings.reading(name)
         for place, true in self._true:
             numbers[place] = rig.world.numbers[true]
         if self._currents is not None:

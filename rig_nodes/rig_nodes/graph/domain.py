@@ -126,8 +126,8 @@ def _senders(domain: Domain) -> list[str]:
             f"{LOOK_TIMEOUT:.0f} s; './rig doctor' gives details"
         ) from None
     if looked.returncode:
-        said = looked.stderr.strip().splitlines()
-        why = said[-1] if said else "without a word"
+        lines = looked.stderr.strip().splitlines()
+        why = lines[-1] if lines else "without a word"
         raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({why}); './rig doctor' gives details")
     return looked.stdout.split()
 

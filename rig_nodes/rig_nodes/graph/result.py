@@ -156,22 +156,22 @@ def _topics_of(bag: Bag) -> dict[str, Topic]:
 
 def what_was_lost(run: dict) -> str:
     """Return one sentence on what is missing of a run, from the ``run`` part of its report; empty when nothing is."""
-    said = []
+    losses = []
     if run.get("lost"):
         topics = run.get("lost_by_topic")
-        said.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
+        losses.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
     if unreadable := run.get("unreadable"):
-        said.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
+        losses.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
     if run.get("recovered"):
-        said.append(f"the bag is damaged: {run['recovered']}")
+        losses.append(f"the bag is damaged: {run['recovered']}")
     behind = run.get("behind")
     if behind and behind["times"]:
         times = "once" if behind["times"] == 1 else f"{behind['times']} times"
-        said.append(
+        losses.append(
             f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
             f"{behind['longest_s']:.2f} s"
         )
-    return "; ".join(said)
+    return "; ".join(losses)
 
 
 def _named(counts: dict[str, int]) -> str:

@@ -99,9 +99,9 @@ class Alfa46Node(Node):
         self._encode_event = encoder("rig_msgs/msg/Event").encode
         self._fields = Fields("rig_msgs/msg/ControllerSample")
         self._last_sample = None
-        self._heard_values: dict[str, float] = {}
+        self._other_values: dict[str, float] = {}
         self._stamp = 0
-        self._heard: float | None = None  # when the newest sample came [s]
+        self._newest_sample_at: float | None = None  # when the newest sample came [s]
         self._silent, self._failed = False, ""
         self._phase = None  # of the running shift; None when no shift runs
         self._goal: ServerGoalHandle | None = None  # goal handle of the shift, as soon as it is known
@@ -150,7 +150,7 @@ class Alfa46Node(Node):
 
     def on_value(self, name: str, message: Measurement) -> None:
         """Keep the newest value of a transducer that the controller wants, in real time."""
-        self._heard_values[name] = message.value
+        self._other_values[name] = message.value
 
     # ---- samples
 
@@ -161,7 +161,7 @@ class Alfa46Node(Node):
         sample = int(record["sample"])
         try:
             # in real time these are the newest values from the transducers' own topics
-            others = [self._heard_values.get(name) for name in self.box.wants]
+            others = [self._other_values.get(name) for name in self.box.wants]
             if None in others:
                 return
             self.publish_command(sample, self.ask(sample, record["current"], measured, others), measured)
@@ -223,7 +223,7 @@ class Alfa46Node(Node):
         """
         if self._last_sample is not None and sample > self._last_sample + 1:
             self.missed += sample - self._last_sample - 1
-        self._last_sample, self._heard = sample, time.monotonic()
+        self._last_sample, self._newest_sample_at = sample, time.monotonic()
         self._stamp = sample * SAMPLE_NS
         news = [self.settings.news.popleft() for _ in range(len(self.settings.news))]
         with self._orders:
@@ -305,9 +305,9 @@ class Alfa46Node(Node):
 
     def on_watch(self) -> None:
         """Log once when the samples stop, for then there is nothing to answer, and once when they come again."""
-        if self._heard is None:
+        if self._newest_sample_at is None:
             return
-        quiet = time.monotonic() - self._heard > COMMAND_TIMEOUT
+        quiet = time.monotonic() - self._newest_sample_at > COMMAND_TIMEOUT
         if quiet and not self._silent:
             self.get_logger().warning(f"no sample for {COMMAND_TIMEOUT * 1e3:.0f} ms: no output until they come again")
         elif self._silent and not quiet:
@@ -331,8 +331,8 @@ class Alfa46Node(Node):
         missing = self._missing(self.missed)
         if self._failed:
             return [Health("alfa46", ERROR, f"failed: {self._failed}", values)]
-        if self._heard is None or self._silent:
-            text = "no sample has come yet" if self._heard is None else f"no sample for {COMMAND_TIMEOUT * 1e3:.0f} ms"
+        if self._newest_sample_at is None or self._silent:
+            text = "no sample has come yet" if self._newest_sample_at is None else f"no sample for {COMMAND_TIMEOUT * 1e3:.0f} ms"
             return [Health("alfa46", STALE, text, values)]
         if missing:
             return [Health("alfa46", WARN, "samples of the rig did not arrive", values)]

@@ -42,7 +42,7 @@ class CutDevice(Node):
     def __init__(self, device: str, config: RigConfig) -> None:
         super().__init__(f"{device}_device")
         self.device, self.config = device, config
-        self.heard: float | None = None  # time of the newest port; None before the first of a rig
+        self.newest_port_at: float | None = None  # time of the newest port; None before the first of a rig
         self.answered, self.missed = 0, 0
         port, answer = (config.catalogue.cut_topics[topic_of(device, end)] for end in ("port", "answer"))
         self._port, self._answer = port, answer
@@ -75,7 +75,7 @@ class CutDevice(Node):
     def leave(self) -> None:
         """Forget a rig that is gone."""
         self.destroy_subscription(self._subscription)
-        self._subscription, self._side, self._last, self.heard = None, None, None, None
+        self._subscription, self._side, self._last, self.newest_port_at = None, None, None, None
 
     @property
     def listens(self) -> bool:
@@ -86,7 +86,7 @@ class CutDevice(Node):
         """Answer one port."""
         record = self._fields.of(data)
         sample, port = int(record["sample"]), Port(*(record[name].item() for name in Port._fields))
-        self.heard = time.monotonic()
+        self.newest_port_at = time.monotonic()
         if self._last is None or sample < self._last:  # another rig, or the same one from its start
             self._side, self._seq, ticks = OtherSide(self.device, self.config), 0, 1
         else:
@@ -111,7 +111,7 @@ def work(process: Process, device: str) -> None:
     process.take_parameters([node])
     prefer_process(MESSAGES)
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    since, said = time.monotonic(), False
+    since, warned = time.monotonic(), False
     silent = False
     process.log.info("waits for a rig with %s.source=topic in ROS domain %s", device, domain)
     while not process.stopping:
@@ -121,8 +121,8 @@ def work(process: Process, device: str) -> None:
                 node.listen()
                 process.log.info("answers the rig in ROS domain %s", domain)
                 silent = False
-            elif not said and time.monotonic() - since > NOTICE:
-                said = True
+            elif not warned and time.monotonic() - since > NOTICE:
+                warned = True
                 if node.count_publishers("/rig/state"):
                     process.log.warning(
                         "the rig in ROS domain %s has its own %s; start it with --set %s.source=topic", domain, device, device
@@ -131,9 +131,9 @@ def work(process: Process, device: str) -> None:
                     process.log.warning("there is no rig in ROS domain %s yet", domain)
         elif not node.rigs:
             node.leave()
-            since, said = time.monotonic(), True
+            since, warned = time.monotonic(), True
             process.log.info("the rig has left; waits for another one")
-        elif node.heard is not None and silent != (time.monotonic() - node.heard > SILENCE):
+        elif node.newest_port_at is not None and silent != (time.monotonic() - node.newest_port_at > SILENCE):
             silent = not silent
             process.log.info("no port for %g s" % SILENCE if silent else "ports come again")
     process.leave([node], [node.publisher], answered=node.answered, missed=node.missed)

@@ -33,7 +33,7 @@ from .message_class import message_class
 
 NICE = 10
 RUN_INFO, STATE = "/rig/run_info", "/rig/state"
-UNSAID = 3.0  # s after which a rig without a record of its structure is identified by its topics
+RECORD_PATIENCE = 3.0  # s after which a rig without a record of its structure is identified by its topics
 LISTEN = 0.05  # s between two checks for other events
 SILENT = 5.0  # s after which a message states that nothing is published
 LAST_SEND = 0.8  # s for what is queued when the end is requested
@@ -57,15 +57,15 @@ class LiveView(Node):
 
     def _on_info(self, message: RunInfo) -> None:
         try:
-            said = json.loads(message.json)
-            record = rig_record(said.get("configuration", said))
+            content = json.loads(message.json)
+            record = rig_record(content.get("configuration", content))
         except UNREADABLE:
             return  # not a record of this project's runs; its topics may still be of such a run
         if self.found is None or record["structure"] != self.found["structure"]:
             self.found = record
 
     def look(self) -> None:
-        """Find the rig by its topics when no record has arrived for UNSAID s."""
+        """Find the rig by its topics when no record has arrived for RECORD_PATIENCE s."""
         if self.found is not None:
             return
         topics = {name for name, _ in self.get_topic_names_and_types()}
@@ -73,7 +73,7 @@ class LiveView(Node):
             self._seen_at = None
         elif self._seen_at is None:
             self._seen_at = time.monotonic()
-        elif time.monotonic() - self._seen_at > UNSAID:
+        elif time.monotonic() - self._seen_at > RECORD_PATIENCE:
             self.found = rig_record(None, topics)
 
     def show(self, sender: Sender, pages: Pages) -> None:

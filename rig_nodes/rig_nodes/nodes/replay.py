@@ -478,7 +478,7 @@ class Session:
         """Connect with all present subscriptions, and wait for ``wait`` of them however long that takes."""
         began = changed = time.monotonic()
         known = node.receivers()
-        waiting_told = False
+        wait_reported = False
         while not self.over:
             self._listen(node, LISTEN)
             now, before = time.monotonic(), known
@@ -487,9 +487,9 @@ class Session:
                 changed = now
             missing = node.unconnected()
             if known < wait:
-                if not waiting_told and now - began > QUIET:
+                if not wait_reported and now - began > QUIET:
                     self.say(f"waiting for {wait} subscriptions")
-                    waiting_told = True
+                    wait_reported = True
             elif now - began >= FIND and now - changed >= QUIET and (not missing or now - began > SETTLE):
                 for topic in missing:
                     self.say(f"a receiver of {topic} requires another quality of service and receives nothing")

@@ -217,12 +217,12 @@ class RunningRig:
             nodes = sorted(self._nodes())
         lists = self._ask({f"/{node}/list_parameters": (ListParameters, ListParameters.Request()) for node in nodes})
         names = {node: [name for name in lists[f"/{node}/list_parameters"].result.names if name not in ROS_OWN] for node in nodes}
-        told = self._ask(
+        answers = self._ask(
             {f"/{node}/get_parameters": (GetParameters, GetParameters.Request(names=names[node])) for node in nodes if names[node]}
         )
         found = {}
         for node in filter(names.get, nodes):
-            for key, value in zip(names[node], map(parameter_value_to_python, told[f"/{node}/get_parameters"].values)):
+            for key, value in zip(names[node], map(parameter_value_to_python, answers[f"/{node}/get_parameters"].values)):
                 name = f"{node}.{key}"
                 setting = self.known.get(name) or own_setting(name)
                 found[name] = Turned(setting, value if isinstance(value, (bool, float)) else list(value))
@@ -256,38 +256,38 @@ class RunningRig:
 
     def status(self) -> dict:
         """Return what the rig does now, for people and programs: state, signals [SI], controller, devices, recording."""
-        heard, health = {}, {}
+        messages, health = {}, {}
         self.node.create_subscription(
             DiagnosticArray,
             DIAGNOSTICS,
             lambda message: health.update((status.name.removeprefix("rig/"), status) for status in message.status),
             10,
         )
-        self._listen(STATE, lambda message: heard.update({STATE: message}))
+        self._listen(STATE, lambda message: messages.update({STATE: message}))
         known = self.catalogue
         signals = [signal for signal in known.signals.values() if known.topics[signal.topic].type == "Measurement"]
         topics = {signal.topic for signal in signals} | ({CONTROLLER_COMMAND} & known.topics.keys())
         for topic in topics:
-            self._listen(topic, lambda message, topic=topic: heard.update({topic: message}))
-        self.until(lambda: STATE in heard, STATE)
+            self._listen(topic, lambda message, topic=topic: messages.update({topic: message}))
+        self.until(lambda: STATE in messages, STATE)
         processes = {"rig", "sequencer", "recorder"} | ({"alfa46"} if CONTROLLER_COMMAND in known.topics else set())
         try:
-            self.until(lambda: topics <= heard.keys() and processes <= health.keys(), "whole status", STATUS)
+            self.until(lambda: topics <= messages.keys() and processes <= health.keys(), "whole status", STATUS)
         except RigError:
             pass  # what has arrived is reported
-        state = heard[STATE]
+        state = messages[STATE]
         recorder = health.get("recorder")
         counts = {} if recorder is None else {value.key: value.value for value in recorder.values}
-        told = {
+        content = {
             "domain": self.number,
             "time_s": state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
             "state": STATES[state.state],
             "reason": state.reason,
             "rig": self.configuration["name"],
             "signals": {
-                signal.name: {"value": heard[signal.topic].value, "unit": signal.unit}
+                signal.name: {"value": messages[signal.topic].value, "unit": signal.unit}
                 for signal in signals
-                if signal.topic in heard
+                if signal.topic in messages
             },
             "recording": recorder is not None,
             "recorded": int(counts.get("received", 0)),
@@ -297,6 +297,6 @@ class RunningRig:
                 for name, status in sorted(health.items())
             },
         }
-        if CONTROLLER_COMMAND in heard:
-            told |= {"gear": heard[CONTROLLER_COMMAND].gear, "shifting": heard[CONTROLLER_COMMAND].shifting}
-        return told
+        if CONTROLLER_COMMAND in messages:
+            content |= {"gear": messages[CONTROLLER_COMMAND].gear, "shifting": messages[CONTROLLER_COMMAND].shifting}
+        return content

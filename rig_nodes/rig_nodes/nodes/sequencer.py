@@ -100,12 +100,12 @@ class Sequencer(Node):
 
     def _next_look(self) -> dict:
         """When the container must ask again: at the sample ``next``, or earlier when the condition ``watch`` is met."""
-        told = (self._tick // FEEDBACK_TICKS + 1) * FEEDBACK_TICKS
+        feedback_tick = (self._tick // FEEDBACK_TICKS + 1) * FEEDBACK_TICKS
         if self._runner is None:
-            return {"next": told * TICK_SAMPLES, "watch": {}}
+            return {"next": feedback_tick * TICK_SAMPLES, "watch": {}}
         watch = self._runner.next_look()
         due = int(watch.pop("until") * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
-        return {"next": max(self._tick + 1, min(told, due)) * TICK_SAMPLES, "watch": watch}
+        return {"next": max(self._tick + 1, min(feedback_tick, due)) * TICK_SAMPLES, "watch": watch}
 
     def on_sample(self, data: bytes) -> None:
         """Continue the sequence at every graph tick."""

@@ -171,10 +171,10 @@ def _body(body: Body, x: int, y: int) -> list[str]:
         top = y - 14 - 16 * bool(body.brake)
         out.append(f'<path class="freewheel" d="M{x + 24 + 60 * k} {y} v-14 m-12 0 h24 m-24 0 l8 -7 m16 7 l-8 -7" fill="none"/>')
         out.append(f'<text x="{x + 42 + 60 * k}" y="{top}">{escape(name)} ({way})</text>')
-    for k, told in enumerate(body.notes):
-        wide = max(WIDE - 8, 6 * len(told) + 12)
+    for k, note in enumerate(body.notes):
+        wide = max(WIDE - 8, 6 * len(note) + 12)
         out.append(f'<rect class="part" x="{x + 8}" y="{y + HIGH + 4 + 20 * k}" width="{wide}" height="17" rx="3"/>')
-        out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{escape(told)}</text>')
+        out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{escape(note)}</text>')
     return out
 
 

@@ -126,9 +126,9 @@ class BagOutputs(Outputs):
 
     def reading(self, name: str) -> float:
         """Return the newest value of a signal that was sent [SI], as a listener has it; NaN before the first."""
-        topic = self._heard.topic(name)
+        topic = self._readings.topic(name)
         # a sequence reads before the boundary of its tick
-        fields, now = self._heard.fields, max(self._now, self.rig.sample - 1)
+        fields, now = self._readings.fields, max(self._now, self.rig.sample - 1)
         if now >= 0 and topic in self.states.measured:
             row = self.rig.row_of(now - now % SCALAR_SAMPLES)
             fields[topic] = (row[self.states.measured[topic]],)
@@ -145,7 +145,7 @@ class BagOutputs(Outputs):
             fields[topic] = _at(0, self._law(now - 1, 1))
         elif topic == CONTROLLER and now >= 0:
             fields[topic] = _at(0, self._seen(np.array([now])))
-        return self._heard.reading(name)
+        return self._readings.reading(name)
 
     def flush(self) -> None:
         """Write what was taken, and begin a new block.
@@ -242,7 +242,7 @@ class BagOutputs(Outputs):
             if topic in self._in_blocks:
                 fields = self._in_blocks[topic]()
                 out.append(self._column(topic, rank + 1 + k, ticks, *fields))
-                self._heard.fields[topic] = _at(-1, fields)
+                self._readings.fields[topic] = _at(-1, fields)
             else:
                 rows = zip(ticks.tolist(), self._at_ticks[topic])
                 out += [

@@ -303,12 +303,12 @@ def _check_full_scales(structure: Structure, instruments: Any, node: Map, path: 
             continue
         entry_of, errors = node["transducers"][one.name], node["instruments"]
         end = entry_of["range"][1 if one.high > full else 0]
-        said = [
+        places = [
             (f"transducers.{one.name}.range goes to {end}", entry_of, "range"),
             (f"instruments.{key} ends at {errors[key][0]}", errors, key),
         ]
-        said.sort(key=lambda place: file_of(path, *place[1:]) != path)  # a variant's own line comes before that of its base
-        (first, *at_first), (second, *at_second) = said
+        places.sort(key=lambda place: file_of(path, *place[1:]) != path)  # a variant's own line comes before that of its base
+        (first, *at_first), (second, *at_second) = places
         raise RigError(
             f"{where_of(path, *at_first)}: {first}, and {second} ({where_of(path, *at_second)}); expected a range within what its "
             "instrument can show"
@@ -329,8 +329,8 @@ def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
                         f"{where}: {name} is a state, which the view shows in lanes of its own; name signals with a unit"
                     )
             if len(units := {known[name].display_unit: name for name in names}) > 1:
-                told = " and ".join(f"{name} in {unit}" for unit, name in units.items())
-                raise RigError(f"{where}: a plot's signals share their unit, found {told}")
+                found = " and ".join(f"{name} in {unit}" for unit, name in units.items())
+                raise RigError(f"{where}: a plot's signals share their unit, found {found}")
 
 
 def check_driveline(structure: Structure, sections: Mapping, node: Map, path: str | Path) -> None:
@@ -374,16 +374,16 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
             )
 
 
-def _where_named(said: str, node: Map, path: str | Path) -> str:
+def _where_named(message: str, node: Map, path: str | Path) -> str:
     """``file:line`` of the first body, wheel or device that an error names; the file alone when it names none."""
-    for name in re.findall(r"'(\w+)(?: loss)?'", said):
+    for name in re.findall(r"'(\w+)(?: loss)?'", message):
         for k, mesh in enumerate(node.get("meshes") or ()):
             if mesh.get("name") == name:
                 return where_of(path, node["meshes"], k)
         for group in ("parts", *GROUPS):
             if isinstance(node.get(group), Map) and name in node[group]:
                 return where_of(path, node[group], name)
-    if found := re.search(r"gear (\w+)-(\w+)", said):
+    if found := re.search(r"gear (\w+)-(\w+)", message):
         for k, mesh in enumerate(node.get("meshes", ())):
             if {*mesh["bodies"]} == {*found.groups()}:
                 return where_of(path, node["meshes"], k)

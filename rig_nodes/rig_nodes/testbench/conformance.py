@@ -309,8 +309,8 @@ class Check:
         try:
             self._desk(range(3000), UP_AND_DOWN, broken)
         except ControllerFailed as failure:
-            said = failure.status == Status.ERROR or "status fatal" in str(failure)
-            return said, f"measurements that are no numbers {'trip the rig' if said else 'break it'}: {failure}"
+            trips = failure.status == Status.ERROR or "status fatal" in str(failure)
+            return trips, f"measurements that are no numbers {'trip the rig' if trips else 'break it'}: {failure}"
         return True, "measurements that are no numbers for 50 samples do not spoil what it returns"
 
     def _saturation(self) -> tuple[bool, str]:

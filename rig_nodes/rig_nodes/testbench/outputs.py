@@ -22,7 +22,7 @@ from ..controllers.plug import Plug
 from ..description.signals import CONTROLLER_COMMAND
 from .cuts import topic_of
 from .rig import Rig
-from .topics import SCALAR_SAMPLES, Heard, States
+from .topics import SCALAR_SAMPLES, Readings, States
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 ROWS_PER_TICK = 50
@@ -46,7 +46,7 @@ class Outputs:
     """
 
     def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None) -> None:
-        self.rig, self.states, self._heard = rig, States(rig), Heard(rig.config.catalogue)
+        self.rig, self.states, self._readings = rig, States(rig), Readings(rig.config.catalogue)
         self.commands = rig.embedded if commands is None else commands
         self._answered = -1  # sample of the newest command that went out
         self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same for the answer of each cut device inside
@@ -63,11 +63,11 @@ class Outputs:
 
     def reading(self, name: str) -> float:
         """Return the newest value of a signal that was sent [SI], as a listener has it; NaN before the first."""
-        return self._heard.reading(name)
+        return self._readings.reading(name)
 
     def period(self, name: str) -> int:
         """Return the number of controller samples between two messages with a signal."""
-        return self.states.period(self._heard.topic(name))
+        return self.states.period(self._readings.topic(name))
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Queue an event of the present time; it is sent with the next :meth:`due`."""
@@ -161,7 +161,7 @@ class Outputs:
         numbers, topics, seq = row[self._columns], self.states.measured, self._rounds
         self._rounds += 1
         self.counts.update(dict.fromkeys(topics, self._rounds))
-        self._heard.fields.update(zip(topics, zip(numbers.tolist())))
+        self._readings.fields.update(zip(topics, zip(numbers.tolist())))
         return zip(topics, repeat(now), encoder(MEASUREMENT).encode_each(now, seq, numbers))
 
     def _message(self, topic: str, stamp: int, *values: Any) -> tuple[str, int, bytes]:
@@ -170,7 +170,7 @@ class Outputs:
             encode = self._encoders[topic] = encoder(self._types[topic]).encode
         seq = self.counts.get(topic, 0)
         self.counts[topic] = seq + 1
-        self._heard.fields[topic] = values
+        self._readings.fields[topic] = values
         return topic, stamp, encode(stamp, seq, *values)
 
     def _watch_status(self) -> None:

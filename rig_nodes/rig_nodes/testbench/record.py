@@ -26,7 +26,7 @@ from .rig_base import RigStatus
 from .sequence import Sequence
 from .sequence_runner import SequenceFailed
 from .simulate import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
-from .topics import SCALAR_SAMPLES, Heard, States
+from .topics import SCALAR_SAMPLES, Readings, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
 FIRST_ROWS = 300_000  # for which there is room at first: 30 s at 10 kHz; memory that is not written costs nothing
@@ -60,10 +60,10 @@ class PlantStates:
     """Signals of the state topics and of the controller's commands, taken once a controller sample."""
 
     def __init__(self, rig: Rig, signals: tuple[str, ...]) -> None:
-        self.signals, self._states, self._heard = signals, States(rig), Heard(rig.config.catalogue)
+        self.signals, self._states, self._readings = signals, States(rig), Readings(rig.config.catalogue)
         self._fields = self._states.topics | ({CONTROLLER_COMMAND: self._states.command} if rig.shifts else {})
-        self._topics = sorted({self._heard.topic(name) for name in signals})
-        unknown = [name for name in signals if self._heard.topic(name) not in self._fields]
+        self._topics = sorted({self._readings.topic(name) for name in signals})
+        unknown = [name for name in signals if self._readings.topic(name) not in self._fields]
         if unknown:
             raise RigError(
                 f"{', '.join(unknown)}: only signals of state topics and of {CONTROLLER_COMMAND} are known without a "
@@ -75,8 +75,8 @@ class PlantStates:
         """Keep the present values."""
         self._states.refresh()
         for topic in self._topics:
-            self._heard.fields[topic] = self._fields[topic]()
-        self._values.append([self._heard.reading(name) for name in self.signals])
+            self._readings.fields[topic] = self._fields[topic]()
+        self._values.append([self._readings.reading(name) for name in self.signals])
 
     def on_rows(self, rows: int, per_sample: int) -> dict[str, np.ndarray]:
         """Return the values (rows,) of each signal, with each sample repeated ``per_sample`` times."""
@@ -111,8 +111,8 @@ class Listener:
     ) -> None:
         """Find the topics of the signals; the class describes the parameters."""
         self.rig, self.plant_states, self.controller, self.events, self.orders = rig, plant_states, controller, [], []
-        self._states, self._heard = States(rig), Heard(rig.config.catalogue)
-        topics = {self._heard.topic(name) for name in signals}
+        self._states, self._readings = States(rig), Readings(rig.config.catalogue)
+        topics = {self._readings.topic(name) for name in signals}
         self._command = CONTROLLER_COMMAND in topics
         self._ticked = sorted(topics & self._states.topics.keys())
         unknown = topics - {CONTROLLER_COMMAND} - self._states.topics.keys() - self._states.measured.keys()
@@ -121,15 +121,15 @@ class Listener:
 
     def period(self, signal: str) -> int:
         """Return the number of controller samples between two messages with this signal."""
-        return self._states.period(self._heard.topic(signal))
+        return self._states.period(self._readings.topic(signal))
 
     def reading(self, name: str) -> float:
         """Return the reading of Outputs.reading; called at a tick, before any message of that tick is sent."""
-        topic = self._heard.topic(name)
+        topic = self._readings.topic(name)
         if topic in self._states.measured and self.rig.sample:
             newest = (self.rig.sample - 1) // SCALAR_SAMPLES * SCALAR_SAMPLES
-            self._heard.fields[topic] = (self.rig.row_of(newest)[self._states.measured[topic]],)
-        return self._heard.reading(name)
+            self._readings.fields[topic] = (self.rig.row_of(newest)[self._states.measured[topic]],)
+        return self._readings.reading(name)
 
     def advance(self, samples: int) -> None:
         """Move the rig by a whole number of ticks [samples] and receive what is sent on the way."""
@@ -138,11 +138,11 @@ class Listener:
             samples = TICK_SAMPLES
             self._states.refresh()
             for topic in self._ticked:
-                self._heard.fields[topic] = self._states.topics[topic]()
+                self._readings.fields[topic] = self._states.topics[topic]()
         if self._command:
             self._go(samples - 1)
             samples = 1
-            self._heard.fields[CONTROLLER_COMMAND] = self._states.command()
+            self._readings.fields[CONTROLLER_COMMAND] = self._states.command()
         self._go(samples)
 
     def _go(self, samples: int) -> None:

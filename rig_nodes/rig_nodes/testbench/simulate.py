@@ -17,7 +17,7 @@ from ..alfa46.settings import check_gains
 from ..bags.writer import BagWriter
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS, TICK_SAMPLES
 from ..config.schema import SWITCH
-from ..controllers.plug import SAID, Answer, Plug
+from ..controllers.plug import DECLARED, Answer, Plug
 from ..controllers.seam import ControllerFailed
 from ..description.settings import CHANGED, CONTROLLER, OWN, own_setting
 from ..description.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
@@ -426,8 +426,8 @@ def simulate(
             outputs.finish()
     plugged = {}
     if config.structure.shifts:
-        told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}
-        plugged = {"controller": {**told, "delay": rig.delay}}
+        of_controller = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": DECLARED}
+        plugged = {"controller": {**of_controller, "delay": rig.delay}}
     return {
         **record,
         "mode": "simulate",

@@ -33,7 +33,7 @@ SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
 
-class Heard:
+class Readings:
     """The newest fields of each topic that was sent, and the readings that a listener takes from them."""
 
     def __init__(self, catalogue: Catalogue) -> None:
@@ -250,16 +250,16 @@ class States:
 
     def once(self) -> list[tuple]:
         """Return each topic that is sent once, when time begins, with its fields: what the controller's numbers mean."""
-        told = (
+        channels = (
             [("/rig/channels", (self._torques.names, ["N.m"] * len(self._torques.names), TICK_SAMPLES * SAMPLE))]
             if self._torques
             else []
         )
         if not self.rig.shifts:
-            return told
+            return channels
         record = record_of(self.rig.config)
         return [
-            *told,
+            *channels,
             (
                 "/instruments/controller_record",
                 (

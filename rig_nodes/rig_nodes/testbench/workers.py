@@ -215,9 +215,9 @@ class Workers:
                 yield place, result, error
 
     def _map(self, function: Callable[[Any], Any], items: list, progress: Callable[[int, int], None] | None) -> list:
-        results, told = [None] * len(items), 0
+        results, done = [None] * len(items), 0
         left, places = deque(range(len(items))), {}  # items not begun; task -> item
-        while told < len(items):
+        while done < len(items):
             for end in self._ends:
                 if end not in self._busy and left:
                     self._task += 1
@@ -231,9 +231,9 @@ class Workers:
                 if error is not None:
                     raise error
                 results[place] = result
-                told += 1
+                done += 1
                 if progress:
-                    progress(told, len(items))
+                    progress(done, len(items))
         return results
 
 

@@ -127,12 +127,12 @@ def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int
 
 def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
     names = [name for name in task.objectives if name != "dip"]
-    told = [*task.objectives, *(detail for name in names for detail in DETAILS.get(name, ()))]
-    shares: dict[str, list[float]] = {name: [] for name in told}
+    share_names = [*task.objectives, *(detail for name in names for detail in DETAILS.get(name, ()))]
+    shares: dict[str, list[float]] = {name: [] for name in share_names}
     better = failed = missed = better_rigs = 0
     for pairs in rigs:
         good = [pair for pair in pairs if pair[0].valid]
-        of_rig = {name: [share(name, *pair) for pair in good] for name in told}
+        of_rig = {name: [share(name, *pair) for pair in good] for name in share_names}
         for name, values in of_rig.items():
             shares[name] += values
         failed += len(pairs) - len(good)

@@ -191,7 +191,7 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
     -------
     points : list of Point
         The points that the rig holds, each once.
-    said : list of str
+    notes : list of str
         A sentence for each point that was changed.
 
     Raises
@@ -201,7 +201,7 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
     Tripped
         When the rig trips.
     """
-    bench, out, said = Bench(config), [], []
+    bench, out, notes = Bench(config), [], []
     for point in points:
         chosen = point
         while True:
@@ -213,10 +213,10 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
                     raise
                 chosen = Point(point.way, point.speed, chosen.output_torque - LOAD_STEP)
         if chosen != point:
-            said.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
+            notes.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
         if chosen not in out:
             out.append(chosen)
-    return out, said
+    return out, notes
 
 
 def share(name: str, shift: Shift, compared: Shift) -> float:

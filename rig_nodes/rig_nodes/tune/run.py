@@ -224,7 +224,7 @@ def tune(
     Tripped
         When the rig trips in the first point of a way in which no shift succeeds.
     """
-    said: list[str] = []
+    notes: list[str] = []
     known: dict[str, list[dict]] = {}
     cpu: list[float] = []
     for note in journal.entries():
@@ -233,9 +233,9 @@ def tune(
     points: dict[str, list[Point]] = {}
     for way, where in problem.ranges.items():
         points[way], lowered = held(problem.config, where.grid(way))
-        said += lowered
+        notes += lowered
         shifts = _compared(points[way], problem.config.alfa46, problem.config)
-        said += [
+        notes += [
             f"{point.text()} with the settings that are there: {shift.why}"
             for point, shift in zip(points[way], shifts)
             if shift.tripped
@@ -270,7 +270,7 @@ def tune(
         (scout if isinstance(study, scout.Scout) else search).run(study, workers, note, until)
     if progress:
         progress(1.0, "judging the fronts")
-    return _finish(problem, folder, studies, workers, said, sum(cpu))
+    return _finish(problem, folder, studies, workers, notes, sum(cpu))
 
 
 def searches(config: RigConfig) -> tuple[dict[str, str], dict[str, int]]:
@@ -327,7 +327,7 @@ def _elsewhere(problem: Problem, workers: Workers, *use: int) -> dict[str, Task]
 
 
 def _finish(
-    problem: Problem, folder: Path, studies: dict[str, search.Study], workers: Workers, said: list[str], cpu: float
+    problem: Problem, folder: Path, studies: dict[str, search.Study], workers: Workers, notes: list[str], cpu: float
 ) -> dict:
     config, base = problem.config, problem.config.alfa46
     rows: list[dict] = []
@@ -355,7 +355,7 @@ def _finish(
     summary = {
         "folder": str(folder),
         "search_cpu_seconds": round(cpu, 1),
-        "said": said,
+        "said": notes,
         "searches": {
             name: {
                 "generations": study.generation,

@@ -213,8 +213,8 @@ def terminal(rows: list[Row]) -> str:
             lines += ["", f"{title}:"]
         width = max((len(row.target.id) for row in found), default=0)
         for row in found:
-            said = f"{of_rig(row)}; accepted: {accepted(row)}" if verdict == OUTSIDE else row.reason
-            lines.append(f"  {row.target.id:<{width}}  {row.basis:<11}  {said}")
+            remark = f"{of_rig(row)}; accepted: {accepted(row)}" if verdict == OUTSIDE else row.reason
+            lines.append(f"  {row.target.id:<{width}}  {row.basis:<11}  {remark}")
     return "\n".join(lines)
 
 
@@ -339,9 +339,9 @@ def _hold(rows: list[Row], score: dict) -> str:
     lines = []
     for valve in ("ZR-P1", "ZR-P2", "both"):
         of_valve = [row for row in held.values() if valve in ("both", *listed(row.target.conditions["valve"]))]
-        for said in ("hold", "no hold"):
-            found = [row.value for row in of_valve if row.target.expected == said]
-            lines.append((valve, said, *(found.count(value) for value in ("hold", "no hold", None))))
+        for expected in ("hold", "no hold"):
+            found = [row.value for row in of_valve if row.target.expected == expected]
+            lines.append((valve, expected, *(found.count(value) for value in ("hold", "no hold", None))))
     pairs = []
     for name, row in held.items():
         for other, sentence in row.target.conflicts.items():
@@ -383,11 +383,11 @@ def _side_by_side(rows: list[Row], found: dict) -> str:
     for one in found["chapter9"].values():
         at = [point["closer"] for point in one["points"]]
         points = f"{len(at)}: {at.count('rig')}, {at.count('thesis')}, {at.count('open')}"
-        said = ", ".join(f"`{row}`" for row in one["from"])
+        row_ids = ", ".join(f"`{row}`" for row in one["from"])
         compared.append(
             (
                 one["title"],
-                said,
+                row_ids,
                 distances(one["thesis"], one["unit"]),
                 distances(one["rig"], one["unit"]),
                 points,

@@ -305,8 +305,8 @@ def validate(
     records: list[Record] = []
     trips: list[str] = []
     for name in procedures:
-        told = None if progress is None else lambda done, of, name=name: progress(name, done, of)
-        records += measure_procedure(name, workers, rig, settings, told, trips)
+        own_progress = None if progress is None else lambda done, of, name=name: progress(name, done, of)
+        records += measure_procedure(name, workers, rig, settings, own_progress, trips)
     records += derive(records)
     holding: dict[str, list[Record]] = {}
     for record in records:

@@ -112,12 +112,12 @@ def trivial(rows: Sequence[Row], records: Sequence[Record]) -> dict[str, dict]:
             members = [row for row in rows if row.basis == basis and group_of(row.target) == group]
             answers = []
             for row in members:
-                said = (
+                candidates = (
                     measured_is_simulated
                     if group == "chapter9"
                     else _constant(row.target, holding.get(row.target.quantity, []), targets)
                 )
-                answers.append(evaluate(row.target, [r for r in said if row.target.quantity in r.values]))
+                answers.append(evaluate(row.target, [r for r in candidates if row.target.quantity in r.values]))
             counts[basis] = {
                 "rows": len(members),
                 "rig": sum(row.verdict == INSIDE for row in members),

@@ -44,7 +44,7 @@ def report_document(report: dict, problems: list[str]) -> str:
         parts += measured_lines(report["measured"], box) if "measured" in report else []
     for number, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
         name = shift_name(number, row, box, ARROW)
-        parts += [f"{name}, is {said}"] if (said := sentence_of(verdict)) else []
+        parts += [f"{name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         parts += [f"{name}, is not valid: {reason}" for reason in row.get("why", [])]
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"

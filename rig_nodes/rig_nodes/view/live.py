@@ -180,7 +180,7 @@ class Sender:
         self._shown = {topic.name: _Shown(pages, topic) for topic in live_topics(pages)}
         self._newest = 0.0  # newest time of the rig's clock [s]
         self._recordings = 0
-        self._told_at = 0.0
+        self._reported_at = 0.0
         self._rec = None
         self._thread = threading.Thread(target=self._run, name="sender", daemon=True)
         self._thread.start()
@@ -274,9 +274,9 @@ class Sender:
 
     def _tell(self) -> None:
         """Send the counts to the text panel."""
-        if time.monotonic() - self._told_at < TELL or not self._newest:
+        if time.monotonic() - self._reported_at < TELL or not self._newest:
             return
-        self._told_at = time.monotonic()
+        self._reported_at = time.monotonic()
         rows = [
             ("time of the rig", f"{self._newest:.1f} s"),
             ("messages", self.received),

@@ -104,31 +104,31 @@ def _lines(lines: Sequence[str]) -> str:
 
 def _summary(report: Mapping) -> str:
     """Return one or two lines with the verdict on the run."""
-    said = []
+    sentences = []
     grades = [one["grade"] for one in verdicts_in(report) if one and one["grade"]] if report["shifts"] else []
     if grades:
         counts = ", ".join(f"{grades.count(grade)} {grade}" for grade in GRADES if grade in grades)
         worst = max(grades, key=GRADES.index)
-        said.append(f'Quality of {len(grades)} shift{"s" * (len(grades) > 1)}: <b class="{worst}">{counts}</b>.')
+        sentences.append(f'Quality of {len(grades)} shift{"s" * (len(grades) > 1)}: <b class="{worst}">{counts}</b>.')
     if limits := report.get("limits"):
         counts = counted(limits)
         css = "missed" if MISSED in counts or NOT_FOUND in counts else "undecided" if UNDECIDED in counts else "met"
         text = ", ".join(f"{count} {word}" for word, count in counts.items())
-        said.append(f'Limits: <b class="{css}">{text}</b>.')
-    return f"<p>{' '.join(said)}</p>" if said else ""
+        sentences.append(f'Limits: <b class="{css}">{text}</b>.')
+    return f"<p>{' '.join(sentences)}</p>" if sentences else ""
 
 
 def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[str]:
-    run, said = report["run"], list(facts.warnings)
+    run, sentences = report["run"], list(facts.warnings)
     end = run.get("end")
     if isinstance(end, Mapping) and end.get("state") not in (None, "ended"):
-        said.append(f"The run did not end as planned: {end.get('reason') or 'the reason is unknown'}.")
-    said += run.get("problems", [])
+        sentences.append(f"The run did not end as planned: {end.get('reason') or 'the reason is unknown'}.")
+    sentences += run.get("problems", [])
     for place, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
         name = heading_of(place, row, box) if box else ""
-        said += [f"{name}, is {sentence_of(verdict)}."] if _bad(verdict) else []
-        said += [f"{name}, is not valid: {reason}." for reason in row["why"]]
-    return _section("Warnings", [_words(dict.fromkeys(said), "warn")])
+        sentences += [f"{name}, is {sentence_of(verdict)}."] if _bad(verdict) else []
+        sentences += [f"{name}, is not valid: {reason}." for reason in row["why"]]
+    return _section("Warnings", [_words(dict.fromkeys(sentences), "warn")])
 
 
 def _bad(verdict: Mapping | None) -> bool:
@@ -198,14 +198,14 @@ def _shifts(report: Mapping, box: Transmission) -> list[str]:
         parts.append(table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], lines))
     if len(rows) > MOST_IN_TABLES:
         parts.append(_words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note"))
-    told = [
-        f"{heading_of(place, row, box)}, is {said}."
+    notes = [
+        f"{heading_of(place, row, box)}, is {sentence}."
         for place, (row, one) in enumerate(zip(rows, verdicts), 1)
-        if not _bad(one) and (said := sentence_of(one))
+        if not _bad(one) and (sentence := sentence_of(one))
     ]
     if rows:
-        told.append("Beside each value: its largest measuring error, where it is known, and the verdict on a limit.")
-    return _section("Shifts", [*parts, _words(told, "note")])
+        notes.append("Beside each value: its largest measuring error, where it is known, and the verdict on a limit.")
+    return _section("Shifts", [*parts, _words(notes, "note")])
 
 
 def _by_shift(results: Sequence[Result], shifts: int, columns: int) -> list[Sequence[Result]]:
@@ -247,10 +247,10 @@ def _bench(report: Mapping) -> list[str]:
 def _plots(plots: Plots) -> list[str]:
     figures = plots.shift_figures()
     note = f"Plots of the first {MOST_SHIFTS} shifts; {plots.left_out} more are in the bag." if plots.left_out else ""
-    told = "Shaded: fill, torque phase and inertia phase. Dashed lines: order, kiss point and lock-up." if figures else ""
+    legend = "Shaded: fill, torque phase and inertia phase. Dashed lines: order, kiss point and lock-up." if figures else ""
     return [
         *_section(
-            "Plots of the shifts", [_words([told], "note") if told else "", *figures, _words([note], "note") if note else ""]
+            "Plots of the shifts", [_words([legend], "note") if legend else "", *figures, _words([note], "note") if note else ""]
         ),
         *_section("Plots of the run", [plots.run_figure()]),
     ]

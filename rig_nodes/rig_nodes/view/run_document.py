@@ -76,8 +76,8 @@ def _rows(run: Mapping, record: Mapping) -> list[list[str]]:
 
 
 def _warnings(run: Mapping, events: Sequence[tuple[float, str, str, str, float]], warnings: Sequence[str]) -> list[str]:
-    told = [event_row(t, topic, name, text) for t, topic, name, text, _ in events]
-    lines = [*warnings, *map(str, run.get("problems", [])), *(text for text, level in told if level != "INFO")]
+    rows = [event_row(t, topic, name, text) for t, topic, name, text, _ in events]
+    lines = [*warnings, *map(str, run.get("problems", [])), *(text for text, level in rows if level != "INFO")]
     return ["\n".join(f"- {line}" for line in lines)] if lines else []
 
 

@@ -69,20 +69,20 @@ class CanController:
 
     def answer(self) -> None:
         """Compute one sample of the law in SI; a counter that jumps back begins a new run."""
-        told = self.newest
-        ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
+        newest = self.newest
+        ahead = 0 if self.sample is None else (newest["sample"] - self.sample) & 0xFFFF
         if self.law is None or ahead > GAP:
             self.law = Alfa46()
-            self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[told["level"]]))
-            self.sample, ahead = told["sample"], 0
+            self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[newest["level"]]))
+            self.sample, ahead = newest["sample"], 0
         self.sample += ahead
-        given = [tuple(told[wire.name] / wire.scale for wire in wires) for wires in (self.currents, self.measured)]
-        out = self.law.step(self.record.inputs(self.sample, self.sample * PERIOD, told["gear_request"], *given))
-        counter = told["sample"]
+        given = [tuple(newest[wire.name] / wire.scale for wire in wires) for wires in (self.currents, self.measured)]
+        out = self.law.step(self.record.inputs(self.sample, self.sample * PERIOD, newest["gear_request"], *given))
+        counter = newest["sample"]
         self.send(
             "CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting), "flags": out.flags, "status": 0}
         )
-        name, factor = ("CONTROL_COMMAND_CURRENT", 1e3) if told["level"] else ("CONTROL_COMMAND_DUTY", 100.0)
+        name, factor = ("CONTROL_COMMAND_CURRENT", 1e3) if newest["level"] else ("CONTROL_COMMAND_DUTY", 100.0)
         commands = {f"command_{k}": value * factor for k, value in enumerate(out.command or (), 1)}
         self.send(name, {"sample": counter, **commands})
 

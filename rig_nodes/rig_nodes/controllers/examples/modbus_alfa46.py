@@ -71,20 +71,20 @@ class ModbusController:
             if not found or self.sample == 0:  # no new sample yet, or no run: leave the processor to others
                 stop.wait(2e-4 if not found else 2e-3)
 
-    def answer(self, told: Sequence[int]) -> list[int] | None:
+    def answer(self, registers: Sequence[int]) -> list[int] | None:
         """Return the registers to write for those that were read; None when the sample is answered already."""
-        sample = told[0] << 16 | told[1]
+        sample = registers[0] << 16 | registers[1]
         if sample == self.sample and sample != 0:
             return None
         if self.law is None or sample < self.sample or sample == 0:
             self.law = Alfa46()
-            self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[told[3]]))
+            self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[registers[3]]))
         self.sample = sample
-        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw) for wire, raw in zip(self.wires, told[4:], strict=True)]
+        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw) for wire, raw in zip(self.wires, registers[4:], strict=True)]
         current, measured = tuple(values[: self.outputs]), tuple(values[self.outputs :])
-        out = self.law.step(self.record.inputs(sample, sample * PERIOD, told[2], current, measured))
+        out = self.law.step(self.record.inputs(sample, sample * PERIOD, registers[2], current, measured))
         self.heartbeat = self.heartbeat % 0xFFFF + 1
-        wires = commands(self.record, LEVELS[told[3]])
+        wires = commands(self.record, LEVELS[registers[3]])
         raw = [wire.encode(value) for wire, value in zip(wires, out.command, strict=True)]
         return [self.heartbeat, *raw, out.gear, int(out.shifting), out.flags, 0]
 

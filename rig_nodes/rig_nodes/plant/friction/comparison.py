@@ -40,7 +40,7 @@ class Statement:
     against: str
     low: float
     high: float
-    said: str
+    text: str
     read_into: bool = False  # True for an own interpretation of an ambiguous sentence
 
 
