@@ -68,13 +68,13 @@ def test_a_measurement_over_a_run_shows_what_differs_in_the_rows_concerned(recor
     page = tmp_path / "out.html"
     assert main(["compare", str(SAMPLE), str(path), "--json", str(out), "--html", str(page)]) == 0
     assert "offset +730." in capsys.readouterr().out
-    told = json.loads(out.read_text())
-    assert told["offset_s"] == pytest.approx([0.0, OFFSET], abs=1e-3)
+    content = json.loads(out.read_text())
+    assert content["offset_s"] == pytest.approx([0.0, OFFSET], abs=1e-3)
     torque = recording.transmission.output.torque
-    rows = {row["signal"]: row for row in told["signals"]}
+    rows = {row["signal"]: row for row in content["signals"]}
     assert rows[torque]["mean"] == pytest.approx(5.0, abs=0.1) and rows[torque]["in_errors"] > 3.0
     assert max(row["in_errors"] for name, row in rows.items() if name != torque and row["in_errors"] is not None) < 1.0
-    metrics = {row["metric"]: row for row in told["metrics"]}
+    metrics = {row["metric"]: row for row in content["metrics"]}
     assert metrics["output_torque_nm"]["difference"] == pytest.approx(5.0, abs=0.2)
     assert abs(metrics["t_c_s"]["difference"]) < 1e-3
     text = page.read_text()

@@ -55,7 +55,7 @@ def coupled(tmp_path):
     return written(tmp_path / "coupled", bodies + shafts + "clutches:\n  bc: {joins: [b, c]}\nbrakes:\n  held: {body: d}\n")
 
 
-def told(capsys, *arguments):
+def printed(capsys, *arguments):
     """Returns what ``rig modes ... --json -`` prints."""
     assert main(["modes", *arguments, "--json", "-"]) == 0
     return json.loads(capsys.readouterr().out)
@@ -65,14 +65,14 @@ def told(capsys, *arguments):
 
 
 def test_two_masses(two_masses, capsys):
-    found = told(capsys, two_masses, "--set", "s.damping=0 Nm s/rad")
+    found = printed(capsys, two_masses, "--set", "s.damping=0 Nm s/rad")
     assert found["frequencies_hz"] == pytest.approx([0.0, math.sqrt(4000.0 * (1 / 0.7 + 1 / 0.3)) / (2 * math.pi)], rel=1e-12)
 
 
 def test_a_uniform_chain_of_ten(tmp_path, capsys):
     text = "bodies:\n" + "".join(body(f"J{i}", 0.2) for i in range(10))
     text += "shafts:\n" + "".join(shaft(f"s{i}", f"J{i}", f"J{i + 1}", 1500.0) for i in range(9))
-    found = told(capsys, written(tmp_path / "chain", text))
+    found = printed(capsys, written(tmp_path / "chain", text))
     exact = [2.0 * math.sqrt(1500.0 / 0.2) * math.sin(i * math.pi / 20) / (2.0 * math.pi) for i in range(10)]
     assert found["frequencies_hz"] == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
@@ -84,7 +84,7 @@ def test_a_geared_branch(tmp_path, capsys):
         "meshes:\n  - {bodies: [pinion, wheel], teeth: [20, 120], reversed: yes, source: test}\n"
         "  - {bodies: [mill, wheel], teeth: [40, 20], source: test}\n"
     )
-    found = told(capsys, written(tmp_path / "branch", text))
+    found = printed(capsys, written(tmp_path / "branch", text))
     jm, jw, jf, km, kf = 36 * 0.1, 9.0 / 4, 0.4, 36 * 800.0, 300.0
     half = 0.5 * (km * (1 / jm + 1 / jw) + kf * (1 / jw + 1 / jf))
     product = km * kf * (jm + jw + jf) / (jm * jw * jf)
@@ -96,19 +96,19 @@ def test_a_geared_branch(tmp_path, capsys):
 
 
 def test_the_default_locks_clutches_between_bodies_and_the_other_states_stand_below(coupled, capsys):
-    found = told(capsys, coupled)
+    found = printed(capsys, coupled)
     assert found["locked"] == ["bc"] and [one["state"] for one in found["states"]] == ["bc locked", "all open", "held locked"]
     system = system_of(load_rig(coupled))
     for one in found["states"]:
         assert one["frequencies_hz"] == pytest.approx(modes(system, one["locked"]).frequencies.tolist(), abs=1e-9)
     assert found["frequencies_hz"] == found["states"][0]["frequencies_hz"]
-    both = told(capsys, coupled, "--locked", "bc", "held")
+    both = printed(capsys, coupled, "--locked", "bc", "held")
     assert both["frequencies_hz"] == pytest.approx(modes(system, ["bc", "held"]).frequencies.tolist())
-    assert told(capsys, coupled, "--locked")["state"] == "all open"
+    assert printed(capsys, coupled, "--locked")["state"] == "all open"
 
 
 def test_an_installed_gearbox_has_a_state_for_each_gear(capsys):
-    found = told(capsys, "three_speed", "--gear", "2")
+    found = printed(capsys, "three_speed", "--gear", "2")
     assert found["locked"] == ["clutch_2"] and {one["state"] for one in found["states"]} == {
         "gear 1",
         "gear 2",
@@ -123,9 +123,9 @@ def test_an_installed_gearbox_has_a_state_for_each_gear(capsys):
 
 
 def test_the_clutch_bench_has_the_frequency_of_its_torque_meter(capsys):
-    found = told(capsys, "clutch_bench")
+    found = printed(capsys, "clutch_bench")
     assert found["frequencies_hz"] == pytest.approx([0.0, math.sqrt(50000 * (1 / 0.02 + 1 / 0.03)) / (2 * math.pi)], rel=1e-9)
-    locked = told(capsys, "clutch_bench", "--locked", "clutch_pack")
+    locked = printed(capsys, "clutch_bench", "--locked", "clutch_pack")
     assert locked["frequencies_hz"] == pytest.approx([math.sqrt(50000 / 0.02) / (2 * math.pi)], rel=1e-9)
 
 
@@ -161,11 +161,11 @@ def test_sensitivities_agree_with_differences():
 
 
 def test_an_order_meets_a_frequency_at_its_critical_speed(two_masses, capsys):
-    found = told(capsys, two_masses, "--body", "b", "--orders", "1", "3", "--speeds", "100 rpm", "2000 rpm")
+    found = printed(capsys, two_masses, "--body", "b", "--orders", "1", "3", "--speeds", "100 rpm", "2000 rpm")
     f = found["frequencies_hz"][1]
     rows = [(one["mode"], one["order"], one["speed_rpm"], one["share_of_body"]) for one in found["critical_speeds"]]
     assert rows == [(2, 3.0, pytest.approx(20.0 * f), 1.0), (2, 1.0, pytest.approx(60.0 * f), 1.0)]
-    assert told(capsys, two_masses, "--speeds", "1 rpm", "100 rpm")["critical_speeds"] == []
+    assert printed(capsys, two_masses, "--speeds", "1 rpm", "100 rpm")["critical_speeds"] == []
 
 
 def test_the_response_of_two_masses_is_that_of_the_closed_form():
@@ -230,19 +230,19 @@ body: a
 
 def test_detuning_reaches_the_margin_with_little_change_and_its_set_line_gives_the_new_frequencies(two_masses, tmp_path, capsys):
     (tmp_path / "two" / "detuning.yaml").write_text(TASK, encoding="utf-8")
-    found = told(capsys, two_masses, "--detune")["detuning"]
+    found = printed(capsys, two_masses, "--detune")["detuning"]
     before, after = found["smallest_margin"]
     assert before < 0.0 < 0.199 <= after
-    again = told(capsys, two_masses, *(word for one in found["new"].items() for word in ("--set", "=".join(one))))
+    again = printed(capsys, two_masses, *(word for one in found["new"].items() for word in ("--set", "=".join(one))))
     f = again["frequencies_hz"][1]
     assert f == pytest.approx(found["after"][0]["frequency_hz"], rel=1e-6)
     assert f >= 1.199 * 2 * 1400 / 60 or f <= 0.801 * 900 / 60 or 1.199 * 1400 / 60 <= f <= 0.801 * 2 * 900 / 60
-    same = told(capsys, two_masses, "--detune", str(tmp_path / "two" / "detuning.yaml"))["detuning"]
+    same = printed(capsys, two_masses, "--detune", str(tmp_path / "two" / "detuning.yaml"))["detuning"]
     assert same == found, "the same task has the same answer"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "sentence"),
     [
         ("a.inertia: {", "a.inertja: {", "detuning.yaml:2: 'a.inertja' is no inertia of a body and no stiffness of a shaft"),
         ("low: 0.1 kg m2", "low: 0.1 kg", "is a mass, expected an inertia"),
@@ -257,15 +257,15 @@ def test_detuning_reaches_the_margin_with_little_change_and_its_set_line_gives_t
         ("orders: [1, 2]\nspeeds: [900 rpm, 1400 rpm]\n", "", "there is nothing to keep away from"),
     ],
 )
-def test_a_wrong_detuning_is_one_sentence(two_masses, tmp_path, capsys, old, new, said):
+def test_a_wrong_detuning_is_one_sentence(two_masses, tmp_path, capsys, old, new, sentence):
     (tmp_path / "two" / "detuning.yaml").write_text(TASK.replace(old, new), encoding="utf-8")
     assert main(["modes", two_masses, "--detune"]) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert sentence in error and error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "sentence"),
     [
         (["--gear", "1"], "the rig 'two' has no gears"),
         (["--locked", "x"], "the rig 'two' has no clutch, brake or free-wheel"),
@@ -282,10 +282,10 @@ def test_a_wrong_detuning_is_one_sentence(two_masses, tmp_path, capsys, old, new
         (["--set", "s.stiffnes=1 Nm/rad"], "did you mean"),
     ],
 )
-def test_wrong_arguments_are_one_sentence(two_masses, capsys, arguments, said):
+def test_wrong_arguments_are_one_sentence(two_masses, capsys, arguments, sentence):
     assert main(["modes", two_masses, *arguments]) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert sentence in error and error.count("\n") == 1
 
 
 def test_wrong_gears_and_clutches_are_named(coupled, capsys):

@@ -114,18 +114,18 @@ def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsy
     assert gone > 1000
     capsys.readouterr()
     assert main(["report", str(sample)]) == 1
-    said = capsys.readouterr()
-    assert "I -> II" in said.out and f"messages lost: {gone}" in said.out and "bag: damaged; " in said.out
-    assert "end: unknown from what is left of the bag; the reason in its report: " in said.out
-    assert "is damaged" in said.err and "left as it is" in said.err
+    captured = capsys.readouterr()
+    assert "I -> II" in captured.out and f"messages lost: {gone}" in captured.out and "bag: damaged; " in captured.out
+    assert "end: unknown from what is left of the bag; the reason in its report: " in captured.out
+    assert "is damaged" in captured.err and "left as it is" in captured.err
     assert (sample / "report.json").read_bytes() == before
 
     # without the files beside the bag the lost messages are unknown
     for name in ("report.json", "metadata.yaml"):
         (sample / name).unlink()
     assert main(["report", str(sample)]) == 1
-    said = capsys.readouterr()
-    assert "messages lost: unknown" in said.out and "end: unknown" in said.out
+    captured = capsys.readouterr()
+    assert "messages lost: unknown" in captured.out and "end: unknown" in captured.out
     run = run_of(sample)
     assert run["lost"] is None and "messages recovered up to" in run["recovered"]
     (sample / "sample_0.mcap").write_bytes(whole)
@@ -140,9 +140,9 @@ def test_the_report_of_another_run_in_the_folder_is_neither_used_nor_overwritten
     path.write_text(json.dumps(other))
     capsys.readouterr()
     assert main(["report", str(sample / "sample_0.mcap")]) == 0
-    said = capsys.readouterr()
-    assert "broken off by hand" not in said.out and "I -> II" in said.out
-    assert "is of another run" in said.err and json.loads(path.read_text()) == other
+    captured = capsys.readouterr()
+    assert "broken off by hand" not in captured.out and "I -> II" in captured.out
+    assert "is of another run" in captured.err and json.loads(path.read_text()) == other
 
 
 def test_a_report_that_cannot_be_written_is_printed_all_the_same(rig_report, tmp_path, capsys):
@@ -171,8 +171,8 @@ def test_an_imported_file_is_reported_with_the_rig_that_its_user_named(tmp_path,
     path.write_text("\n".join([head, *(";".join(f"{x:.8g}" for x in row) for row in rows)]).replace(".", ","))
 
     def report_of(folder, *options):
-        told = ["--period", "0.1 ms", "--orders", "1:I-II", "--rig", "hydmag", "--out", str(tmp_path / folder)]
-        assert main(["import", str(path), *told, *options]) == 0
+        arguments = ["--period", "0.1 ms", "--orders", "1:I-II", "--rig", "hydmag", "--out", str(tmp_path / folder)]
+        assert main(["import", str(path), *arguments, *options]) == 0
         assert main(["report", str(tmp_path / folder), "--annex-a", "--factor", "1.2"]) == 0
         return capsys.readouterr().out, json.loads((tmp_path / folder / "report.json").read_text())
 

@@ -111,8 +111,8 @@ def test_a_page_that_cannot_be_written_or_printed_is_refused_before_anything_is_
     assert "there is no such folder" in capsys.readouterr().err
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["report", str(written), "--pdf", str(tmp_path / "page.pdf")]) == 2
-    said = capsys.readouterr().err
-    assert "there is no Chromium or Chrome on the PATH" in said and "--html" in said and list(tmp_path.iterdir()) == []
+    error = capsys.readouterr().err
+    assert "there is no Chromium or Chrome on the PATH" in error and "--html" in error and list(tmp_path.iterdir()) == []
 
 
 def test_names_in_a_bag_cannot_become_parts_of_the_page():

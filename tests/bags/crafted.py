@@ -250,11 +250,11 @@ def command(verb, *options):
         from rig_nodes.cli.main import main
         from rig_nodes.errors import RigError
 
-        said = io.StringIO()
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        output = io.StringIO()
+        with contextlib.redirect_stderr(output), contextlib.redirect_stdout(output):
             code = main([verb, str(path), *options])
         if code:
-            raise RigError(said.getvalue().strip().splitlines()[-1] if code == 2 else f"exit {code}")
+            raise RigError(output.getvalue().strip().splitlines()[-1] if code == 2 else f"exit {code}")
 
     return call
 
@@ -285,14 +285,14 @@ def try_out(folder):
         for name, reader in READERS.items():
             Path("/proc/self/clear_refs").write_text("5")  # the peak starts from here
             before = memory_mb("VmRSS")
-            began, said = time.process_time(), ""
+            began, text = time.process_time(), ""
             try:
                 reader(path)
             except RigError as error:
-                said = str(error)
+                text = str(error)
             except Exception as error:
-                said = f"TRACEBACK {type(error).__name__}: {error}"[:300]
-            tried[name] = {"said": said, "s": time.process_time() - began, "mb": memory_mb("VmHWM") - before}
+                text = f"TRACEBACK {type(error).__name__}: {error}"[:300]
+            tried[name] = {"text": text, "s": time.process_time() - began, "mb": memory_mb("VmHWM") - before}
         print(json.dumps(tried), flush=True)
 
 

@@ -74,8 +74,8 @@ def others(sample, tmp_path_factory):
 
 def rig_bag(capfd, *arguments):
     code = main(["bag", *map(str, arguments)])
-    said = capfd.readouterr()
-    return code, said.out, said.err
+    captured = capfd.readouterr()
+    return code, captured.out, captured.err
 
 
 def test_the_same_content_has_one_hash_however_it_is_stored_and_other_content_another(others, capfd, tmp_path):

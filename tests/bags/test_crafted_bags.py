@@ -44,11 +44,11 @@ def tried(tmp_path_factory):
 @pytest.mark.parametrize("what", crafted.BAGS)
 def test_a_crafted_bag_is_refused_in_one_sentence(tried, what):
     words, readers = tried[what]
-    assert words in readers["Bag"]["said"]
+    assert words in readers["Bag"]["text"]
     for name, found in readers.items():
-        said = found["said"]
-        assert "TRACEBACK" not in said and "Traceback" not in said and "\n" not in said, (name, said)
-        assert len(said) < 1000, name
+        text = found["text"]
+        assert "TRACEBACK" not in text and "Traceback" not in text and "\n" not in text, (name, text)
+        assert len(text) < 1000, name
         assert found["s"] < LONGEST, (name, found["s"])
         assert found["mb"] < MOST, (name, found["mb"])
 
@@ -70,8 +70,8 @@ def test_what_a_terminal_would_obey_is_shown_and_not_sent(tmp_path, capfd, verb,
         )
     )
     assert main([verb, str(tmp_path), *options]) == 2
-    said = "".join(capfd.readouterr())
-    assert "\\u001b]0;title" in said and said.replace("\n", "").isprintable() and said.count("\n") == 1
+    output = "".join(capfd.readouterr())
+    assert "\\u001b]0;title" in output and output.replace("\n", "").isprintable() and output.count("\n") == 1
 
 
 def test_any_flip_or_cut_of_a_bag_without_checksums_is_read_or_refused(tmp_path, write_run):

@@ -111,11 +111,11 @@ def test_a_cut_bag_is_read_as_far_as_it_goes_and_a_damaged_chunk_is_told_when_it
     broken[part.start + 200] ^= 1
     path.write_bytes(broken)
     with OpenedBags([path]) as index:
-        told = []
-        index.on_damage = told.append
+        reports = []
+        index.on_damage = reports.append
         times = [time for time, _ in index.timeline(list(index.types))]
         assert times == [time for time, _, _ in Bag(run).timeline() if not part.first <= time <= part.last]
-        assert told == index.damage and len(told) == 1 and f"at byte {part.start}" in told[0]
+        assert reports == index.damage and len(reports) == 1 and f"at byte {part.start}" in reports[0]
 
 
 MEMORY = """

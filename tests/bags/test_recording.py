@@ -88,8 +88,8 @@ def test_a_file_that_is_missing_of_several_is_named_and_its_messages_count_as_lo
     record(tmp_path, rows, Layout(length=300_000_000))
     (tmp_path / "run_1.mcap").unlink()
     assert main(["bag", "check", str(tmp_path)]) == 3
-    said = capsys.readouterr().err
-    assert "run_1.mcap is missing" in said and "messages are lost" in said
+    error = capsys.readouterr().err
+    assert "run_1.mcap is missing" in error and "messages are lost" in error
     assert Bag(tmp_path).gaps()["/motor/state"] == 60
     (tmp_path / "other.mcap").write_bytes(b"")
     with pytest.raises(RigError, match=r"holds one bag of \.mcap files, this one holds other.mcap, run_0.mcap"):

@@ -110,11 +110,11 @@ def test_metadata_is_rosbag2s_with_counts_hashes_and_quality_of_service(run, mes
 
 @pytest.mark.parametrize("qos", QOS)
 def test_a_bag_says_how_the_nodes_offer_their_topics(qos):
-    said, offered = PROFILES[qos], publisher_profile(qos)
-    assert said["depth"] == offered.depth
+    stored, offered = PROFILES[qos], publisher_profile(qos)
+    assert stored["depth"] == offered.depth
     for policy in ("history", "reliability", "durability"):
-        assert said[policy] == getattr(offered, policy).name.lower()
-    deadline = said["deadline"]["sec"] * 1_000_000_000 + said["deadline"]["nsec"]
+        assert stored[policy] == getattr(offered, policy).name.lower()
+    deadline = stored["deadline"]["sec"] * 1_000_000_000 + stored["deadline"]["nsec"]
     assert deadline == (offered.deadline.nanoseconds or 2**63 - 1)
 
 
@@ -215,9 +215,9 @@ def test_a_killed_writer_loses_at_most_a_fifth_of_a_second(tmp_path, after_ms):
         if int(line) >= after_ms:
             child.kill()
             break
-    told = [line for line in child.stdout if line.endswith("\n")]
+    lines = [line for line in child.stdout if line.endswith("\n")]
     assert child.wait(timeout=10) == -9
-    last = int(told[-1]) if told else after_ms
+    last = int(lines[-1]) if lines else after_ms
     bag = Bag(tmp_path, recover=True)
     kept = [ns for ns, _ in bag.messages("/motor/n_wej")]
     assert kept == [ms * 1_000_000 for ms in range(len(kept))]

@@ -70,12 +70,12 @@ def test_a_channel_that_is_no_group_is_refused(config, channel):
 
 def test_foreign_packets_are_counted_and_named_once(config):
     """The plug and the example controller continue their work on a bus on which another program sends such packets."""
-    bus, stop, said = open_bus(GROUP, "udp_multicast", "test", port=PORT), threading.Event(), []
+    bus, stop, reports = open_bus(GROUP, "udp_multicast", "test", port=PORT), threading.Event(), []
     controller = CanController(bus, config)
     thread = threading.Thread(target=controller.run, args=(stop,), daemon=True)
     thread.start()
     plug = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config)
-    plug.say = said.append
+    plug.say = reports.append
     try:
         shout()
         plug.wait(10)
@@ -89,7 +89,7 @@ def test_foreign_packets_are_counted_and_named_once(config):
     assert answered > 50
     sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
     assert plug.faults == {sentence: 2 * len(FOREIGN)} and controller.unread == plug.faults
-    assert [text for text in said if "could not be read" in text] == [
+    assert [text for text in reports if "could not be read" in text] == [
         f"{plug.name}: {sentence}; it is not used, nor are others like it"
     ]
 
@@ -148,10 +148,10 @@ def test_foreign_packets_end_no_program(tmp_path, program):
     thread = threading.Thread(target=ring, daemon=True)
     thread.start()
     try:
-        told = process.stderr.readline()
+        line = process.stderr.readline()
         rung.set()
         thread.join()
-        assert "a packet is no frame of python-can" in told
+        assert "a packet is no frame of python-can" in line
         plug_frames(ears)
         assert answer_of(ears), "it goes on answering"
         assert process.poll() is None
@@ -160,7 +160,7 @@ def test_foreign_packets_end_no_program(tmp_path, program):
         process.terminate()
         rest = process.communicate()[1]
         ears.shutdown()
-    assert "Traceback" not in told + rest
+    assert "Traceback" not in line + rest
 
 
 def plug_frames(bus):
@@ -186,8 +186,8 @@ def answer_of(bus):
 def test_a_second_program_on_the_bus_is_refused_and_named(config):
     """Two programs on one bus answer at once: the first one is the master, and the commands of the other one are not used."""
     first, second = (open_bus(GROUP, "udp_multicast", "test", port=PORT) for _ in range(2))
-    plug, said = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config), []
-    plug.say = said.append
+    plug, reports = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config), []
+    plug.say = reports.append
     try:
         for sample in range(20):
             for bus, gear, command in ((first, 1, 10000), (second, 2, 40000)):
@@ -201,5 +201,5 @@ def test_a_second_program_on_the_bus_is_refused_and_named(config):
         plug.close()
         first.shutdown()
         second.shutdown()
-    (told,) = [text for text in said if "refused" in text]
-    assert "a command of the program on port" in told and "commands, until it leaves or has been silent for 1 s" in told
+    (refusal,) = [text for text in reports if "refused" in text]
+    assert "a command of the program on port" in refusal and "commands, until it leaves or has been silent for 1 s" in refusal

@@ -79,8 +79,8 @@ def test_built_in_and_plug_agree_at_every_delay_and_delays_differ(tmp_path, caps
 )
 def test_delays_that_cannot_be_are_refused(capsys, arguments, sentence):
     assert main(arguments) == 2
-    said = capsys.readouterr().err
-    assert sentence in said and said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert sentence in error and error.count("\n") == 1
 
 
 def test_the_embedded_law_has_its_one_sample(config):

@@ -40,6 +40,6 @@ def test_what_is_wrong_is_one_sentence(module, arguments, sentence, monkeypatch,
     monkeypatch.setattr(sys, "argv", [f"{module}.py", *arguments.split()])
     with pytest.raises(SystemExit) as end:
         run(importlib.import_module(f"rig_nodes.controllers.examples.{module}").main)
-    said = capsys.readouterr().err
+    error = capsys.readouterr().err
     assert end.value.code == 2
-    assert said.startswith(f"{module}.py: ") and sentence in said and said.count("\n") == 1
+    assert error.startswith(f"{module}.py: ") and sentence in error and error.count("\n") == 1

@@ -93,8 +93,8 @@ def example(config):
 def here(spec, settings, level=None):
     """Returns the plug after its controller's first answer; ``said`` collects its sentences for people."""
     plug = load_controller(spec, settings, level)
-    plug.said = []
-    plug.say = plug.said.append
+    plug.reports = []
+    plug.say = plug.reports.append
     plug.wait(10)
     return plug
 
@@ -243,8 +243,8 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
         advance_with(rig, plug)
     assert time.monotonic() - gone < 0.3, "100 ms, and what a busy machine takes"
     assert rig.sample - sample <= 103 and "older than 100 ms" in rig.reason
-    told = "\n".join(plug.said)
-    assert re.search(r"^(can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", told, re.M)
+    lines = "\n".join(plug.reports)
+    assert re.search(r"^(can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", lines, re.M)
     for _ in range(200):
         advance_with(rig, plug)
     assert rig.measurement("I_zr_p1") < 0.005
@@ -265,26 +265,26 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
 
 @pytest.mark.parametrize("spec", ["can:nobody?interface=virtual", "modbus:{port}"])
 def test_waiting_is_visible_and_ends(config, spec):
-    plug, said = load_controller(spec.format(port=free_port()), config), []
-    plug.say = said.append
+    plug, reports = load_controller(spec.format(port=free_port()), config), []
+    plug.say = reports.append
     with pytest.raises(RigError, match="no command came on .* within 1.2 s$") as refusal:
         plug.wait(1.2)
     assert refusal.value.exit_code == 2
-    assert [re.sub("on .*,", "on it,", text) for text in said] == ["waiting for controller on it, 1 s"]
+    assert [re.sub("on .*,", "on it,", text) for text in reports] == ["waiting for controller on it, 1 s"]
 
 
 def test_a_virtual_bus_says_at_once_that_nobody_outside_can_join(config):
-    plug, said = load_controller("can:nobody?interface=virtual", config), []
-    plug.say = said.append
+    plug, reports = load_controller("can:nobody?interface=virtual", config), []
+    plug.say = reports.append
     plug.pace(5.0)
     plug.close()
-    (told,) = said
-    assert told.startswith("CAN virtual nobody is a bus inside the rig's process: no other program can join it")
+    (report,) = reports
+    assert report.startswith("CAN virtual nobody is a bus inside the rig's process: no other program can join it")
 
 
 @pytest.mark.against_the_clock
 def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
-    stop, said = threading.Event(), []
+    stop, reports = threading.Event(), []
     bus = open_bus("short", "virtual", "test")
 
     def shout():
@@ -295,7 +295,7 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
     thread = threading.Thread(target=shout, daemon=True)
     thread.start()
     plug = load_controller("can:short?interface=virtual", config)
-    plug.say = said.append
+    plug.say = reports.append
     try:
         with pytest.raises(
             RigError,
@@ -308,7 +308,7 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
         stop.set()
         thread.join()
         bus.shutdown()
-    assert sum("came with 6 bytes instead of 8; it is not used, nor are others like it" in text for text in said) == 1
+    assert sum("came with 6 bytes instead of 8; it is not used, nor are others like it" in text for text in reports) == 1
 
 
 @pytest.mark.against_the_clock
@@ -524,7 +524,7 @@ def test_the_register_map_is_that_of_the_page_and_of_the_export(config, tmp_path
 @pytest.mark.against_the_clock
 def test_registers_are_read_and_written_as_the_map_says(config):
     port = free_port()
-    told = {}
+    answers = {}
 
     def be_a_plc():
         with pymodbus.client.ModbusTcpClient("127.0.0.1", port=port, timeout=2, retries=20) as client:
@@ -535,8 +535,8 @@ def test_registers_are_read_and_written_as_the_map_says(config):
             done.wait(5)
             client.write_register(33, 20000)
             client.write_register(32, 2)
-            told["read"] = client.read_input_registers(0, count=11).registers
-            told["refused"] = client.write_register(5, 1).isError()
+            answers["read"] = client.read_input_registers(0, count=11).registers
+            answers["refused"] = client.write_register(5, 1).isError()
             read.set()
 
     done, read = threading.Event(), threading.Event()
@@ -549,7 +549,7 @@ def test_registers_are_read_and_written_as_the_map_says(config):
     assert read.wait(5)
     answer = plug.step(0x12346, [0.0] * 3, [0.0, 0.0, 0.0, 0.0])
     assert answer.command == pytest.approx((0.4, 0.0, 0.0)) and (plug.gear, plug.shifting) == (1, True)
-    assert told["read"] == [1, 0x2345, 2, 1, 2000, 0x10000 - 20, 0, 15000, 10000, 500, 500]
-    assert told["refused"]
+    assert answers["read"] == [1, 0x2345, 2, 1, 2000, 0x10000 - 20, 0, 15000, 10000, 500, 500]
+    assert answers["refused"]
     plug.close()
     thread.join(5)

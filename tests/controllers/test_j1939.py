@@ -37,14 +37,14 @@ class Bus:
     def __init__(self, settings, options=""):
         channel = f"j1939-{next(NAMES)}"
         self.spec = f"can:{channel}?interface=virtual{options}"
-        self.bus, self.said = open_bus(channel, "virtual", "test"), []
+        self.bus, self.reports = open_bus(channel, "virtual", "test"), []
         self.plug = load_controller(self.spec, settings)
-        self.plug.say = self.said.append
+        self.plug.say = self.reports.append
 
     def put(self, number, data):
         self.bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=number > 0x7FF, is_fd=False))
 
-    def heard(self, extended=True):
+    def frames(self, extended=True):
         """Returns [(identifier, data)]."""
         frames = []
         while frame := self.bus.recv(0.0):
@@ -57,7 +57,7 @@ class Bus:
 
     def message(self, pgn):
         """Returns the data of the newest message of a group."""
-        return [data for number, data in self.heard() if number >> 8 & 0x3FFFF == pgn][-1]
+        return [data for number, data in self.frames() if number >> 8 & 0x3FFFF == pgn][-1]
 
     def answer(self, sample, source=None, gear=0, shifting=0, command=0, status=0):
         """Sends a whole answer, as plain frames or as groups of a source address."""
@@ -165,7 +165,7 @@ def test_states_of_two_bits_know_error_and_not_available(make):
 def test_the_rig_claims_its_address_before_it_speaks(make):
     bus = make()
     bus.step(0)
-    (number, name), *rest = bus.heard()
+    (number, name), *rest = bus.frames()
     assert number == 0x18EEFF03, "address claimed, to all, from address 3"
     assert name[5] == 3 and name[7] == 0, "function transmission, all industry groups, an address that stays"
     assert {0x0CF00203, 0x18F00503} <= {number for number, _ in rest}
@@ -190,10 +190,10 @@ def test_a_request_is_answered(make, destination, asked, answer):
     """
     bus = make()
     bus.step(1)
-    bus.heard()
+    bus.frames()
     bus.put(0x18EA0021 | destination << 8, asked.to_bytes(3, "little"))
     bus.step(2)
-    found = bus.heard()
+    found = bus.frames()
     assert [number for number, _ in found] == ([answer] if answer else [])
     if answer == 0x18E8FF03:
         assert found[0][1] == bytes([1, 0xFF, 0xFF, 0xFF, 0x21]) + asked.to_bytes(3, "little"), "negative, PGN 59392"
@@ -202,34 +202,34 @@ def test_a_request_is_answered(make, destination, asked, answer):
 def test_of_two_nodes_the_lower_name_has_the_address(make):
     bus = make()
     bus.step(0)
-    name = bus.heard()[0][1]
+    name = bus.frames()[0][1]
     bus.put(0x18EEFF03, b"\xff" * 8)
     bus.step(1)
-    assert bus.heard() == [(0x18EEFF03, name)], "a higher NAME: the rig claims again"
+    assert bus.frames() == [(0x18EEFF03, name)], "a higher NAME: the rig claims again"
     bus.put(0x18EEFF03, name)
     bus.step(2)
-    assert bus.heard() == [], "its own claim, come back"
+    assert bus.frames() == [], "its own claim, come back"
     for _ in range(2):
         bus.put(0x18EEFF03, bytes(8))
     for sample in range(3, 30):
         bus.step(sample)
-    assert bus.heard() == [(0x18EEFFFE, name)], "cannot claim, and nothing else any more"
+    assert bus.frames() == [(0x18EEFFFE, name)], "cannot claim, and nothing else any more"
     bus.step(40)
-    assert [number for number, _ in bus.heard(extended=False)] != [], "plain frames go on"
-    (told,) = [text for text in bus.said if "J1939" in text]
-    assert "the J1939 address 3 is another node's (NAME 0000000000000000)" in told and "&address=N" in told
+    assert [number for number, _ in bus.frames(extended=False)] != [], "plain frames go on"
+    (report,) = [text for text in bus.reports if "J1939" in text]
+    assert "the J1939 address 3 is another node's (NAME 0000000000000000)" in report and "&address=N" in report
 
 
 def test_another_address_or_none_is_chosen_by_an_option(make):
     bus = make("&address=33")
     bus.step(0)
-    assert {number & 0xFF for number, _ in bus.heard()} == {33}
+    assert {number & 0xFF for number, _ in bus.frames()} == {33}
     bus = make("&address=none")
     bus.put(0x18EAFFF9, (60928).to_bytes(3, "little"))
     bus.answer(0, source=0x21, command=10000)
     bus.step(0)
     bus.step(10)
-    assert bus.heard() == [] and bus.plug.gear == 0
+    assert bus.frames() == [] and bus.plug.gear == 0
     assert bus.plug.faults == {}
 
 
@@ -238,10 +238,10 @@ def test_a_node_of_a_dynamic_address_waits_a_quarter_of_a_second(make):
     sample = itertools.count(0, 10)
     while time.monotonic() < began + 0.2:
         bus.step(next(sample))
-    early = {number for number, _ in bus.heard()}
+    early = {number for number, _ in bus.frames()}
     while time.monotonic() < began + 0.3:
         bus.step(next(sample))
-    assert early == {0x18EEFFC8} and 0x0CF002C8 in {number for number, _ in bus.heard()}
+    assert early == {0x18EEFFC8} and 0x0CF002C8 in {number for number, _ in bus.frames()}
 
 
 @pytest.mark.parametrize("value", ["254", "-1", "three", ""])
@@ -263,7 +263,7 @@ def test_commands_are_taken_from_one_source_address(make):
         bus.answer(sample, source=0x21, gear=1, command=10000)
         answer = bus.plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0])
         assert answer.command == pytest.approx((0.2, 0.0, 0.0)) and bus.plug.gear == 1
-    assert [text for text in bus.said if "refused" in text] == [
+    assert [text for text in bus.reports if "refused" in text] == [
         f"{bus.spec}: a command of J1939 address 34 is refused: J1939 address 33 commands, until it leaves or has been "
         "silent for 1 s; it is not used, nor are others like it"
     ]
@@ -279,7 +279,7 @@ def test_a_program_on_plain_frames_is_refused_beside_a_source_address(make):
     bus.answer(0, gear=2)
     bus.step(0)
     assert bus.plug.gear == 0
-    assert any("a command of plain frames is refused: J1939 address 33 commands" in text for text in bus.said)
+    assert any("a command of plain frames is refused: J1939 address 33 commands" in text for text in bus.reports)
 
 
 # ---- the database

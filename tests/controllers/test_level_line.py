@@ -58,10 +58,10 @@ def box(tmp_path, monkeypatch):
 )
 def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, given, line):
     assert main(["simulate", "short.yaml", "--controller", box(levels), "--out", "run", *given]) in (0, 1)
-    said = capsys.readouterr().out.splitlines()
-    assert said[0] == f"controller python:box.py:Box {line}"
-    told = json.loads(open("run/report.json").read())["run"]["controller"]
-    assert f"level {told['level']}, {told['level_from']}" in line
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"controller python:box.py:Box {line}"
+    record = json.loads(open("run/report.json").read())["run"]["controller"]
+    assert f"level {record['level']}, {record['level_from']}" in line
 
 
 def test_the_built_in_one_says_it_too_in_runs_and_procedures(box, capsys):
@@ -79,8 +79,8 @@ def test_a_sweep_and_a_check_say_it(box, capsys):
     assert main(
         ["sweep", "short.yaml", "--vary", "alfa46.t12=-200 ms, -180 ms", "--controller", spec, "--jobs", "1", "--out", "swept"]
     ) in (0, 1)
-    said = capsys.readouterr().err.splitlines()[0]
-    assert said.startswith("controller python:") and said.endswith(
+    first = capsys.readouterr().err.splitlines()[0]
+    assert first.startswith("controller python:") and first.endswith(
         "box.py:Box sends currents in A: level current, as the controller declares"
     )
     main(["controller", "check", spec])
@@ -92,5 +92,5 @@ def test_a_sweep_and_a_check_say_it(box, capsys):
 @pytest.mark.parametrize("setpoint, doubted", [("[ampere, 0.0, 0.0]", True), ("[0.3, 0.0, 0.0]", False), ("None", False)])
 def test_a_duty_that_is_the_current_asked_for_is_doubted_once(box, capsys, setpoint, doubted):
     main(["simulate", "short.yaml", "--controller", box(setpoint=setpoint), "--out", "run"])
-    said = capsys.readouterr().out
-    assert said.count("so it looks like amperes, and level duty (by default, the controller declares none)") == doubted
+    output = capsys.readouterr().out
+    assert output.count("so it looks like amperes, and level duty (by default, the controller declares none)") == doubted

@@ -25,9 +25,9 @@ class Server:
     """A plug that serves a free port, and clients of it."""
 
     def __init__(self, settings, options=""):
-        self.port, self.said, self._clients = free_port(), [], []
+        self.port, self.reports, self._clients = free_port(), [], []
         self.plug = load_controller(f"modbus:{self.port}{options}", settings)
-        self.plug.say = self.said.append
+        self.plug.say = self.reports.append
 
     def client(self):
         client = pymodbus.client.ModbusTcpClient("127.0.0.1", port=self.port, timeout=5)
@@ -79,9 +79,9 @@ def test_the_first_client_that_writes_is_the_master(make):
     assert watching.read_input_registers(32, count=8).registers == command(1, 10000, 1)
     assert not master.write_register(32, 2).isError()
     assert server.step(2).command == pytest.approx((0.2, 0.0, 0.0)), "the registers still hold what the master wrote"
-    (told,) = [text for text in server.said if "refused" in text]
-    assert told.startswith(f"modbus:{server.port}: a command of the client 127.0.0.1:") and (
-        "commands, until it leaves or has been silent for 1 s; it is not used, nor are others like it" in told
+    (report,) = [text for text in server.reports if "refused" in text]
+    assert report.startswith(f"modbus:{server.port}: a command of the client 127.0.0.1:") and (
+        "commands, until it leaves or has been silent for 1 s; it is not used, nor are others like it" in report
     )
 
 
@@ -178,8 +178,8 @@ def on_modbus(settings, port):
 def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
     """One command arrives at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
     plug, end = made(config, free_port())
-    plug.said = []
-    plug.say = plug.said.append
+    plug.reports = []
+    plug.say = plug.reports.append
     rig = Rig(config, controller="external", level="current")
     try:
         while rig.status != RigStatus.TRIPPED and rig.sample < 1000:
@@ -189,7 +189,7 @@ def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
         end()
     assert "older than 100 ms" in rig.reason and 300 <= rig.sample <= 303
     assert rig.measurement("I_zr_p1") > 0.1, "the valve was driven until then"
-    assert any("for 150 ms; the rig trips at 300 ms" in text for text in plug.said)
+    assert any("for 150 ms; the rig trips at 300 ms" in text for text in plug.reports)
 
 
 @pytest.mark.parametrize("spec", ["modbus:{port}?timeout={value}", "can:x?interface=virtual&timeout={value}"])

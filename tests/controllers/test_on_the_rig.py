@@ -98,20 +98,20 @@ def test_it_goes_on_between_commands_however_time_is_cut(config):
 
 @pytest.mark.parametrize("level", [0, 1], ids=["duty", "current"])
 def test_the_first_command_says_at_which_level_a_rig_is_driven(config, level):
-    told, untold = (Rig(config, controller="external", level=kind) for kind in (("duty", "current")[level], None))
+    with_level, without_level = (Rig(config, controller="external", level=kind) for kind in (("duty", "current")[level], None))
     for sample in range(50):
-        for rig in (told, untold):
+        for rig in (with_level, without_level):
             rig.advance_samples(1)
             rig.set_command(level, sample, [0.2, 0.0, 0.0], [0.3, 0.0, 0.0], 1, False, 0)
-    assert untold.level == told.level and untold.state_hash() == told.state_hash()
-    assert (untold.duty.any(), untold.measurement("I_zr_p1") > 0.01) == (level == 0, True)
-    untold.trip("somebody says so")
-    untold.reset()
-    untold.advance_samples(1)
-    with pytest.raises(RigError, match=f"level '{told.level}', found one at .*stays until its end"):
-        untold.set_command(1 - level, 50, [0.0] * 3, [0.0] * 3, 0, False, 0)
+    assert without_level.level == with_level.level and without_level.state_hash() == with_level.state_hash()
+    assert (without_level.duty.any(), without_level.measurement("I_zr_p1") > 0.01) == (level == 0, True)
+    without_level.trip("somebody says so")
+    without_level.reset()
+    without_level.advance_samples(1)
+    with pytest.raises(RigError, match=f"level '{with_level.level}', found one at .*stays until its end"):
+        without_level.set_command(1 - level, 50, [0.0] * 3, [0.0] * 3, 0, False, 0)
     with pytest.raises(RigError, match="level 2 is neither"):
-        untold.set_command(2, 50, [0.0] * 3, [0.0] * 3, 0, False, 0)
+        without_level.set_command(2, 50, [0.0] * 3, [0.0] * 3, 0, False, 0)
 
 
 def test_silence_ends_in_the_safe_state_at_level_current_too(config):
@@ -262,13 +262,13 @@ def test_the_command_says_why_and_ends_with_1(sequence, failing, tmp_path, capsy
         failing("return ControllerOutputs(status=1 / 0)"),
     ]
     assert main(arguments) == 1
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
     assert re.fullmatch(
         r"rig: controller python:.*mine.py:Mine, sample 1500: step failed: mine.py line 8: "
         r"ZeroDivisionError: division by zero\n",
-        said.err,
+        captured.err,
     )
-    assert "Traceback" not in said.out
+    assert "Traceback" not in captured.out
     report = json.loads((tmp_path / "run" / "report.json").read_text())
     assert report["run"]["end"]["state"] == "tripped" and report["run"]["controller"]["level"] == "duty"
     log = (tmp_path / "run" / "logs" / "controller.log").read_text()
@@ -278,8 +278,8 @@ def test_the_command_says_why_and_ends_with_1(sequence, failing, tmp_path, capsy
 def test_the_command_refuses_before_it_makes_a_folder(tmp_path, capsys):
     for arguments in (["--controller", "c:nowhere.so"], ["--controller", f"{PYTHON}@duty", "--level", "current"]):
         assert main(["simulate", "sample", "--out", str(tmp_path / "run"), *arguments]) == 2
-        said = capsys.readouterr()
-        assert said.err.startswith("rig: controller ") and said.err.count("\n") == 1
+        captured = capsys.readouterr()
+        assert captured.err.startswith("rig: controller ") and captured.err.count("\n") == 1
     assert not (tmp_path / "run").exists()
 
 

@@ -102,10 +102,10 @@ def test_a_library_that_does_not_end_is_ended(build, config):
 
 
 def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config, tmp_path):
-    told = tmp_path / "destroyed"
+    mark = tmp_path / "destroyed"
     text = frame("if (in->sample == 1) return RIG_FATAL;").replace(
         "destroy(void *instance) { (void)instance; }",
-        f'destroy(void *instance) {{ (void)instance; fclose(fopen("{told}", "w")); }}',
+        f'destroy(void *instance) {{ (void)instance; fclose(fopen("{mark}", "w")); }}',
     )
     library = build(text)
     for samples, destroyed in ((2, False), (1, True)):
@@ -116,7 +116,7 @@ def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config
         except ControllerFailed:
             pass
         plug.close()
-        assert told.exists() is destroyed
+        assert mark.exists() is destroyed
 
 
 def test_arithmetic_that_a_library_changes_is_its_own(build, config):

@@ -49,8 +49,8 @@ def plug(config, ros_domain):
     """A plug on topics of its own whose sentences are kept."""
     name = f"mine_{next(NUMBERS)}"
     made = load_controller(f"ros:{name}", config)
-    made.topics_name, made.said = name, []
-    made.say = made.said.append
+    made.topics_name, made.reports = name, []
+    made.say = made.reports.append
     yield made
     made.close()
 
@@ -210,7 +210,7 @@ def test_the_bytes_are_those_of_the_messages(others, settings):
 def test_waiting_is_told_and_has_an_end(plug, ros_domain):
     with pytest.raises(RigError, match=f"none has come within 1.1 s; start its node in .*ROS_DOMAIN_ID={ros_domain}"):
         plug.wait(1.1)
-    assert plug.said == [f"waiting for controller on ROS topic /{plug.topics_name}/answer in domain {ros_domain}, 1 s"]
+    assert plug.reports == [f"waiting for controller on ROS topic /{plug.topics_name}/answer in domain {ros_domain}, 1 s"]
 
 
 def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_once(plug, ros_program, config):
@@ -257,12 +257,12 @@ def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_progr
     for sample in range(300):
         if sample == 200:
             process.send_signal(signal.SIGSTOP)
-            said = []
+            reports = []
             # the controller continues when the rig has reported that it waits
-            plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))
+            plug.say = lambda text: (reports.append(text), process.send_signal(signal.SIGCONT))
         current = (0.001 * sample, 0.0, 0.0)
         assert plug.step(sample, current, [1.0, 2.0, 3.0, 4.0]) == other.step(sample, current, [1.0, 2.0, 3.0, 4.0])
-    assert len(said) == 1 and re.match(r"waiting for controller on ROS topic /\S+/answer in domain \d+, 1 s", said[0])
+    assert len(reports) == 1 and re.match(r"waiting for controller on ROS topic /\S+/answer in domain \d+, 1 s", reports[0])
     plug.pace(0.3)
     process.send_signal(signal.SIGSTOP)
     with pytest.raises(ControllerFailed, match=r"sample 300: no answer for 0.3 s \(--step-timeout\)") as failure:
@@ -277,11 +277,11 @@ def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program
     """Without an answer a sample is discarded, and the rig trips by the age of its commands, after 100 ms."""
     plug.pace(0.1, real_time=True)
     sample = 0
-    while not plug.said and sample < 60_000:
+    while not plug.reports and sample < 60_000:
         assert ask(plug, sample) is None, "nobody has come yet"
         sample += 1
     place = f"ROS topic /{plug.topics_name}/answer in domain {ros_domain}"
-    assert plug.said == [f"waiting for controller on {place}, 1 s"]
+    assert plug.reports == [f"waiting for controller on {place}, 1 s"]
     assert plug.awaited() == (
         f"no controller has come on {place}; start its node in the same ROS domain "
         f"(export ROS_DOMAIN_ID={ros_domain} in both terminals)"
@@ -297,7 +297,7 @@ def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program
     while ask(plug, sample) is None and sample < 60_000:
         sample += 1
     assert sample < 60_000
-    assert sum("no answer for 100 ms" in text for text in plug.said) == 1
+    assert sum("no answer for 100 ms" in text for text in plug.reports) == 1
 
 
 def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_its_own(plug, thread, config):
@@ -305,10 +305,10 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
     thread(wrong, plug.topics_name, ("current",))
     with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
         first = load_controller(plug.name, config)
-        first.say = plug.said.append
+        first.say = plug.reports.append
         first.wait(20.0)  # ends with the error after a second
     assert refusal.value.exit_code == 1
-    (why,) = [text for text in plug.said if "not used" in text]
+    (why,) = [text for text in plug.reports if "not used" in text]
     assert why.endswith("is not used: this run is at level duty, the controller's is current; choose with --level")
     thread(user, plug.topics_name)
     plug.wait(20.0)
@@ -316,7 +316,7 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
     second = Steady()
     thread(second, plug.topics_name)
     sample = 1
-    while not any("another controller is at work" in text for text in plug.said) and sample < 10_000:
+    while not any("another controller is at work" in text for text in plug.reports) and sample < 10_000:
         ask(plug, sample)
         sample += 1
     assert sample < 10_000 and not second.steps
@@ -458,11 +458,11 @@ def test_a_domain_that_is_none_is_refused(config, ros_domain, monkeypatch):
 def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program, ros_domain):
     """test_free_running.py measures how the delay affects a shift."""
     process = ros_program("dying")
-    plug, said = load_controller("ros:dying?timing=free", config), []
-    plug.say = said.append
+    plug, reports = load_controller("ros:dying?timing=free", config), []
+    plug.say = reports.append
     plug.wait(20.0)
     here = f"controller on ROS topic /dying/answer in domain {ros_domain} is here"
-    assert [text for text in said if "is here" in text] == [f"{here} (process {process.pid})"]
+    assert [text for text in reports if "is here" in text] == [f"{here} (process {process.pid})"]
     assert plug.level == "current"
     rig = Rig(config, controller="external", level=plug.level)
     plug.order(1)
@@ -477,7 +477,7 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_pro
         newest = sample if advance_with(rig, plug) else newest
     # the held command may have been some samples old when it arrived
     assert 50 <= rig.sample - newest <= 103 and "older than 100 ms" in rig.reason
-    assert any("its process has ended" in text for text in said)
+    assert any("its process has ended" in text for text in reports)
     rig.advance_samples(200)
     assert rig.measurement("I_zr_p1") < 0.005
     plug.close()

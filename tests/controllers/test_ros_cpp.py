@@ -191,9 +191,9 @@ def test_what_it_needs_is_said_and_what_it_names_as_its_own_is_brought(messages,
     (tmp_path / "mine.cpp").write_text(C)
     sources = [tmp_path / "main.cpp", tmp_path / "mine.cpp"]
     subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *sources, "-o", tmp_path / "box"], check=True)
-    said = subprocess.run([tmp_path / "box"], capture_output=True, text=True, check=True).stdout.splitlines()
+    lines = subprocess.run([tmp_path / "box"], capture_output=True, text=True, check=True).stdout.splitlines()
     refuses = ControllerReady.REFUSES
-    assert said == [
+    assert lines == [
         f"{refuses} this run is at level duty, at which the controller does not work; choose with --level",
         f"{refuses} it needs p_p; start the rig with ros:NAME?wants=p_p",
         f"{refuses} it needs held; start the rig with ros:NAME?settings=held:VALUE",

@@ -135,15 +135,15 @@ def test_any_settings_orders_and_currents_give_the_same_bits(tmp_path, seed, rig
     taken = 0
     for sample in range(4000):
         if rng.random() < 0.01:
-            gear, said = rng.choice(list(settings.transmission.names)), set()
+            gear, refusals = rng.choice(list(settings.transmission.names)), set()
             for plug in plugs:
                 try:
                     plug.order(gear)
-                    said.add("")
+                    refusals.add("")
                 except RigError as error:
-                    said.add(str(error))
-            assert len(said) == 1
-            taken += said == {""}
+                    refusals.add(str(error))
+            assert len(refusals) == 1
+            taken += refusals == {""}
         current = [rng.choice((0.0, rng.uniform(0.0, 0.9))) for _ in range(3)]
         seen = {(repr(plug.step(sample, current, transducers)), plug.gear, plug.shifting, plug.flags) for plug in plugs}
         assert len(seen) == 1, f"sample {sample}"

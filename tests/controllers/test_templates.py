@@ -58,8 +58,8 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
             elif command == ["kill", "%%"]:
                 if kind in (*OWN_CLOCK, "udp-python"):  # Ctrl-C ends the program without a traceback
                     programs[0].send_signal(signal.SIGINT)
-                    said = programs[0].communicate(timeout=10)[1]
-                    assert (said.replace("message of the rig: the run is over\n", ""), programs[0].returncode) == ("", 130)
+                    error = programs[0].communicate(timeout=10)[1]
+                    assert (error.replace("message of the rig: the run is over\n", ""), programs[0].returncode) == ("", 130)
             else:
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
                 assert "warning" not in done.stderr

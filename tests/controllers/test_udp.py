@@ -116,8 +116,8 @@ class Steady:
 @pytest.fixture
 def plug(port, config):
     made = load_controller(f"udp:{port}", config)
-    made.said = []
-    made.say = made.said.append
+    made.reports = []
+    made.say = made.reports.append
     yield made
     made.close()
 
@@ -221,13 +221,13 @@ def test_a_python_controller_that_refuses_says_why_to_the_rig(plug, thread):
             raise KeyError("t13")
 
     client = Client(Refusing(), "127.0.0.1", plug._port)
-    said = []
-    other = threading.Thread(target=lambda: said.append(pytest.raises(KeyError, client.serve)))
+    raised = []
+    other = threading.Thread(target=lambda: raised.append(pytest.raises(KeyError, client.serve)))
     other.start()
     with pytest.raises(RigError, match="one has come and is not used: it refuses: initialize failed: KeyError: 't13'"):
         plug.wait(20.0)
     other.join(10.0)
-    assert said and sum("is not used: it refuses" in text for text in plug.said) == 1
+    assert raised and sum("is not used: it refuses" in text for text in plug.reports) == 1
 
 
 def test_an_end_of_the_run_ends_the_waiting(plug, program):
@@ -252,10 +252,10 @@ def test_a_step_timeout_bounds_the_waiting_too(text, step, come):
 def test_in_real_time_waiting_is_told_too(plug, port):
     plug.pace(0.1, real_time=True)
     sample = 0
-    while not plug.said and sample < 60_000:
+    while not plug.reports and sample < 60_000:
         assert ask(plug, sample) is None
         sample += 1
-    assert plug.said == [f"waiting for controller on udp {port}, 1 s"]
+    assert plug.reports == [f"waiting for controller on udp {port}, 1 s"]
     assert plug.awaited() == (
         f"no controller has come on udp {port}; start it, or see that it sends to port {port} of this machine"
     )
@@ -264,7 +264,7 @@ def test_in_real_time_waiting_is_told_too(plug, port):
 def test_waiting_is_told_and_has_an_end(plug, port):
     with pytest.raises(RigError, match=f"udp:{port}: none has come within 1.1 s; start it, or see"):
         plug.wait(1.1)
-    assert plug.said == [f"waiting for controller on udp {port}, 1 s"]
+    assert plug.reports == [f"waiting for controller on udp {port}, 1 s"]
 
 
 def test_a_killed_controller_is_seen_at_the_next_sample(plug, program, config):
@@ -301,7 +301,7 @@ def test_after_its_end_another_may_come(plug, program):
         ask(plug, 1)
     program("python")
     assert ask(plug, 2) is not None
-    assert sum("is here" in text for text in plug.said) == 2
+    assert sum("is here" in text for text in plug.reports) == 2
 
 
 def test_a_controller_that_hangs_is_overdue(plug, program):
@@ -320,10 +320,10 @@ def test_without_a_step_timeout_it_may_stand_in_a_debugger(plug, program):
     plug.pace(None)
     ask(plug)
     process.send_signal(signal.SIGSTOP)
-    said = []
-    plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))  # continues when that was reported
+    reports = []
+    plug.say = lambda text: (reports.append(text), process.send_signal(signal.SIGCONT))  # continues when that was reported
     assert ask(plug, 1) is not None
-    assert said == [f"waiting for controller on {plug.name.replace(':', ' ')}, 1 s"]
+    assert reports == [f"waiting for controller on {plug.name.replace(':', ' ')}, 1 s"]
 
 
 def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, program):
@@ -342,7 +342,7 @@ def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, program):
     while (answer := ask(plug, sample)) is None and sample < 60_000:
         sample += 1
     assert answer is not None
-    assert sum("no answer for 100 ms" in text for text in plug.said) == 1
+    assert sum("no answer for 100 ms" in text for text in plug.reports) == 1
 
 
 def test_a_controller_of_another_level_is_sent_away(plug, port):
@@ -356,7 +356,7 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
         assert plug.awaited() == f"one has come on udp {port} and is not used: {plug.refused}"
         kind, _, _, (why,) = unpack(other.recv(2048))
     assert kind == BYE and text(why) == "this run is at level duty, the controller's is current; choose with --level"
-    assert plug.said == [f"a controller was sent away from udp {port}: {text(why)}"]
+    assert plug.reports == [f"a controller was sent away from udp {port}: {text(why)}"]
 
 
 def named(*own):
@@ -381,7 +381,7 @@ def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, o
     client = thread(named(*own))
     with pytest.raises(RigError, match="one has come and is not used: controller .*: "):
         plug.wait(0.3)
-    assert [text.partition(": ")[0] for text in plug.said if why in text] == [
+    assert [text.partition(": ")[0] for text in plug.reports if why in text] == [
         f"a controller was sent away from {plug.name.replace(':', ' ')}"
     ]
     assert not client.running and f"message of the rig: controller {plug.name}: " in capsys.readouterr().err
@@ -400,7 +400,7 @@ def test_a_controller_that_comes_later_names_the_same(plug, thread, config):
     thread(other)
     with pytest.raises(RigError, match="one has come and is not used: it names other"):
         plug.wait(0.3)
-    assert "it names other transducers, signals or settings than the controller before it" in plug.said[-1]
+    assert "it names other transducers, signals or settings than the controller before it" in plug.reports[-1]
     thread(same)
     plug.wait(20.0)
     assert plug.step(1, *ZERO, [4e6]).command[0] == 0.75
@@ -450,7 +450,7 @@ def test_what_is_no_frame_is_ignored_and_said(plug, thread, port, data, why):
     thread(Steady())
     plug.wait(20.0)
     assert ask(plug).command == (0.5, 0.0, 0.0)
-    assert any(why in told for told in plug.said)
+    assert any(why in report for report in plug.reports)
     plug.close()
 
 
@@ -479,7 +479,7 @@ def test_a_controller_of_another_version_or_record_is_sent_away(plug, port, data
             other.sendto(data, ("127.0.0.1", port))
         with pytest.raises(RigError, match=f"one has come and is not used: {sentence}"):
             plug.wait(20.0)
-    assert sum("sent away" in told for told in plug.said) == 1
+    assert sum("sent away" in report for report in plug.reports) == 1
     plug.close()
 
 
@@ -552,8 +552,8 @@ def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):
         assert plug.gear == 2
         plug.close()
     process.send_signal(signal.SIGTERM)
-    said = process.communicate(timeout=10)[1]
-    assert process.returncode == 0 and said == ""
+    error = process.communicate(timeout=10)[1]
+    assert process.returncode == 0 and error == ""
 
 
 def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port, plug):
@@ -569,7 +569,7 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
 
 def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_program):
     """At the wrong level, for example, the program is refused every second."""
-    said = {}
+    errors = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
         rig.settimeout(10.0)
         rig.bind(("127.0.0.1", port))
@@ -583,8 +583,8 @@ def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_p
                 rig.sendto(pack(BYE, 0, 0, words), peer)
             _, peer = rig.recvfrom(2048)
             process.kill()
-            said[language] = process.communicate()[1]
-    assert said == dict.fromkeys(commands, "message of the rig: no\n")
+            errors[language] = process.communicate()[1]
+    assert errors == dict.fromkeys(commands, "message of the rig: no\n")
 
 
 def test_the_c_header_is_usable_from_cpp(tmp_path):

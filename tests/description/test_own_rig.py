@@ -52,9 +52,9 @@ def test_it_is_not_written_over_anything(mine, capsys):
 def test_check_says_what_a_rig_comes_to_and_draws_it(rig, tmp_path, capsys):
     picture = tmp_path / "picture.svg"
     assert main(["check", rig, "--picture", str(picture)]) == 0
-    said, config = capsys.readouterr().out, load_rig(rig)
+    output, config = capsys.readouterr().out, load_rig(rig)
     for gear in config.structure.gears:
-        assert f"gear {gear.name}: " in said
+        assert f"gear {gear.name}: " in output
     words = " ".join(element.text or "" for element in ElementTree.parse(picture).iter())
     for name in (*config.structure.bodies, *(clutch.called for clutch in config.structure.clutches if "joins" in clutch.wires)):
         assert name in words
@@ -63,12 +63,12 @@ def test_check_says_what_a_rig_comes_to_and_draws_it(rig, tmp_path, capsys):
 def test_the_picture_lies_in_the_folder_of_the_rig_and_its_path_is_printed(mine, tmp_path, monkeypatch, capsys):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    for told in (
+    for last_line in (
         f"picture of the driveline: {mine / 'picture.svg'} (written)",
         f"picture of the driveline: {mine / 'picture.svg'}",
     ):
         assert main(["check", str(mine)]) == 0
-        assert capsys.readouterr().out.splitlines()[-1] == told
+        assert capsys.readouterr().out.splitlines()[-1] == last_line
     before = (RIGS_DIR / "three_speed" / "picture.svg").stat().st_mtime_ns
     assert main(["check", "three_speed"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"picture of the driveline: {RIGS_DIR / 'three_speed' / 'picture.svg'}"

@@ -36,19 +36,19 @@ def test_every_value_says_what_it_is_in_one_sentence():
 
 
 def test_the_page_has_each_part_with_its_joints_setpoints_and_signals():
-    told = page()
-    assert all(f"### {name}\n" in told for name in parts())
-    assert "`feeds` (a clutch)" in told and "Takes: `load: {torque: ...}`, `load: {pressure: ...}`." in told
-    assert "| displacement | cm3/rev | 0.628319 to 6283.19 | Displacement of the motor |" in told
-    assert "| pwm_frequency | Hz | 0 to 100000 | 0 Hz | Frequency of the resolved PWM of the coils; at 0 its average acts |" in told
+    text = page()
+    assert all(f"### {name}\n" in text for name in parts())
+    assert "`feeds` (a clutch)" in text and "Takes: `load: {torque: ...}`, `load: {pressure: ...}`." in text
+    assert "| displacement | cm3/rev | 0.628319 to 6283.19 | Displacement of the motor |" in text
+    assert "| pwm_frequency | Hz | 0 to 100000 | 0 Hz | Frequency of the resolved PWM of the coils; at 0 its average acts |" in text
 
 
 def test_variables_of_an_fmu_are_described_by_the_same_sentences():
-    told = {one.name: one.text for one in rig_variables(load_rig("three_speed"))}
-    assert told["brake_1.piston_area"] == "Area of the piston"
-    assert told["motor.ramp"] == "Rate at which the speed setpoint moves to the ordered speed"
-    assert told["effects.wear"] == "Clearances grow with slip; off: they stay"
-    assert told["alfa46.t12"] == "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier"
+    texts = {one.name: one.text for one in rig_variables(load_rig("three_speed"))}
+    assert texts["brake_1.piston_area"] == "Area of the piston"
+    assert texts["motor.ramp"] == "Rate at which the speed setpoint moves to the ordered speed"
+    assert texts["effects.wear"] == "Clearances grow with slip; off: they stay"
+    assert texts["alfa46.t12"] == "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier"
 
 
 def test_parts_are_listed_with_their_values(capsys):

@@ -48,8 +48,8 @@ def rig(*arguments, **keywords):
 def test_simulate_and_report(simulated, capsys):
     assert shifts(simulated) == BOTH
     assert main(["report", str(simulated)]) == 0
-    said = capsys.readouterr().out
-    assert "1 -> 2" in said and "2 -> 3" in said and "n_in rpm" in said
+    output = capsys.readouterr().out
+    assert "1 -> 2" in output and "2 -> 3" in output and "n_in rpm" in output
 
 
 def test_run_in_lockstep_has_the_same_bits(simulated, tmp_path):

@@ -164,8 +164,8 @@ def test_a_wrong_rig_is_refused_in_one_sentence(tmp_path, what, capsys):
     into = folder(tmp_path, THREE.replace(old, new, 1))
     with pytest.raises(RigError, match=sentence) as refused:
         plan_of(load_rig(into))
-    said = str(refused.value)
-    assert "rig.yaml:" in said and "\n" not in said and "driveline:" not in said
+    error = str(refused.value)
+    assert "rig.yaml:" in error and "\n" not in error and "driveline:" not in error
     assert main(["check", str(into), "--picture", str(tmp_path / "picture.svg")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1 and not (tmp_path / "picture.svg").exists()
 

@@ -162,8 +162,8 @@ def test_check_draws_every_element(tmp_path, capsys):
     ):
         assert name in drawn, name
     assert "worm 2 : 40, 0.6" in drawn and len(ElementTree.fromstring(drawn)) > 50
-    told = capsys.readouterr().out
-    assert "elements: differential (relation), shoes (clutch)" in told and "cam (varying inertia)" in told
+    output = capsys.readouterr().out
+    assert "elements: differential (relation), shoes (clutch)" in output and "cam (varying inertia)" in output
 
 
 def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
@@ -200,14 +200,14 @@ def test_a_gearbox_tells_the_torques_of_its_wheels_when_it_is_asked_and_nothing_
         rig.advance(2.0)
     assert rigs[0].state_hash() == rigs[1].state_hash() and "/rig/torques" not in rigs[0].config.catalogue.topics
     torques = JointTorques(rigs[1])
-    told = dict(zip(torques.names, torques.values(), strict=True))
+    torque_of = dict(zip(torques.names, torques.values(), strict=True))
     # the torques of the set on its wheels are in the ratio of their teeth
     assert (
-        told["set_1_ring_torque"] == pytest.approx(72 / 40 * told["set_1_input_torque"], rel=1e-9)
-        and told["set_1_input_torque"] < -0.5
+        torque_of["set_1_ring_torque"] == pytest.approx(72 / 40 * torque_of["set_1_input_torque"], rel=1e-9)
+        and torque_of["set_1_input_torque"] < -0.5
     )
-    assert told["set_1_ring_torque"] == pytest.approx(rigs[1].friction_torque("brake_1"), rel=0.05), "the brake holds it"
-    assert told["set_1_output_torque"] == pytest.approx(-112 / 40 * told["set_1_input_torque"], rel=1e-9)
+    assert torque_of["set_1_ring_torque"] == pytest.approx(rigs[1].friction_torque("brake_1"), rel=0.05), "the brake holds it"
+    assert torque_of["set_1_output_torque"] == pytest.approx(-112 / 40 * torque_of["set_1_input_torque"], rel=1e-9)
 
 
 WRONG = {
@@ -334,8 +334,8 @@ def test_a_wrong_element_is_refused_in_one_sentence_with_its_line(tmp_path, what
     (folder / "rig.yaml").write_text(TEXT.replace(old, new, 1))
     with pytest.raises(RigError, match=sentence) as refused:
         load_rig(folder)
-    said = str(refused.value)
-    assert "rig.yaml:" in said and "\n" not in said and "driveline:" not in said
+    error = str(refused.value)
+    assert "rig.yaml:" in error and "\n" not in error and "driveline:" not in error
     assert main(["check", str(folder), "--picture", str(tmp_path / "p.svg")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1 and not (tmp_path / "p.svg").exists()
 

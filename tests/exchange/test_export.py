@@ -48,8 +48,8 @@ def test_an_exported_run_comes_back_with_the_same_bits_orders_and_metrics(kind, 
         assert np.array_equal(theirs.channels[name], values), name
     assert np.allclose(theirs.channels["p_p"][::100], bag.series("p_p")[1][: -(-theirs.rows // 100)])
     assert back.events() == bag.events() and back.record == bag.record
-    told = back.run_info()
-    assert told["seed"] == bag.run_info()["seed"] and told["imported"]["rig_named_by"] == "the exported run"
+    info = back.run_info()
+    assert info["seed"] == bag.run_info()["seed"] and info["imported"]["rig_named_by"] == "the exported run"
     reports = [json.loads((one / "report.json").read_text()) for one in (SAMPLE, tmp_path / "back")]
     keys = [key for key in reports[0]["shifts"][0] if key != "why"]
     assert [[row[key] for key in keys] for row in reports[1]["shifts"]] == [
@@ -157,6 +157,6 @@ def test_a_pyarrow_for_another_numpy_is_said_with_the_one_that_fits(monkeypatch,
     (tmp_path / "pyarrow.py").write_text('raise ImportError("pyarrow requires NumPy 2.0 or newer, found 1.26.4")')
     monkeypatch.syspath_prepend(tmp_path)
     assert main(["export", "parquet", str(SAMPLE), "--out", str(tmp_path / "a.parquet")]) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert "requires NumPy 2.0 or newer" in said[-1] and "with numpy 1.26 'pyarrow<26'" in said[-1]
+    lines = capsys.readouterr().err.splitlines()
+    assert "requires NumPy 2.0 or newer" in lines[-1] and "with numpy 1.26 'pyarrow<26'" in lines[-1]
     assert not (tmp_path / "a.parquet").exists()

@@ -22,12 +22,12 @@ from rig_nodes.exchange.profile import PROFILES, shipped
 @pytest.mark.parametrize("laboratory", LABORATORIES.values(), ids=LABORATORIES)
 def test_a_laboratory_file_is_aligned_to_1_ms_and_all_its_metrics_agree(laboratory, tmp_path, capsys):
     path, profile = laboratory.write(tmp_path)
-    out, told = tmp_path / "run", tmp_path / "told.json"
+    out, compared = tmp_path / "run", tmp_path / "compared.json"
     assert main(["import", str(path), "--profile", str(profile), "--out", str(out)]) == 0
-    said = capsys.readouterr()
-    assert ("values are missing" in said.out) == bool(laboratory.dropped or laboratory.empty is not None)
-    assert main(["compare", str(SAMPLE), str(out), "--json", str(told)]) == 0, capsys.readouterr().err
-    found = json.loads(told.read_text())
+    captured = capsys.readouterr()
+    assert ("values are missing" in captured.out) == bool(laboratory.dropped or laboratory.empty is not None)
+    assert main(["compare", str(SAMPLE), str(out), "--json", str(compared)]) == 0, capsys.readouterr().err
+    found = json.loads(compared.read_text())
     begins = laboratory.of_day or laboratory.offset < 0.0 or not laboratory.time
     zero = json.loads((out / "report.json").read_text())["run"]["imported"]["time_zero_s"] if begins else 0.0
     base = 9 * 3600 + 15 * 60 if laboratory.of_day else 0.0

@@ -124,15 +124,15 @@ def test_every_unit_has_its_base_units_and_states_have_words(rig_fmu, controller
     assert exponents["1"] == (0,) * 8 and exponents["V/(A.s)"] == (1, 2, -4, -2, 0, 0, 0, 0)
     assert (float(units["degC"].factor), float(units["degC"].offset)) == (1.0, 273.15)
     assert (variables["p1"].unit, float(variables["p1"].nominal)) == ("Pa", 1e6)
-    told = variables["rig_state"].declaredType
+    declared = variables["rig_state"].declaredType
     assert variables["rig_state"].type == ("Integer" if fmi == 2 else "Enumeration")
     if fmi == 3:
-        assert [item.name for item in told.items] == ["starting", "ready", "running", "tripped"]
+        assert [item.name for item in declared.items] == ["starting", "ready", "running", "tripped"]
         assert float(description.coSimulation.fixedInternalStepSize) == 1e-3
     else:
         with zipfile.ZipFile(rig_fmu(fmi)) as archive:
             assert (
-                f'<SimpleType name="{told.name}" description="0 starting, 1 ready, 2 running, 3 tripped">'
+                f'<SimpleType name="{declared.name}" description="0 starting, 1 ready, 2 running, 3 tripped">'
                 in archive.read("modelDescription.xml").decode()
             )
     assert "whole multiples of 1 ms" in description.description
@@ -228,14 +228,14 @@ def test_a_trip_ends_the_step_and_its_reason_is_in_the_log(rig_fmu, tripping, fm
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_fmpy_ends_its_simulation_at_the_trip(rig_fmu, tripping, fmi):
-    said = []
+    texts = []
     result = simulate_fmu(
         str(rig_fmu(fmi)),
         stop_time=1.0,
         step_size=0.01,
         output_interval=0.01,
         output=["rig_state"],
-        logger=lambda *message: said.append(message[-1]),
+        logger=lambda *message: texts.append(message[-1]),
     )
     assert result["time"][-1] == pytest.approx(0.25) and result["rig_state"][-1] == 3
-    assert f"the rig tripped at 0.250 s: {REASON}".encode() in said
+    assert f"the rig tripped at 0.250 s: {REASON}".encode() in texts

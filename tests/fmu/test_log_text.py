@@ -34,8 +34,8 @@ def test_values_stand_where_the_format_has_them(which, text, speak):
 
 def test_a_format_that_is_a_users_text_harms_nothing(speak):
     """The values for its conversions are arbitrary contents of the processor's registers."""
-    said = speak(1)
-    assert said.startswith("100 ") and said.endswith(" of it")
+    text = speak(1)
+    assert text.startswith("100 ") and text.endswith(" of it")
 
 
 def test_what_cannot_be_read_is_said():
@@ -48,11 +48,11 @@ def speak(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
     (folder / "caller.c").write_text(CALLER)
     subprocess.run(["cc", "-w", "-shared", "-fPIC", "-o", folder / "caller.so", folder / "caller.c"], check=True)
-    library, heard = ct.CDLL(str(folder / "caller.so")), []
-    callback = SIGNATURE(lambda env, name, status, category, form, *values: heard.append(formatted(text_at(form), values)))
+    library, texts = ct.CDLL(str(folder / "caller.so")), []
+    callback = SIGNATURE(lambda env, name, status, category, form, *values: texts.append(formatted(text_at(form), values)))
 
-    def said(which):
+    def text_of(which):
         library.speak(callback, which)
-        return heard.pop()
+        return texts.pop()
 
-    return said
+    return text_of

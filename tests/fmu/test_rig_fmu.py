@@ -126,8 +126,8 @@ def test_what_can_change_while_the_rig_runs_is_tunable_and_acts_with_the_next_st
         fmu.set(**{"oil_supply.temperature": 500.0})
         fmu.step(2.1, 1e-3)
     fmu.terminate()
-    said = [(text, value) for _, _, name, text, value in Bag(tmp_path / "run").events() if name == "setting_changed"]
-    assert said == [("oil_supply.temperature = 80 degC", 80.0), ("alfa46.t12 = 0.05 s", 0.05)]
+    changes = [(text, value) for _, _, name, text, value in Bag(tmp_path / "run").events() if name == "setting_changed"]
+    assert changes == [("oil_supply.temperature = 80 degC", 80.0), ("alfa46.t12 = 0.05 s", 0.05)]
 
 
 def test_settings_of_an_external_controller_are_not_the_rigs(fmu):
@@ -181,8 +181,8 @@ def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig
         for key, value in other.items():
             assert one[key] == pytest.approx(value, abs=1e-6), key
     hashes = [Bag(tmp_path / name).canonical_hash() for name in ("fmu", "simulate")]
-    told = {"/rig/run_info", "/controller/events", "/sequencer/events", "all"}  # the record of the run and the events differ
-    assert {topic for topic in hashes[1] if hashes[0].get(topic) != hashes[1][topic]} == told
+    different = {"/rig/run_info", "/controller/events", "/sequencer/events", "all"}  # the record of the run and the events differ
+    assert {topic for topic in hashes[1] if hashes[0].get(topic) != hashes[1][topic]} == different
 
 
 @pytest.mark.parametrize("controller", ["duty", "current"])

@@ -43,13 +43,13 @@ class Graph:
         folder.mkdir()
         Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
         self.domain = allocate()
-        self.said = []
-        self.supervisor = Supervisor(Order(None, **order), folder, self.domain, lambda t, text: self.said.append(text))
+        self.reports = []
+        self.supervisor = Supervisor(Order(None, **order), folder, self.domain, lambda t, text: self.reports.append(text))
         self._thread = threading.Thread(target=self.supervisor.run)
         self._thread.start()
         if not self.supervisor.running.wait(PATIENCE) or self.supervisor.ended.is_set():
             self.close()
-            raise AssertionError(f"the graph did not start: {self.said}")
+            raise AssertionError(f"the graph did not start: {self.reports}")
 
     def close(self):
         """Ends the graph in order; returns how it ended."""
@@ -69,12 +69,12 @@ class Client:
         self.node = rclpy.create_node("user", context=self.context)
         self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self._services, self._heard = {}, []
+        self._services, self._subscriptions = {}, []
 
     def forget(self):
         """Ends all subscriptions, because unread messages would occupy the executor."""
-        while self._heard:
-            self.node.destroy_subscription(self._heard.pop())
+        while self._subscriptions:
+            self.node.destroy_subscription(self._subscriptions.pop())
 
     def close(self):
         self.executor.remove_node(self.node)
@@ -98,7 +98,7 @@ class Client:
         messages = []
         kind = message_class(catalogue().topics[topic].ros_type)
         subscription = self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=depth))
-        self._heard.append(subscription)
+        self._subscriptions.append(subscription)
         self.until(subscription.get_publisher_count, f"a publisher of {topic}")
         return messages
 
@@ -170,14 +170,14 @@ class Goal:
 def rig_run(folder: Path, *arguments: str, sequence: Path = SHORT) -> tuple[int, str]:
     """Returns exit code and output of a `rig run` that is not disturbed; it runs in this process, its graph in others."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    said = io.StringIO()
+    output = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             code = main(["run", str(sequence), "--out", str(folder), *arguments])
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-    return code, said.getvalue()
+    return code, output.getvalue()
 
 
 class RigRun:

@@ -145,8 +145,8 @@ def test_without_a_rig_it_is_said_at_once(monkeypatch, capsys, words):
     monkeypatch.setattr(domains, "running_rigs", list)
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     assert main(words) == 2
-    said = capsys.readouterr().err
-    assert said == "rig: no rig runs on this host, or none has started yet; start one with: ./rig run\n"
+    error = capsys.readouterr().err
+    assert error == "rig: no rig runs on this host, or none has started yet; start one with: ./rig run\n"
     with allocate() as free:
         assert main([*words, "--domain", str(free.number)]) == 2
     assert "no rig runs in ROS domain" in capsys.readouterr().err

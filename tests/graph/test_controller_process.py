@@ -155,8 +155,8 @@ def test_a_library_that_breaks_ends_in_the_safe_state(tmp_path, breaking, what, 
     assert code == 1 and sentence in output, output
     bag = Bag(tmp_path / "run")
     assert next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe) <= oldest
-    said = [text for _, topic, name, text, _ in bag.events() if name == "controller_failed"]
-    assert len(said) == 1 and "sample 500: " in said[0]
+    texts = [text for _, topic, name, text, _ in bag.events() if name == "controller_failed"]
+    assert len(texts) == 1 and "sample 500: " in texts[0]
 
 
 NOBODY = """
@@ -175,10 +175,10 @@ def test_in_real_time_a_controller_that_does_not_come_is_named_with_its_place(tm
     place = f"controller on ROS topic /controller/answer in domain {domain}"
     assert run.until("waiting for").strip() == f"waiting for {place}, 1 s"
     code, output = run.end()
-    said = output.splitlines()[-1]
+    last_line = output.splitlines()[-1]
     assert code == 1
-    assert said.startswith("rig: sequence 'nobody': the rig was not ready within 2 s; no controller has come on ROS topic")
-    assert f"in domain {domain}; start its node in the same ROS domain (export ROS_DOMAIN_ID={domain} in both" in said
+    assert last_line.startswith("rig: sequence 'nobody': the rig was not ready within 2 s; no controller has come on ROS topic")
+    assert f"in domain {domain}; start its node in the same ROS domain (export ROS_DOMAIN_ID={domain} in both" in last_line
 
 
 def test_ctrl_c_ends_the_waiting_in_lockstep_at_once(tmp_path, port):

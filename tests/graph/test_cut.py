@@ -166,8 +166,8 @@ def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentenc
     monkeypatch.setattr(sys, "argv", [module, *arguments])
     monkeypatch.setattr(os, "execve", lambda *_: pytest.fail("it became a device"))
     assert (main() if module == "cli.main" else cut_device.main()) == 2
-    said = capsys.readouterr().err
-    assert sentence in said and len(said.strip().splitlines()) == 1
+    error = capsys.readouterr().err
+    assert sentence in error and len(error.strip().splitlines()) == 1
 
 
 STRONG = (

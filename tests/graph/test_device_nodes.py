@@ -51,9 +51,9 @@ def test_each_device_has_the_topics_and_parameters_of_its_part(ros, name):
     try:
         own = {one: set(node.settings.settings) for one, node in nodes.items() if hasattr(node, "settings")}
         assert own == PARAMETERS[name]
-        told = nodes["oil_supply"].describe_parameter("temperature").description
+        described = nodes["oil_supply"].describe_parameter("temperature").description
         # as the part declares it
-        assert told == "Temperature that the oil has as the rig starts, and takes at once when it is set [degC]"
+        assert described == "Temperature that the oil has as the rig starts, and takes at once when it is set [degC]"
         published = {topic for node in nodes.values() for topic in node.outputs}
         whole = {
             topic.name for topic in config.catalogue.topics.values() if topic.node in ("rig", "instruments", "alfa46", "sequencer")

@@ -61,10 +61,10 @@ def still(user):
 
 def logs(user) -> list:
     """Returns a list that grows with the messages of /rosout, including earlier ones."""
-    said = []
+    messages = []
     profile = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    user.node.create_subscription(Log, "/rosout", said.append, profile)
-    return said
+    user.node.create_subscription(Log, "/rosout", messages.append, profile)
+    return messages
 
 
 def test_every_node_and_topic_is_seen(user):
@@ -92,7 +92,7 @@ def test_torque_is_read_without_gaps_and_in_time(user):
 
 
 def test_a_sequence_is_run_by_action(user, still):
-    said = logs(user)
+    messages = logs(user)
     goal = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(SHORT)))
     user.until(lambda: goal.feedback, "feedback of the sequence")
     again = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(SHORT))).result()
@@ -100,8 +100,8 @@ def test_a_sequence_is_run_by_action(user, still):
     result = goal.result()
     assert result.success and result.steps_done == 8
     assert "shift to II" in {feedback.text for feedback in goal.feedback}
-    user.until(lambda: sum(log.msg.startswith("step 8 of 8: ") for log in said), "the last step in /rosout")
-    steps = [log for log in said if log.msg.startswith("step ")]
+    user.until(lambda: sum(log.msg.startswith("step 8 of 8: ") for log in messages), "the last step in /rosout")
+    steps = [log for log in messages if log.msg.startswith("step ")]
     assert [log.msg.partition(":")[0] for log in steps] == [f"step {number} of 8" for number in range(1, 9)]
     assert steps[2].msg == "step 3 of 8: shift to I" and {(log.name, log.level) for log in steps} == {("sequencer", 20)}
 
@@ -133,14 +133,14 @@ def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
 
 
 def test_a_gear_that_there_is_not_is_rejected_with_a_logged_reason(user, still):
-    said = logs(user)
+    messages = logs(user)
     client = ActionClient(user.node, Shift, "/controller/shift")
     user.until(client.server_is_ready, "the action")
 
     future = client.send_goal_async(Shift.Goal(gear=7))
     user.until(future.done, "the answer")
     assert not future.result().accepted
-    log = user.until(lambda: [log for log in said if "no gear 7" in log.msg], "the reason in /rosout")[0]
+    log = user.until(lambda: [log for log in messages if "no gear 7" in log.msg], "the reason in /rosout")[0]
     assert log.name == "alfa46"
     assert log.msg == "shift refused: there is no gear 7; order 0 (neutral), 1 (I) or 2 (II)"
 

@@ -89,8 +89,8 @@ def test_settings_of_a_sequence_act_at_the_same_sample_as_in_simulate(tmp_path):
     simulate(load_rig(), load_sequence(sequence), tmp_path / "simulated")
     hashes, expected = (Bag(tmp_path / name).canonical_hash() for name in ("run", "simulated"))
     assert {topic for topic in expected if hashes.get(topic) != expected[topic]} <= NOT_THE_PLANTS
-    said = [text for _, _, name, text, _ in Bag(tmp_path / "run").events() if name == "setting_changed"]
-    assert sorted(said) == ["alfa46.t12 = 0.05 s", "instruments.noise = false", "oil_supply.temperature = 80 degC"]
+    texts = [text for _, _, name, text, _ in Bag(tmp_path / "run").events() if name == "setting_changed"]
+    assert sorted(texts) == ["alfa46.t12 = 0.05 s", "instruments.noise = false", "oil_supply.temperature = 80 degC"]
 
 
 def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):

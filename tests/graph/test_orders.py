@@ -58,7 +58,7 @@ def user(graph):
     client.close()
 
 
-def told(user, topic, name):
+def event_of(user, topic, name):
     """Returns the newest event of this name as soon as there is one."""
     return user.until(lambda: [e for e in user.events[topic] if e.name == name][-1:], name)[0]
 
@@ -80,7 +80,7 @@ def test_a_cancelled_sequence_gives_no_more_orders_and_leaves_what_is_set(user, 
     assert goal.status == GoalStatus.STATUS_CANCELED
     assert not result.success and result.steps_done == 2
     assert result.message == ("sequence 'long' was cancelled in step 3 of 4 (wait 20 s); motor, load and oil stay as they are set")
-    event = told(user, "/sequencer/events", "sequence_cancelled")
+    event = event_of(user, "/sequencer/events", "sequence_cancelled")
     assert event.text == result.message and event.value == 2.0
     seen = len(motor)
     user.until(lambda: len(motor) > seen + 100, "half a second more")
@@ -103,7 +103,7 @@ def test_a_shift_that_has_begun_is_carried_to_its_end(user):
     user.until(lambda: goal.feedback, "feedback of the shift")
     answer = goal.cancel()
     assert answer.return_code == CancelGoal.Response.ERROR_REJECTED and not answer.goals_canceling
-    event = told(user, "/controller/events", "cancel_refused")
+    event = event_of(user, "/controller/events", "cancel_refused")
     assert "the shift to I has begun and is carried to its end" in event.text and event.value == 1.0
     result = goal.result()
     assert result.success and result.gear == 1 and goal.status == GoalStatus.STATUS_SUCCEEDED
@@ -121,7 +121,7 @@ def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
         os.kill(container, signal.SIGCONT)
     assert goal.status == GoalStatus.STATUS_CANCELED and not result.success and result.gear == 1
     assert result.message == "shift to II withdrawn before the controller took it"
-    assert told(user, "/controller/events", "shift_withdrawn").text == result.message
+    assert event_of(user, "/controller/events", "shift_withdrawn").text == result.message
     seen = len(user.states)
     user.until(lambda: len(user.states) > seen + 40, "the rig going on")
     commands = user.listen("/controller/command")
@@ -156,15 +156,15 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(user, tmp_pa
     assert goal.status == GoalStatus.STATUS_ABORTED and result.steps_done == 0
     assert "much.yaml:3: load torque 500 Nm needs too much of the relief valve" in result.message
     assert "expected 0 to 4e+07 Pa" in result.message
-    step, failed = (told(user, "/sequencer/events", name) for name in ("step", "sequence_failed"))
+    step, failed = (event_of(user, "/sequencer/events", name) for name in ("step", "sequence_failed"))
     assert failed.header.stamp == step.header.stamp and failed.text == result.message
 
 
 def test_an_emergency_stop_takes_every_order_back(user):
     """After the reset only a new order clamps a clutch, regardless of the clutches and orders before."""
     clutch, valve, motor = (user.listen(f"/{name}/state") for name in ("clutch_s1", "valve_zr_p1", "motor"))
-    said = []
-    user.node.create_subscription(Log, "/rosout", said.append, 100)
+    logs = []
+    user.node.create_subscription(Log, "/rosout", logs.append, 100)
     setters = {name: user.publisher(f"/{name}/command") for name in ("oil_supply", "motor")}
 
     def set_to(name, value, reached):
@@ -197,7 +197,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
     result = running.result()
     assert running.status == GoalStatus.STATUS_ABORTED and not result.success and result.gear == 0
     assert result.message == "the rig is in its safe state: emergency stop; the shift to II was given up"
-    assert told(user, "/controller/events", "shift_aborted").text == result.message
+    assert event_of(user, "/controller/events", "shift_aborted").text == result.message
     refused = order(1)
     assert refused.result().message == ("shift refused: the rig is in its safe state (emergency stop); call /rig/reset first")
     assert refused.status == GoalStatus.STATUS_ABORTED
@@ -213,8 +213,8 @@ def test_an_emergency_stop_takes_every_order_back(user):
     assert order(1).result().success
     user.until(lambda: clutch[-1].pressure > 1.5e6, "a clutch that is ordered anew")
 
-    user.until(lambda: any(log.msg == "safe state left" for log in said), "the reset in /rosout")
-    assert [log.level for log in said if log.name == "rig" and log.msg == "safe state: emergency stop"] == [40]
+    user.until(lambda: any(log.msg == "safe state left" for log in logs), "the reset in /rosout")
+    assert [log.level for log in logs if log.name == "rig" and log.msg == "safe state: emergency stop"] == [40]
     assert order(0).result().success
     set_to("oil_supply", 0.0, lambda: True)
 

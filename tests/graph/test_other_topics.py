@@ -23,7 +23,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def heard(user, publisher) -> None:
+def until_recorded(user, publisher) -> None:
     user.until(publisher.get_subscription_count, f"the recorder on {publisher.topic_name}")
 
 
@@ -42,13 +42,13 @@ def bag(request, tmp_path_factory):
         fast = user.node.create_publisher(UInt64, "/user/fast", FAST)
         secret = user.node.create_publisher(String, "/secret/note", 10)
         hidden = user.node.create_publisher(String, "/user/_hidden", 10)
-        heard(user, note)
-        heard(user, fast)
+        until_recorded(user, note)
+        until_recorded(user, fast)
         user.sent = (states[-1].header.stamp.sec + states[-1].header.stamp.nanosec * 1e-9, [*range(50, 55)])
         for number in user.sent[1]:
             fast.publish(UInt64(data=number))
         later = user.node.create_publisher(Float64, "/user/later", 10)  # appears when the others are recorded already
-        heard(user, later)
+        until_recorded(user, later)
         later.publish(Float64(data=2.5))
         user.node.declare_parameter("of_the_users_own", 1)
         user.node.get_logger().info("a line of the user's own")  # a rig without faults logs no line itself
@@ -79,11 +79,11 @@ def test_every_topic_of_the_domain_is_in_the_bag_at_the_time_at_which_it_came(ba
 def test_rosbag2_is_told_their_types_and_offers_and_no_loss_is_claimed_for_them(bag):
     assert bag.check() == [] and lost_messages(bag, bag.facts) == {} and bag.facts["recorder"]["unrecorded"] == {}
     topics = load_yaml(bag.path.parent / "metadata.yaml")["rosbag2_bagfile_information"]["topics_with_message_count"]
-    told = {topic["topic_metadata"]["name"]: topic["topic_metadata"] for topic in topics}
-    assert told["/user/fast"]["type"] == "std_msgs/msg/UInt64"
-    assert told["/user/fast"]["offered_qos_profiles"][0]["reliability"] == "best_effort"
-    assert told["/user/note"]["offered_qos_profiles"][0]["durability"] == "transient_local"
-    assert told["/user/later"]["type_description_hash"].startswith("RIHS01_")
+    stored = {topic["topic_metadata"]["name"]: topic["topic_metadata"] for topic in topics}
+    assert stored["/user/fast"]["type"] == "std_msgs/msg/UInt64"
+    assert stored["/user/fast"]["offered_qos_profiles"][0]["reliability"] == "best_effort"
+    assert stored["/user/note"]["offered_qos_profiles"][0]["durability"] == "transient_local"
+    assert stored["/user/later"]["type_description_hash"].startswith("RIHS01_")
 
 
 def test_report_view_and_replay_take_such_a_bag(bag, capsys):
@@ -130,6 +130,6 @@ def test_patterns_choose_by_the_whole_name(topics, exclude, taken):
 @pytest.mark.parametrize("option", ["--topics", "--exclude"])
 def test_a_wrong_pattern_starts_nothing(option, tmp_path, capsys):
     assert main(["run", "demo", "--out", str(tmp_path / "run"), option, "/camera/["]) == 2
-    said = capsys.readouterr().err
-    assert f"{option} /camera/[: is no regular expression" in said and len(said.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert f"{option} /camera/[: is no regular expression" in error and len(error.splitlines()) == 1
     assert not (tmp_path / "run").exists()

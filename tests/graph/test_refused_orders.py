@@ -73,8 +73,8 @@ def test_orders_in_the_safe_state_are_refused_with_its_reason(user):
 
 
 def test_what_cannot_be_stored_is_named_and_the_recording_goes_on(user):
-    said = []
-    user.node.create_subscription(Log, "/rosout", said.append, 100)
+    logs = []
+    user.node.create_subscription(Log, "/rosout", logs.append, 100)
     user.publisher("/motor/command").publish(Setpoint(header=Header(stamp=Time(sec=-5)), value=0.0, enable=False))
     cut = user.node.create_publisher(Event, "/sequencer/events", 10)
     user.until(lambda: cut.get_subscription_count() >= 1, "the recorder")
@@ -102,4 +102,4 @@ def test_all_of_it_stands_in_the_bag(graph, user):
     assert commands.count(1) >= 1
     texts = [text for *_, name, text, _ in bag.events() if name == "command_refused"]
     for text in ("sample 1 refused", "/motor/command: refused: the rig is in its safe state", "does not act", "12 bytes"):
-        assert any(text in told for told in texts), text
+        assert any(text in stored for stored in texts), text

@@ -83,9 +83,9 @@ class Replay:
         return self.output
 
 
-def heard(domain, folder, path, *arguments, patience=PATIENCE):
+def replayed(domain, folder, path, *arguments, patience=PATIENCE):
     """Replays a bag to a listener in another process; returns [number, hash] by topic as received, the clock, and the output."""
-    out = folder / "heard.json"
+    out = folder / "received.json"
     with OpenedBags([path]) as bag:
         topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}
     command = [sys.executable, "-P", str(Path(__file__).with_name("listener.py")), str(out)]
@@ -95,9 +95,9 @@ def heard(domain, folder, path, *arguments, patience=PATIENCE):
     )
     output = Replay(domain, path, "--wait", len(topics) - 1, *arguments, patience=patience).end()
     assert listener.wait(60) == 0
-    said = json.loads(out.read_text())
-    said["topics"].pop("/clock")
-    return said["topics"], said["clock"], output
+    received = json.loads(out.read_text())
+    received["topics"].pop("/clock")
+    return received["topics"], received["clock"], output
 
 
 def held(path):
@@ -112,7 +112,7 @@ def held(path):
 
 def check_once_and_in_order(domain, folder, path, rate, **options):
     expected, length = held(path)
-    topics, clock, output = heard(domain, folder, path, "--rate", rate, **options)
+    topics, clock, output = replayed(domain, folder, path, "--rate", rate, **options)
     assert topics == expected
     assert clock == list(range(0, length + 1, TICK))
     assert f"{sum(count for count, _ in expected.values())} messages in" in output
@@ -234,8 +234,8 @@ def test_the_services_of_rosbag2_control_it(domain, user):
         user.until(lambda: len(samples) == number, f"message {number}")
     assert stamps_ms(samples) == [500, 505, 510]
     user.until(lambda: clock[-1].clock.nanosec == 510_000_000, "the clock of the third")
-    heard = len(clock)
-    user.until(lambda: len(clock) > heard, "the clock, repeated for those who come during the pause")
+    count = len(clock)
+    user.until(lambda: len(clock) > count, "the clock, repeated for those who come during the pause")
     assert clock[-1].clock.nanosec == 510_000_000 and ask(IsPaused, "is_paused").paused
 
     assert ask(Burst, "burst", num_messages=7).actually_burst == 7
@@ -270,7 +270,7 @@ def test_the_services_of_rosbag2_control_it(domain, user):
 def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_in_order(domain, user, tmp_path):
     assert main(["bag", "cut", str(SAMPLE), "--to", "1", "--out", str(tmp_path / "early")]) == 0
     assert main(["bag", "cut", str(SAMPLE), "--from", "1", "--out", str(tmp_path / "late")]) == 0
-    named = user.node.create_subscription(type_of("/gearbox/state"), "/again/gearbox", (heard_again := []).append, 1000)
+    named = user.node.create_subscription(type_of("/gearbox/state"), "/again/gearbox", (again := []).append, 1000)
     (tmp_path / "qos.yaml").write_text("/gearbox/state: {depth: 500, deadline: {sec: 3, nsec: 0}}")
     replay = Replay(
         domain,
@@ -286,7 +286,7 @@ def test_two_pieces_a_span_patterns_and_another_name_reach_a_receiver_once_and_i
     assert info.qos_profile.deadline.nanoseconds == 3 * 10**9
     user.call(TogglePaused, "/rig_replay/toggle_paused")
     output = replay.end()
-    user.until(lambda: len(samples) == len(heard_again) == 200, "both topics")
+    user.until(lambda: len(samples) == len(again) == 200, "both topics")
     stamps = [message.header.stamp.sec * 1000 + message.header.stamp.nanosec // 10**6 for message in samples]
     assert stamps == list(range(500, 1500, 5)) and named is not None
     assert "/motor/command" not in output
@@ -365,8 +365,8 @@ def test_a_clock_that_comes_while_it_plays_ends_it(domain, user):
 def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
     monkeypatch.setattr(os, "environ", os.environ.copy())
     assert main(["replay", *map(str, arguments)]) == 2
-    said = capfd.readouterr().err
-    assert sentence in said and said.count("\n") == 1
+    error = capfd.readouterr().err
+    assert sentence in error and error.count("\n") == 1
 
 
 @pytest.mark.parametrize(

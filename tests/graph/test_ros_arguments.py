@@ -39,7 +39,7 @@ def of(name: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def said(domain):
+def outcome(domain):
     """Returns exit code, stdout and stderr of an executable, in a new process in which Python is loaded already."""
     with Verbs() as verbs:
         yield lambda start, *arguments: verbs.of(start, *arguments, env=environment(domain))
@@ -60,9 +60,9 @@ NAMESPACE = "--ros-args -r __ns:=/left: the rig has no namespace"
     ],
     ids=["container", "alfa46", "sequencer", "recorder", "device", "replay"],
 )
-def test_no_executable_takes_a_namespace(said, tmp_path, monkeypatch, start, arguments):
+def test_no_executable_takes_a_namespace(outcome, tmp_path, monkeypatch, start, arguments):
     monkeypatch.chdir(tmp_path)
-    code, _, error = said(start, *arguments, "--ros-args", "-r", "__ns:=/left")
+    code, _, error = outcome(start, *arguments, "--ros-args", "-r", "__ns:=/left")
     assert code == 2 and NAMESPACE in error and error.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
@@ -82,8 +82,8 @@ def test_no_executable_takes_a_namespace(said, tmp_path, monkeypatch, start, arg
     ],
     ids=lambda value: value[-1] if isinstance(value, list) and value else "",
 )
-def test_what_cannot_be_honoured_is_refused_in_one_sentence(said, start, arguments, ros, sentence):
-    code, _, error = said(start, *arguments, "--ros-args", *ros)
+def test_what_cannot_be_honoured_is_refused_in_one_sentence(outcome, start, arguments, ros, sentence):
+    code, _, error = outcome(start, *arguments, "--ros-args", *ros)
     assert code == 2 and "Traceback" not in error
     assert sentence in error.splitlines()[-1]
 

@@ -141,8 +141,8 @@ def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
 )
 def test_wrong_arguments_start_nothing(tmp_path, arguments, sentence, capsys):
     assert main(["run", str(SHORT), "--out", str(tmp_path / "run"), *arguments]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said and len(said.strip().splitlines()) == 1
+    error = capsys.readouterr().err
+    assert sentence in error and len(error.strip().splitlines()) == 1
     assert not (tmp_path / "run").exists()
 
 

@@ -42,19 +42,19 @@ class User(Client):
     def __init__(self, domain):
         super().__init__(domain)
         self.accepted, self._nodes, self._topics = [], {}, {}
-        self.events = {topic: self.heard(topic) for topic in ALWAYS[:2]}
-        self.heard(ALWAYS[2])
+        self.events = {topic: self.messages_of(topic) for topic in ALWAYS[:2]}
+        self.messages_of(ALWAYS[2])
 
-    def heard(self, topic) -> list:
+    def messages_of(self, topic) -> list:
         if topic not in self._topics:
             self._topics[topic] = self.listen(topic)
         return self._topics[topic]
 
     def forget(self):
         """Ends the subscriptions of one test, because with all topics a busy machine could not process the old messages."""
-        always = [self._heard.pop(0) for _ in ALWAYS]
+        always = [self._subscriptions.pop(0) for _ in ALWAYS]
         super().forget()
-        self._heard, self._topics = always, {topic: self._topics[topic] for topic in ALWAYS}
+        self._subscriptions, self._topics = always, {topic: self._topics[topic] for topic in ALWAYS}
 
     def _at(self, node):
         if node not in self._nodes:
@@ -74,12 +74,12 @@ class User(Client):
     def set(self, node, **values) -> float:
         """Sets valid values; returns the time [s] at which they were accepted, from the event that reports it."""
         topic = "/controller/events" if node == "alfa46" else "/rig/events"
-        events, states = self.events[topic], self.heard("/rig/state")
+        events, states = self.events[topic], self.messages_of("/rig/state")
         seen = len(events)
         result = self.ask(node, **values)
         assert result.successful, result.reason
-        heard = len(states)
-        self.until(lambda: len(states) > heard + 1, "the rig going on")
+        count = len(states)
+        self.until(lambda: len(states) > count + 1, "the rig going on")
         now = seconds(states[-1])
         changed = self.until(lambda: [e for e in events[seen:] if e.name == "setting_changed"], "the event")
         self.until(lambda: len([e for e in events[seen:] if e.name == "setting_changed"]) >= len(values), "all events")
@@ -94,7 +94,7 @@ class User(Client):
 
     def acted(self, topic, when: float, is_new):
         """Checks that the setting acts in every message from two ticks after its acceptance on, and in none before it."""
-        messages = self.heard(topic)
+        messages = self.messages_of(topic)
         after = self.until(lambda: [m for m in messages if seconds(m) >= when + TWO_TICKS][:3], f"what {topic} says then")
         assert all(is_new(message) for message in after), after
         assert not any(is_new(message) for message in messages if when - 0.05 < seconds(message) < when)
@@ -151,14 +151,14 @@ def user(joined):
     ids=lambda part: "-".join(part) if isinstance(part, dict) else "" if callable(part) else str(part),
 )
 def test_a_device_takes_a_setting_within_two_ticks(user, node, values, topic, is_new):
-    user.until(lambda: len(user.heard(topic)) > 10, topic)
+    user.until(lambda: len(user.messages_of(topic)) > 10, topic)
     user.acted(topic, user.set(node, **values), is_new)
     name, value = next(iter(values.items()))
     assert user.get(node, name) == value
 
 
 def test_noise_is_set_per_channel_and_switched_off_and_on(user):
-    blocks, mirror = user.heard("/instruments/hmg4000"), user.heard("/instruments/p1_absolute")
+    blocks, mirror = user.messages_of("/instruments/hmg4000"), user.messages_of("/instruments/p1_absolute")
 
     def spread(since: float, column: int = 4) -> float:
         """Returns the spread of p1 over the rows of the blocks, from two ticks after a setting on."""
@@ -177,7 +177,7 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
 
 
 def test_the_box_takes_gains_hold_current_and_delays(user):
-    commands = user.heard("/controller/command")
+    commands = user.messages_of("/controller/command")
     assert user.shift(1).success
     currents = [*PROFILE_1[:2, 1], 0.6, *PROFILE_1[3:, 1]]
     user.acted("/controller/command", user.set("alfa46", output_1__currents=currents), lambda m: m.setpoint[0] == 0.6)
@@ -236,8 +236,8 @@ def test_a_wrong_value_is_refused_with_the_reason_and_changes_nothing(user, node
     result = user.ask(node, **values)
     assert not result.successful and reason in result.reason
     assert [user.get(node, name) for name in names] == before
-    heard = len(user.heard("/rig/state"))
-    user.until(lambda: len(user.heard("/rig/state")) > heard + 4, "the rig going on")
+    count = len(user.messages_of("/rig/state"))
+    user.until(lambda: len(user.messages_of("/rig/state")) > count + 4, "the rig going on")
     assert sum(map(len, user.events.values())) == seen
 
 
@@ -269,7 +269,7 @@ def test_during_a_shift_its_own_profiles_stay(user):
 
 
 def test_parameters_follow_the_setpoint_topics_and_the_last_one_wins(user):
-    publisher, states = user.publisher("/load_pump/command"), user.heard("/load_pump/state")
+    publisher, states = user.publisher("/load_pump/command"), user.messages_of("/load_pump/state")
     publisher.publish(Setpoint(value=2e6, enable=False))
     user.until(lambda: user.get("load_pump", "relief_pressure") == 2e6, "the parameter")
     assert user.get("load_pump", "enabled") is False
@@ -279,7 +279,7 @@ def test_parameters_follow_the_setpoint_topics_and_the_last_one_wins(user):
 
 
 def test_a_tripped_rig_does_not_let_the_motor_be_switched_on(user):
-    states = user.heard("/rig/state")
+    states = user.messages_of("/rig/state")
     user.set("motor", enabled=True)
     assert user.call(Trigger, "/rig/e_stop").success
     result = user.ask("motor", enabled=True)
@@ -314,8 +314,8 @@ def test_all_of_it_stands_in_the_bag(graph, user):
     assert graph.close().state == "interrupted"
     bag = Bag(graph.folder)
     assert lost_messages(bag, facts_of(graph.folder)) == {}
-    said = [text.partition(" = ")[0] for _, _, name, text, _ in bag.events() if name == "setting_changed"]
-    assert sorted(said) == sorted(user.accepted) and len(said) > 20
+    names = [text.partition(" = ")[0] for _, _, name, text, _ in bag.events() if name == "setting_changed"]
+    assert sorted(names) == sorted(user.accepted) and len(names) > 20
     texts = [text for _, _, name, text, _ in bag.events() if name == "setting_changed"]
     assert {
         "motor.speed = 60 rad/s",

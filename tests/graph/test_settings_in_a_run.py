@@ -55,12 +55,12 @@ def test_a_setting_of_each_node_acts_within_two_ticks(tmp_path, speed, record_pr
         assert user.ask("oil_supply", temperature=70.0).successful
         assert user.ask("instruments", noise=False).successful
         assert user.set_profile(1, LOWER).success
-        said = [event for topic in user.events.values() for event in topic]
+        events = [event for topic in user.events.values() for event in topic]
         for node, values, reason in REFUSED:
             result = user.ask(node, **values)
             assert not result.successful and reason in result.reason
         user.until(
-            lambda: sum(e.name == "setting_changed" for t in user.events.values() for e in t) >= 6, f"the events, after {said}"
+            lambda: sum(e.name == "setting_changed" for t in user.events.values() for e in t) >= 6, f"the events, after {events}"
         )
     finally:
         user.close()

@@ -128,5 +128,5 @@ def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):
     assert done.stderr.startswith(f"rig: {small_disk / 'run' / 'short_0.mcap'} cannot be written (disk full); what was recorded")
     bag = Bag(small_disk / "run", recover=True)
     assert bag.counts["/instruments/controller"] > 100
-    said = float(re.search(r"up to ([\d.]+) s stays readable", done.stderr)[1])
-    assert max(time for topic in bag.counts for time, _ in bag.messages(topic)) / 1e9 == pytest.approx(said, abs=2e-3)
+    printed = float(re.search(r"up to ([\d.]+) s stays readable", done.stderr)[1])
+    assert max(time for topic in bag.counts for time, _ in bag.messages(topic)) / 1e9 == pytest.approx(printed, abs=2e-3)

@@ -35,10 +35,10 @@ class Verbs:
 
         ``entry`` is its entry point, module:function, and it runs in this folder; ``env`` replaces this process's environment.
         """
-        return self._processes.submit(_said, entry, words, dict(os.environ) if env is None else env, os.getcwd()).result(60)
+        return self._processes.submit(_outcome, entry, words, dict(os.environ) if env is None else env, os.getcwd()).result(60)
 
 
-def _said(entry: str, words: tuple[str, ...], env: dict[str, str], folder: str) -> tuple[int, str, str]:
+def _outcome(entry: str, words: tuple[str, ...], env: dict[str, str], folder: str) -> tuple[int, str, str]:
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(env)

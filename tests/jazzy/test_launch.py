@@ -31,5 +31,5 @@ def test_the_launch_ends_with_its_sequence_and_leaves_a_whole_run(ros2, domain, 
 def test_a_process_that_cannot_start_ends_the_launch_with_its_name(ros2, domain, tmp_path):
     ended = launch(ros2, domain, "set:=alfa46.t12=9 s", f"out:={tmp_path / 'run'}")
     assert ended.returncode != 0
-    said = ended.stderr + ended.stdout
-    assert "alfa46.t12" in said and "ended with exit code 2" in said
+    output = ended.stderr + ended.stdout
+    assert "alfa46.t12" in output and "ended with exit code 2" in output

@@ -84,8 +84,8 @@ def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks(
         "import rig_nodes.graph.supervisor, rig_nodes.testbench.folders; from rig_nodes.config.names import *;"
         "print(has_controller(rig_of('spring_bench')), has_controller(rig_of('')))"
     )
-    said = subprocess.run([sys.executable, "-c", blocked + asked], capture_output=True, text=True)
-    assert said.stdout.split() == ["False", "True"], said.stderr
+    done = subprocess.run([sys.executable, "-c", blocked + asked], capture_output=True, text=True)
+    assert done.stdout.split() == ["False", "True"], done.stderr
 
 
 def test_a_pushed_namespace_is_refused_before_anything_starts(launch_file):
@@ -129,10 +129,10 @@ def test_the_recorder_takes_the_topics_of_its_rig_and_no_other(rig, settings, co
     parser = ArgumentParser()
     for flag, keywords in recorder.OPTIONS:
         parser.add_argument(flag, **keywords)
-    told = parser.parse_args(["--out", "x", "--name", "x", *order.arguments("recorder")])
-    assert recorder.topics_of(told)[1] == set(load_rig(rig).catalogue.topics) | more
-    untold = parser.parse_args(["--out", "x", "--name", "x"])
-    assert recorder.topics_of(untold)[1] == set(installed_topics())
+    given = parser.parse_args(["--out", "x", "--name", "x", *order.arguments("recorder")])
+    assert recorder.topics_of(given)[1] == set(load_rig(rig).catalogue.topics) | more
+    not_given = parser.parse_args(["--out", "x", "--name", "x"])
+    assert recorder.topics_of(not_given)[1] == set(installed_topics())
 
 
 RUN = "import sys; from rig_nodes.nodes.sequencer import main; sys.exit(main())"
@@ -152,11 +152,11 @@ RUN = "import sys; from rig_nodes.nodes.sequencer import main; sys.exit(main())"
     ids=["behind-ros-args", "wrong-ros-args", "old-rclpy"],
 )
 def test_a_process_says_in_one_sentence_what_stops_it(before, arguments, sentence, domain):
-    said = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", before + RUN, *arguments],
         capture_output=True,
         text=True,
         timeout=60,
         env=dict(os.environ, ROS_DOMAIN_ID=str(domain)),
     )
-    assert said.returncode == 2 and sentence in said.stderr and "Traceback" not in said.stderr
+    assert done.returncode == 2 and sentence in done.stderr and "Traceback" not in done.stderr

@@ -50,8 +50,8 @@ def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
         for process in processes.values():
             process.kill()
             process.wait()
-    said = (tmp_path / "logs" / "sequencer.log").read_text()
-    assert "step 7 of 8" in said and "sequence 'short' is done" in said
+    log = (tmp_path / "logs" / "sequencer.log").read_text()
+    assert "step 7 of 8" in log and "sequence 'short' is done" in log
     report = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "report", str(tmp_path), "--json"]
     printed = subprocess.run(report, capture_output=True, text=True)
     assert printed.returncode == 0, printed.stderr

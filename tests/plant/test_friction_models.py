@@ -350,15 +350,15 @@ def test_slip_torques_of_every_pack():
 
 
 def test_what_chapter_8_says_bounds_the_product_of_frictions():
-    said = [s for s in comparison.STATEMENTS if not s.read_into]
-    low, high = comparison.common_product(said)
+    statements = [s for s in comparison.STATEMENTS if not s.read_into]
+    low, high = comparison.common_product(statements)
     assert (low, high) == pytest.approx((0.00688, 0.00755), abs=1e-5)
     for product in (low * 1.001, high * 0.999):
         pack = bench.PACKS["46x88.9"].geometry(18)
         ratio = closed.thesis(pack, 1.0, 0.1, product / 0.1) / closed.osinski(pack, 1.0, 0.1, beyond_table=True)
         assert 1.505 / 0.955 <= ratio <= 1.515 / 0.945
-        assert comparison.contradicted(0.12, product / 0.12, said) == []
-        assert comparison.contradicted(0.30, product / 0.30, said) == []  # only the product counts
+        assert comparison.contradicted(0.12, product / 0.12, statements) == []
+        assert comparison.contradicted(0.30, product / 0.30, statements) == []  # only the product counts
 
 
 def test_chapter_9s_friction_contradicts_chapter_8():

@@ -141,13 +141,13 @@ def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
     off = np.abs(shift.channels[10 * BEFORE :] - rows).mean(axis=0) / np.ptp(rows, axis=0)
     pressure = np.isin(reference_shift.CHANNELS, ("p1", "p2"))
     assert off[~pressure].max() < 1e-3 and off[pressure].max() < 4e-3, dict(zip(reference_shift.CHANNELS, off))
-    told, at = np.array(shift.locked), 1e-3 * np.arange(1, AFTER + 1)
+    locked, at = np.array(shift.locked), 1e-3 * np.arange(1, AFTER + 1)
     expected = np.repeat([[mode == reference_shift.STUCK for mode in shift.start.modes]], AFTER, axis=0)
     for t, k, mode in events:
         expected[at >= t, k] = mode == reference_shift.STUCK
     new = shift.order[2] - 1
     assert expected[-1, new] and not expected[0, new] and not expected[-1, 1 - new]
-    assert np.count_nonzero(told != expected) <= 1, "an event just beside a whole millisecond"
+    assert np.count_nonzero(locked != expected) <= 1, "an event just beside a whole millisecond"
 
 
 @pytest.mark.campaign

@@ -49,10 +49,10 @@ def check(run: Path, folder: Path) -> None:
     for tool in ("pandas", "pyarrow", "asammdf", "scipy"):
         print(f"{tool} {version(tool)}: {len(ours)} channels, {values} values as in the bag")
     with open(bag.path, "rb") as file:
-        told = sum(make_reader(file).get_summary().statistics.channel_message_counts.values())
+        count = sum(make_reader(file).get_summary().statistics.channel_message_counts.values())
     with Reader(run) as reader:
-        assert told == reader.message_count == sum(bag.counts.values()) == sum(1 for _ in reader.messages())
-    print(f"mcap {version('mcap')}, rosbags {version('rosbags')}: {told} messages as in the bag")
+        assert count == reader.message_count == sum(bag.counts.values()) == sum(1 for _ in reader.messages())
+    print(f"mcap {version('mcap')}, rosbags {version('rosbags')}: {count} messages as in the bag")
     print("exported files: passed")
 
 

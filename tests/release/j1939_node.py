@@ -35,7 +35,7 @@ class Node(can.Listener):
     """The law of the templates behind a node of can-j1939; the rig's samples come as plain frames."""
 
     def __init__(self, bus):
-        self.bus, self.heard, self.answers = bus, Counter(), 0
+        self.bus, self.received, self.answers = bus, Counter(), 0
         self.gear = self.old = self.request = 0
         self.since, self.newest, self.tops = -10.0, None, Counter()
         ecu = self.ecu = j1939.ElectronicControlUnit(send_message=self.send)
@@ -54,7 +54,7 @@ class Node(can.Listener):
     def on_group(self, priority, pgn, source, timestamp, data):
         """Count the rig's parameter groups, with the highest output speed [rpm] (SPN 191) and gear (SPN 523)."""
         if source == RIG:
-            self.heard[pgn] += 1
+            self.received[pgn] += 1
             if pgn == ETC1:
                 self.tops["rpm"] = max(self.tops["rpm"], int.from_bytes(data[1:3], "little") * 0.125)
             elif pgn == ETC2:
@@ -100,10 +100,10 @@ def main():
     notifier.stop()
     node.ecu.stop()
     bus.shutdown()
-    sound = node.tops["gear"] == 2 and node.heard[ETC1] > 500
-    groups = ", ".join(f"{count} of {pgn}" for pgn, count in sorted(node.heard.items()))
-    told = f"{node.answers} answers; of the rig {groups}; up to gear {node.tops['gear']} and {node.tops['rpm']:.0f} rpm"
-    print(f"can-j1939: {'passed' if sound else 'FAILED'}: {told}")
+    sound = node.tops["gear"] == 2 and node.received[ETC1] > 500
+    groups = ", ".join(f"{count} of {pgn}" for pgn, count in sorted(node.received.items()))
+    summary = f"{node.answers} answers; of the rig {groups}; up to gear {node.tops['gear']} and {node.tops['rpm']:.0f} rpm"
+    print(f"can-j1939: {'passed' if sound else 'FAILED'}: {summary}")
     return 0 if sound else 1
 
 

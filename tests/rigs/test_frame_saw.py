@@ -68,7 +68,7 @@ def test_every_number_of_table_1_is_rounded_cut_off_or_swapped(config):
 
 def test_every_number_of_the_paper_has_its_row(config):
     rows = YAML(typ="safe").load((RIGS_DIR / "frame_saw" / "validation.yaml").read_text())["rows"]
-    said = " ".join(f"{row.get('printed', '')} {row['text']} {row['low']} {row['high']}" for row in rows)
+    printed = " ".join(f"{row.get('printed', '')} {row['text']} {row['low']} {row['high']}" for row in rows)
     numbers = [
         "200",
         "26",
@@ -94,7 +94,7 @@ def test_every_number_of_the_paper_has_its_row(config):
         "2.2",
     ]
     numbers += [f"{row['printed']:.2f}" for row in table("feed_table", config)]
-    assert [one for one in numbers if not re.search(rf"(?<![\d.]){re.escape(one)}(?![\d])", said)] == []
+    assert [one for one in numbers if not re.search(rf"(?<![\d.]){re.escape(one)}(?![\d])", printed)] == []
 
 
 def test_the_printed_radius_belongs_to_a_third_of_the_mean_and_not_to_half_of_it(config):
@@ -251,7 +251,7 @@ def test_a_stalled_saw_stands_and_is_not_driven_back_by_its_teeth():
 
 
 @pytest.mark.parametrize(
-    "line, wrong, said",
+    "line, wrong, sentence",
     [
         ("    radius: [200 mm", "    radius: [-200 mm", "radius"),
         ("    pitch: [26 mm", "    pitch: [26 kg", "pitch"),
@@ -260,11 +260,11 @@ def test_a_stalled_saw_stands_and_is_not_driven_back_by_its_teeth():
         ("    blades: [10 -", "    blade: [10 -", "blade"),
     ],
 )
-def test_a_wrong_value_is_one_sentence_with_file_and_line(line, wrong, said, tmp_path):
+def test_a_wrong_value_is_one_sentence_with_file_and_line(line, wrong, sentence, tmp_path):
     text = (RIGS_DIR / "frame_saw" / "rig.yaml").read_text(encoding="utf-8")
     assert text.count(line) == 1
     (tmp_path / "rig.yaml").write_text(text.replace(line, wrong))
     number = text[: text.index(line)].count("\n") + 1
     with pytest.raises(RigError) as caught:
         load_rig(tmp_path)
-    assert f"rig.yaml:{number}" in str(caught.value) and said in str(caught.value) and "\n" not in str(caught.value)
+    assert f"rig.yaml:{number}" in str(caught.value) and sentence in str(caught.value) and "\n" not in str(caught.value)

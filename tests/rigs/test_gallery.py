@@ -29,8 +29,8 @@ def test_the_picture_shows_a_mass_on_a_crank_and_boxes_as_wide_as_their_text():
     picture = driveline_svg(load_rig("frame_saw"))
     assert ">sash</text>" in picture and ">saw: saw cutting</text>" in picture
     boxes = re.findall(r'class="part" .*? width="(\d+)".*\n<text[^>]*>(.*?)</text>', driveline_svg(load_rig("hydmag_hydrostatic")))
-    told = {text: int(wide) for wide, text in boxes}
-    assert told["motor: dc motor"] < told["hydrostatic: hydrostatic branch"] >= 31 * 6
+    width_of = {text: int(wide) for wide, text in boxes}
+    assert width_of["motor: dc motor"] < width_of["hydrostatic: hydrostatic branch"] >= 31 * 6
 
 
 def test_every_rig_is_listed_with_a_line_and_a_picture_that_exists(capsys):

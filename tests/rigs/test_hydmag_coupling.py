@@ -248,7 +248,7 @@ def test_it_is_moved_by_the_quick_step(shifts):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "sentence"),
     [
         ("thread_friction: [0.6 -, x]", "thread_friction"),
         ("inner_angle: [20 deg, x]", "inner_angle"),
@@ -258,12 +258,12 @@ def test_it_is_moved_by_the_quick_step(shifts):
         ("joins: [rotor, wo]", "'w0'"),
     ],
 )
-def test_wrong_values_are_named_with_file_and_line(tmp_path, line, said):
+def test_wrong_values_are_named_with_file_and_line(tmp_path, line, sentence):
     file = tmp_path / "rig.yaml"
     file.write_text(f"description: wrong\nbase: hydmag_coupling\nparts:\n  coupling:\n    {line}\n")
     with pytest.raises(RigError) as refused:
         load_rig(tmp_path)
-    assert said in str(refused.value)
+    assert sentence in str(refused.value)
     assert f"{file}:5: " in str(refused.value)
     assert "\n" not in str(refused.value)
 

@@ -49,12 +49,12 @@ def test_every_printed_number_is_met_or_shown_to_be_inconsistent(capsys):
 
 def test_every_number_of_the_paper_has_its_row():
     rows = YAML(typ="safe").load((RIGS_DIR / "ural2" / "validation.yaml").read_text())["rows"]
-    said = " ".join(f"{row.get('printed', '')} {row['text']} {row['source']} {row['low']} {row['high']}" for row in rows)
+    printed = " ".join(f"{row.get('printed', '')} {row['text']} {row['source']} {row['low']} {row['high']}" for row in rows)
     numbers = (
         "5.23e2 17.46e2 2.24e4 3.30e4 1.64..1.84e2 500..2000 12 20e-4 620 1310 170 520 560 1190 3.6e3 650 1050 180 550 1030 "
         "1e4 5630 10 39 90 64 38.5 0.4 1.35"
     )
-    assert [one for one in numbers.split() if not re.search(rf"(?<![\d.]){re.escape(one)}(?![\d])", said)] == []
+    assert [one for one in numbers.split() if not re.search(rf"(?<![\d.]){re.escape(one)}(?![\d])", printed)] == []
 
 
 def test_the_bench_can_have_confirmed_the_print_to_12_percent_but_not_to_8(capsys):

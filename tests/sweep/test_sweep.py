@@ -92,9 +92,9 @@ def test_the_command_goes_on_and_says_so(tmp_path, capsys):
 def test_a_sweep_of_which_nothing_came_to_its_end_says_so_by_its_exit_code_too(tmp_path, capsys):
     arguments = ["sweep", SHORT, "--jobs", "1", "--out", str(tmp_path / "sweep"), "--vary"]
     assert main([*arguments, "alfa46.current_limit=100 mA, 200 mA"]) == 1  # below the profiles' 740 mA
-    said = capsys.readouterr()
-    assert "none of the 2 members came to its end" in said.err
-    assert "setting alfa46.current_limit=100.0 mA: alfa46.output_1.P1 asks for 160 mA" in said.out
+    captured = capsys.readouterr()
+    assert "none of the 2 members came to its end" in captured.err
+    assert "setting alfa46.current_limit=100.0 mA: alfa46.output_1.P1 asks for 160 mA" in captured.out
 
 
 @pytest.mark.parametrize(
@@ -230,5 +230,5 @@ def test_without_pyarrow_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["sweep", SHORT, "--vary", "alfa46.t12=-200 ms, -100 ms", "--jobs", "1"]) == 2
-    said = capsys.readouterr().err
-    assert "install the extra 'rig_nodes[sweep]'" in said and said.count("\n") == 1 and not list(tmp_path.iterdir())
+    error = capsys.readouterr().err
+    assert "install the extra 'rig_nodes[sweep]'" in error and error.count("\n") == 1 and not list(tmp_path.iterdir())

@@ -46,9 +46,9 @@ def folder(tmp_path):
 def test_each_members_table_is_in_the_results_with_and_without_bags(folder, tmp_path, capsys):
     words = ["sweep", "short", "--rig", str(folder), "--vary", "speed=200 rpm, 400 rpm", "--calculate", "ends", "--jobs", "1"]
     assert main([*words, "--out", str(tmp_path / "plain")]) == 0
-    said = capsys.readouterr().out
-    assert said.endswith(f"; look at it with: ./rig report {tmp_path / 'plain'}\n")  # the view shows shifts only
-    assert "2 of 2 members finished\n" in said and "speed [rpm]" in said and "work [J]" in said
+    output = capsys.readouterr().out
+    assert output.endswith(f"; look at it with: ./rig report {tmp_path / 'plain'}\n")  # the view shows shifts only
+    assert "2 of 2 members finished\n" in output and "speed [rpm]" in output and "work [J]" in output
     assert main([*words, "--out", str(tmp_path / "bags"), "--bags"]) == 0
     for name in ("plain", "bags"):
         table = pyarrow.parquet.read_table(tmp_path / name / "results.parquet")

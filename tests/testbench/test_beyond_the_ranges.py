@@ -64,17 +64,17 @@ def longest_alternation(values, least):
 
 def nonsense(channels, rig):
     """Returns sentences on all impossible values in a run; none for a possible run."""
-    said = [f"{name} is not finite" for name, x in channels.items() if not np.isfinite(x).all()]
-    said += [f"{name} falls to {x.min():g} Pa" for name, x in channels.items() if name[0] == "p" and x.min() < VACUUM]
-    said += [
+    sentences = [f"{name} is not finite" for name, x in channels.items() if not np.isfinite(x).all()]
+    sentences += [f"{name} falls to {x.min():g} Pa" for name, x in channels.items() if name[0] == "p" and x.min() < VACUUM]
+    sentences += [
         f"{name} alternates from step to step"
         for name in ("M_wej", "M_wyj")
         if rig.status != RigStatus.TRIPPED and longest_alternation(channels[name], 1.0) > 6
     ]
     energy = rig.energy()
     if not abs(energy["residual"]) < 1e-6 * (1.0 + sum(map(abs, energy.values()))):
-        said.append(f"{energy['residual']:g} J come from nowhere")
-    return said
+        sentences.append(f"{energy['residual']:g} J come from nowhere")
+    return sentences
 
 
 @pytest.mark.parametrize(
@@ -102,19 +102,19 @@ def test_no_pressure_falls_below_the_tank_when_a_wide_drain_shuts():
 
 
 @pytest.mark.parametrize(
-    "name, spoil, said",
+    "name, spoil, reason",
     [
         ("hydmag", lambda rig: rig.clutches[0].__setitem__("wear", np.inf), "clutch_s1: "),
         ("clutch_bench", lambda rig: rig.clutches[0].__setitem__("temperature", np.nan), "clutch_pack: temperature became nan "),
     ],
 )
-def test_a_value_that_is_no_number_is_a_trip_that_names_it_and_is_in_no_row(name, spoil, said):
+def test_a_value_that_is_no_number_is_a_trip_that_names_it_and_is_in_no_row(name, spoil, reason):
     rig = Rig(load_rig(name))
     rig.advance(0.02)
     spoil(rig)
     rig.advance(0.02)
     assert rig.status == RigStatus.TRIPPED and rig.sample == 21
-    assert said in rig.reason
+    assert reason in rig.reason
     assert "between 0.020 s and 0.021 s" in rig.reason
     rig.advance(0.02)
     assert rig.time == pytest.approx(0.041), "time goes on in the safe state"
@@ -174,7 +174,7 @@ def run_drawn(seed):
     values, config = drawn(random.Random(seed)), load_rig("hydmag", {"effects.transducers": "off"})
     for (part, field), value in values.items():
         config = config.replaced(**{part: dataclasses.replace(getattr(config, part), **{field: value})})
-    said = {f"{part}.{field}": value for (part, field), value in values.items()}
+    drawn_values = {f"{part}.{field}": value for (part, field), value in values.items()}
     try:
         cross_check(config, lambda keys: "")
         rig = Rig(config)
@@ -196,7 +196,7 @@ def run_drawn(seed):
             rig.advance_samples(100)
             rows.append(rig.rows_at(1e-4, 10 * begin + 1, 10 * (rig.sample - begin)))
     wrong = nonsense(dict(zip(rig.channels, np.concatenate(rows).T)), rig)
-    return (seed, said, wrong) if wrong else None
+    return (seed, drawn_values, wrong) if wrong else None
 
 
 def test_drawn_rigs_are_ones_that_can_be_or_trip():

@@ -195,15 +195,15 @@ def test_a_transducer_that_is_not_fitted_shows_nothing():
 
 
 @pytest.mark.parametrize(
-    ("act", "said"),
+    ("act", "sentence"),
     [
         (lambda rig: rig.set("press", 1e-3, True), "'clutch_bench' has no testing machine"),
         (lambda rig: rig.set("cylinder", 2e7, True), "cylinder.pressure of 2e.07 Pa refused; expected 0 to 1e.07 Pa"),
         (lambda rig: rig.set("motor", float("nan"), True), "hydraulic_motor.speed of nan rad/s refused"),
     ],
 )
-def test_what_the_bench_refuses(act, said):
-    with pytest.raises(RigError, match=said):
+def test_what_the_bench_refuses(act, sentence):
+    with pytest.raises(RigError, match=sentence):
         act(Rig(load_rig("clutch_bench")))
 
 
@@ -259,7 +259,7 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "sentence"),
     [
         (["simulate", "demo", "--rig", "clutch_bench"], "sequence 'demo' is for a rig like hydmag, not for "),
         (
@@ -280,28 +280,28 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
         (["export", "controller-fmu", "x.c", "--rig", "clutch_bench"], "export controller-fmu is for a rig with gears"),
     ],
 )
-def test_what_does_not_fit_the_bench_is_refused_in_one_sentence(arguments, said, capsys, tmp_path, monkeypatch):
+def test_what_does_not_fit_the_bench_is_refused_in_one_sentence(arguments, sentence, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     err = capsys.readouterr().err.splitlines()
-    assert said in err[-1] and err[-1].startswith("rig: ") and not any("Traceback" in line for line in err)
+    assert sentence in err[-1] and err[-1].startswith("rig: ") and not any("Traceback" in line for line in err)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "sentence"),
     [
         ("kind: brake_bench\n", "r.yaml:2: unknown key 'kind' in the rig"),
         ("base: clutch_bench\nvalve_zr_p1: {}\n", "r.yaml:3: unknown key 'valve_zr_p1'"),
         ("base: clutch_bench\nparts:\n  cylinder: {machine_speed: [1 m, x]}\n", "r.yaml:4: cylinder.machine_speed"),
     ],
 )
-def test_bench_files_are_checked_like_the_gearboxs(text, said, tmp_path):
+def test_bench_files_are_checked_like_the_gearboxs(text, sentence, tmp_path):
     file = tmp_path / "r.yaml"
     file.write_text("description: x\n" + text)
     with pytest.raises(RigError) as refusal:
         load_rig(file)
-    assert said in str(refusal.value)
+    assert sentence in str(refusal.value)
 
 
 def test_a_slip_that_is_wrong_for_every_rig_is_not_blamed_on_the_rig(tmp_path):

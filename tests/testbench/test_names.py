@@ -52,5 +52,5 @@ def test_the_name_most_like_it_is_proposed_else_all_are_named(name, known, sente
 )
 def test_every_name_on_the_command_line_is_answered_with_the_one_meant(command, meant, capsys):
     assert main(command.split()) == 2
-    said = capsys.readouterr().err
-    assert f"did you mean '{meant}'" in said and said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert f"did you mean '{meant}'" in error and error.count("\n") == 1

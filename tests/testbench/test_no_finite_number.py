@@ -41,7 +41,7 @@ def spoil(monkeypatch):
     return spoil
 
 
-def said(capsys):
+def printed(capsys):
     """Returns the last sentence that a verb has printed for people, and all of its output."""
     out = capsys.readouterr()
     return out.err.splitlines()[-1], out
@@ -78,7 +78,7 @@ def test_rows_of_runs_that_trip_are_not_inside_and_validate_fails(tmp_path, caps
     spoil(800)
     rows = tmp_path / "rows.json"
     assert main(["validate", "--rows", "delay_up_dip_begins", "delay_down_peak_19", "--jobs", "1", "--json", str(rows)]) == 1
-    last, out = said(capsys)
+    last, out = printed(capsys)
     assert "rig: 42 of the runs tripped, the first one delay_series 1: clutch_s1: temperature became nan" in last
     content = json.loads(rows.read_text())
     assert {row["verdict"] for row in content["rows"]} == {"not compared"}
@@ -90,7 +90,7 @@ def test_a_calibration_on_a_rig_that_trips_ends_and_changes_nothing(tmp_path, ca
     spoil(1500)
     before = STAGES_FILE.read_bytes()
     assert main(["calibrate", "--stages", stage, "--generations", "0", "--jobs", "1", "--json", str(tmp_path / "c.json")]) == 1
-    last, _ = said(capsys)
+    last, _ = printed(capsys)
     assert "rig: the rig tripped: clutch_s1: temperature became nan between 1.500 s and 1.501 s" in last
     assert not (tmp_path / "c.json").exists() and STAGES_FILE.read_bytes() == before
 
@@ -124,7 +124,7 @@ def test_a_tuning_of_a_rig_that_trips_says_so(tmp_path, capsys, spoil):
     tune = ["tune", "--ways", "I-II", "--jobs", "1", "--rigs", "0", "--spreads", str(tmp_path / "s.json"), "--out"]
     spoil(400)
     assert main([*tune, str(tmp_path / "t")]) == 1
-    assert "rig: the rig tripped: clutch_s1: temperature became nan between 0.400 s and 0.401 s" in said(capsys)[0]
+    assert "rig: the rig tripped: clutch_s1: temperature became nan between 0.400 s and 0.401 s" in printed(capsys)[0]
     assert not list((tmp_path / "t").glob("front*")) and not list((tmp_path / "t").glob("*.yaml"))
 
 

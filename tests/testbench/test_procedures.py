@@ -255,12 +255,12 @@ def highest_supply(series, run):
 
 
 def test_two_processes_give_what_one_gives(small):
-    series, told = load_procedure(small).series(), []
+    series, progress = load_procedure(small).series(), []
     with Workers(1) as here, Workers(2) as there:
         alone = run_campaign(series, highest_supply, workers=here)
-        together = run_campaign(series, highest_supply, workers=there, progress=lambda *count: told.append(count))
+        together = run_campaign(series, highest_supply, workers=there, progress=lambda *count: progress.append(count))
         assert together == alone and [[label for label, _ in runs] for runs in alone] == [["10Nm"] * 2, ["20Nm"] * 2]
-        assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+        assert progress == [(1, 4), (2, 4), (3, 4), (4, 4)]
         small.write_text(SMALL.replace("20 Nm", "30 Nm"))
         with pytest.raises(RigError, match="too much for this test"):
             run_campaign(load_procedure(small).series(), highest_supply, workers=there)
@@ -296,8 +296,8 @@ def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):
     assert process.stdout.readline() == "running\n"
     os.killpg(process.pid, signal.SIGINT)  # to all of them, as a terminal does
     began = time.monotonic()
-    said, complained = process.communicate(timeout=30)
-    assert (process.returncode, said, complained) == (130, "interrupted\n", "")
+    output, error = process.communicate(timeout=30)
+    assert (process.returncode, output, error) == (130, "interrupted\n", "")
     assert time.monotonic() - began < 10.0, "hundreds of runs are left, none of them is begun"
 
 
@@ -316,8 +316,8 @@ def test_the_command_writes_a_bag_and_a_report_for_each_repeat(small, tmp_path, 
     (series,) = json.loads((tmp_path / "out" / "procedure.json").read_text())["series"]
     assert series["label"] == "20Nm" and series["runs"] == ["20Nm-1", "20Nm-2"]
     assert main(["report", str(tmp_path / "out"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [run["run"] for run in told["runs"]] == series["runs"] and told["spread"] == series["found"]
+    content = json.loads(capsys.readouterr().out)
+    assert [run["run"] for run in content["runs"]] == series["runs"] and content["spread"] == series["found"]
 
 
 def test_the_command_lists_labels_and_refuses_others(small, capsys):

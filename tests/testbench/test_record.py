@@ -46,17 +46,17 @@ def written(folder, text):
 @pytest.mark.parametrize("text, state", [(WAITS, "ended"), (FAILS, "failed")])
 def test_rows_orders_and_events_are_those_of_the_bag(tmp_path, config, text, state):
     sequence = written(tmp_path, text)
-    told = simulate(config, sequence, tmp_path / "bag", seed=3)
+    info = simulate(config, sequence, tmp_path / "bag", seed=3)
     bag = Bag(tmp_path / "bag")
     logged = recording_of(bag)
     run = record(config, sequence, seed=3)
-    assert told["end"] == run.end and run.end["state"] == state
+    assert info["end"] == run.end and run.end["state"] == state
     assert run.recording.orders == logged.orders and [gear for *_, gear in logged.orders] == [1, 0, 2]
     for name, values in logged.channels.items():
         assert np.array_equal(run.recording.channels[name], values), name
-    told = [(t, name, text, value) for t, topic, name, text, value in bag.events() if topic != "/rig/events"]
+    events = [(t, name, text, value) for t, topic, name, text, value in bag.events() if topic != "/rig/events"]
     # an event of the tick in which a run fails does not reach the bag
-    assert sorted(told) == sorted(e for e in run.events if state == "ended" or e[0] <= told[-1][0])
+    assert sorted(events) == sorted(e for e in run.events if state == "ended" or e[0] <= events[-1][0])
 
 
 def test_the_truth_stands_beside_the_rows(tmp_path, config):

@@ -353,10 +353,10 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
         if sample == 1200:
             commands.put("/controller/command", refuse, sample, "level 7 is neither")
         commands.apply()
-    said = [(t, text.partition(" more")[0], value) for t, text, value in outputs.events]
-    assert [t for t, *_ in said] == pytest.approx([0.0, 1.0, 1.2, 2.0])
-    assert [value for *_, value in said] == [1, 1000, 1, 1000]
-    assert said[1][1].endswith("sample 1000 refused: duty must be 0 to 1, found [500, nan, 0.0] (1000 times")
+    events = [(t, text.partition(" more")[0], value) for t, text, value in outputs.events]
+    assert [t for t, *_ in events] == pytest.approx([0.0, 1.0, 1.2, 2.0])
+    assert [value for *_, value in events] == [1, 1000, 1, 1000]
+    assert events[1][1].endswith("sample 1000 refused: duty must be 0 to 1, found [500, nan, 0.0] (1000 times")
     outputs.rig.time_ns = 4_000_000_000
     commands.apply()
     assert outputs.events[-1][2] == 499 and sum(value for *_, value in outputs.events) == 2501
@@ -392,8 +392,8 @@ def shown(capsys):
 def test_control_characters_of_arguments_do_not_reach_the_terminal(arguments, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
-    said = shown(capsys)
-    assert len(said.splitlines()) == 1 and said.startswith("rig: ") and "\\u" in said
+    output = shown(capsys)
+    assert len(output.splitlines()) == 1 and output.startswith("rig: ") and "\\u" in output
 
 
 def test_control_characters_of_files_and_of_the_environment_do_not_reach_the_terminal(capsys, tmp_path, monkeypatch):
@@ -407,8 +407,8 @@ def test_control_characters_of_files_and_of_the_environment_do_not_reach_the_ter
     ):
         path.write_text(text)
         assert main(["simulate", str(path), "--out", str(tmp_path / "run")]) == 2
-        said = shown(capsys)
-        assert len(said.splitlines()) == 1 and said.count("[2J") == 2, "once of the name, once of what is wrong"
+        output = shown(capsys)
+        assert len(output.splitlines()) == 1 and output.count("[2J") == 2, "once of the name, once of what is wrong"
     # the lines that a run prints about its steps, and its end
     path.write_text(
         f'description: x\nparameters: {{p: {words}}}\nsteps:\n  - wait: {{for: 1 ms}}\n  - controller: {{"a\\eb${{p}}": 1}}\n'

@@ -68,11 +68,11 @@ def test_through_the_plant_a_bag_repeats_itself_to_the_bit_and_names_its_parent(
 def test_with_another_spring_the_topics_and_metrics_that_moved_are_named(recorded, tmp_path, capsys):
     arguments = ["rerun", str(recorded), "--through", "plant", "--out", str(tmp_path / "again")]
     assert main([*arguments, "--set", "clutch_s2.spring_rate=150 N/mm"]) == 0
-    said = capsys.readouterr().out
-    assert "topics differ" in said and "/clutch_s2/state" in said and "moved: shift 1, I -> II" in said
-    assert "/controller/command" not in said  # the commands are the recorded ones
-    assert all(abs(float(times)) > 1.0 for times in re.findall(r"\(([-+0-9.]+) times the largest error\)", said))
-    assert "metrics of shifts differ by less than their largest measuring error" in said
+    output = capsys.readouterr().out
+    assert "topics differ" in output and "/clutch_s2/state" in output and "moved: shift 1, I -> II" in output
+    assert "/controller/command" not in output  # the commands are the recorded ones
+    assert all(abs(float(times)) > 1.0 for times in re.findall(r"\(([-+0-9.]+) times the largest error\)", output))
+    assert "metrics of shifts differ by less than their largest measuring error" in output
 
 
 def test_metrics_that_moved_by_less_than_their_error_are_only_counted(recorded):
@@ -105,10 +105,10 @@ def test_through_a_controller_of_other_settings_the_first_other_answer_is_told(r
 
 
 @pytest.mark.parametrize(
-    ("through", "said"),
+    ("through", "sentence"),
     [(["controller"], "expected plant, or controller and its"), (["plant", "--rig", "clutch_bench"], "does not have")],
 )
-def test_what_does_not_fit_is_refused_and_leaves_nothing(recorded, tmp_path, capsys, through, said):
+def test_what_does_not_fit_is_refused_and_leaves_nothing(recorded, tmp_path, capsys, through, sentence):
     assert main(["rerun", str(recorded), "--out", str(tmp_path / "again"), "--through", *through]) == 2
-    assert said in capsys.readouterr().err
+    assert sentence in capsys.readouterr().err
     assert not (tmp_path / "again").exists()

@@ -120,8 +120,10 @@ def test_a_device_of_another_type_takes_nothing_from_the_one_that_it_replaces(tm
 
 
 def test_what_a_variant_must_leave_out_of_its_base_as_well_is_said_with_both_files(tmp_path):
-    told = rf"three_speed/rig\.yaml:\d+: unknown key 'temperature_range'.*; .* of the base: in {tmp_path}/rig\.yaml, leave it out"
-    with pytest.raises(RigError, match=told):
+    sentence = (
+        rf"three_speed/rig\.yaml:\d+: unknown key 'temperature_range'.*; .* of the base: in {tmp_path}/rig\.yaml, leave it out"
+    )
+    with pytest.raises(RigError, match=sentence):
         variant(tmp_path, "transducers: {T_oil: ~}\n")
 
 

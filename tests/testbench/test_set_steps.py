@@ -26,7 +26,7 @@ steps:
   - wait: {for: 100 ms}
   - shift: {to: II}
 """
-SAID = [("oil_supply.temperature = 80 degC", 80.0), ("instruments.noise = false", 0.0), ("alfa46.t12 = 0.3 s", 0.3)]
+CHANGES = [("oil_supply.temperature = 80 degC", 80.0), ("instruments.noise = false", 0.0), ("alfa46.t12 = 0.3 s", 0.3)]
 
 
 def run(folder, text=SEQUENCE, controller=None):
@@ -44,9 +44,9 @@ def test_each_acts_from_its_event_on(tmp_path, controller):
     assert end["state"] == "ended", end["reason"]
     events = [(time, name, text, value) for time, _, name, text, value in bag.events()]
     changed = {text: (time, value) for time, name, text, value in events if name == "setting_changed"}
-    assert [(text, value) for text, (_, value) in changed.items()] == SAID
+    assert [(text, value) for text, (_, value) in changed.items()] == CHANGES
     t, oil = bag.series("T_oil")
-    at = changed[SAID[0][0]][0]
+    at = changed[CHANGES[0][0]][0]
     assert np.all(np.abs(oil[t < at] - 40.0) < 2.0) and np.all(np.abs(oil[t > at + 0.02] - 80.0) < 2.0)
     t, load = bag.series("p_po")  # of a load that is off
     assert np.ptp(load[t < at]) > 0.0 and np.ptp(load[t > at + 0.02]) == 0.0

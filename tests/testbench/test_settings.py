@@ -38,14 +38,14 @@ def test_a_rig_keeps_each_value_that_it_has_when_it_is_set_to_it(name):
 @pytest.mark.parametrize("name", [name for name in installed("rigs") if load_rig(name).structure.shifts])
 def test_the_variables_of_an_fmu_are_the_settings(name):
     config = load_rig(name)
-    told = {one.name: one for one in rig_variables(config)}
+    variables = {one.name: one for one in rig_variables(config)}
     for one in config.settings.kept():
         if one.is_number and one.owner not in ("kernel", "cut"):
-            assert (told[one.name].low, told[one.name].high, told[one.name].text) == (one.low, one.high, one.text)
+            assert (variables[one.name].low, variables[one.name].high, variables[one.name].text) == (one.low, one.high, one.text)
     for one in config.settings.steps.values():
-        known = told[one.setpoint.name]
+        known = variables[one.setpoint.name]
         assert (known.causality, known.low, known.high, known.text) == ("input", one.low, one.high, one.text)
-        assert told[enable_of(one.setpoint)].causality == "input"
+        assert variables[enable_of(one.setpoint)].causality == "input"
 
 
 def test_who_changes_a_value_is_told_the_same_of_a_name_that_nobody_knows():

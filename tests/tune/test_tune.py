@@ -98,9 +98,9 @@ def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
 
 
 def test_what_the_rig_does_not_hold_is_lowered(config):
-    points, said = held(config, [Point("II-I", 1000.0 * RPM, 40.0), Point("II-I", 2000.0 * RPM, 400.0)])
+    points, notes = held(config, [Point("II-I", 1000.0 * RPM, 40.0), Point("II-I", 2000.0 * RPM, 400.0)])
     assert points[0].output_torque == 40.0 and points[1].output_torque < 400.0
-    assert len(said) == 1 and "more than the rig holds" in said[0]
+    assert len(notes) == 1 and "more than the rig holds" in notes[0]
 
 
 # ---- settings

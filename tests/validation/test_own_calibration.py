@@ -95,8 +95,8 @@ def test_a_wrong_calibration_is_refused_in_one_sentence(folder, capsys, file, ol
     assert old in text
     (folder / file).write_text(text.replace(old, new))
     assert main(["calibrate", "--rig", str(folder)]) == 2
-    said = capsys.readouterr().err
-    assert re.search(sentence, said) and said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert re.search(sentence, error) and error.count("\n") == 1
 
 
 def test_a_rig_without_a_calibration_says_what_it_lacks(folder, capsys):

@@ -66,7 +66,7 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "sentence"),
     [
         (["--rows", "peaks"], "row 'peaks'"),
         (["--procedures", "grid"], "procedure 'grid'; did you mean "),
@@ -77,10 +77,10 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
         (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),
     ],
 )
-def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
+def test_bad_arguments_are_refused_in_one_sentence(arguments, sentence, capsys):
     assert main(["validate", *arguments]) == 2
     err = capsys.readouterr().err.splitlines()
-    assert said in err[-1] and err[-1].startswith("rig: ") and not any("Traceback" in line for line in err)
+    assert sentence in err[-1] and err[-1].startswith("rig: ") and not any("Traceback" in line for line in err)
 
 
 def test_ctrl_c_ends_it_without_a_word():

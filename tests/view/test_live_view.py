@@ -228,8 +228,8 @@ def test_which_domain_is_meant_must_be_clear(monkeypatch, capsys):
     for busy, sentence in ((set(), "no ROS domain is in use"), ({3, 5}, "ROS domains 3, 5 are in use")):
         monkeypatch.setattr("rig_nodes.graph.domain.busy_domains", lambda: busy)
         assert main(["view", "--live"]) == 2
-        said = capsys.readouterr().err
-        assert sentence in said and "--domain N" in said and len(said.splitlines()) == 1
+        error = capsys.readouterr().err
+        assert sentence in error and "--domain N" in error and len(error.splitlines()) == 1
 
 
 class LiveCommand:
@@ -246,7 +246,7 @@ class LiveCommand:
             [*command, "replay", str(SAMPLE), "--loop"], env=env, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
         )
 
-    def said(self):
+    def output(self):
         return self.log.read_text()
 
     def family(self):
@@ -272,7 +272,7 @@ def live_command(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_command, number):
     address = re.compile(r"rerun (rerun\+http://127\.0\.0\.1:\d+/proxy)")
-    url = until(lambda: address.search(live_command.said()), "the address")[1]
+    url = until(lambda: address.search(live_command.output()), "the address")[1]
     with picture.HeadlessViewer(url, longest=LONGEST) as viewer:
         until(lambda: any(newest > 10**9 for _, newest in spans(viewer)), "a second of data")
         until(
@@ -289,7 +289,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
     live_command.process.send_signal(number)
     assert live_command.process.wait(PATIENCE) == 0
     assert time.monotonic() - began < 2.0
-    counts = re.search(r"the live view ended: (\d+) messages, 0 dropped here, (\d+) lost", live_command.said())
+    counts = re.search(r"the live view ended: (\d+) messages, 0 dropped here, (\d+) lost", live_command.output())
     assert int(counts[1]) > 1000
     _, alive = psutil.wait_procs(family, timeout=5)
     assert not alive, "its server is left behind"
@@ -300,9 +300,9 @@ def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
     command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(SHORT), "--view", "--out", str(tmp_path / "run")]
     env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     run = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    said = []
+    lines = []
     for line in run.stdout:
-        said.append(line)
+        lines.append(line)
         if "live view of ROS domain" in line:
             break
     view = next(p for p in psutil.Process(run.pid).children() if "--live" in p.cmdline())
@@ -310,7 +310,7 @@ def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
     family = [view, *view.children()]
     view.kill()
     rest, _ = run.communicate(timeout=60)
-    assert run.returncode == 0, "".join(said) + rest
+    assert run.returncode == 0, "".join(lines) + rest
     assert "end: the sequence ended" in rest and "messages lost: 0" in rest
     _, alive = psutil.wait_procs(family, timeout=5)
     assert not alive

@@ -34,10 +34,10 @@ def no_driver(monkeypatch):
 
 def test_without_display_and_driver_the_view_is_still_written(run, no_display, no_driver, capsys):
     assert main(["view", str(run)]) == 0
-    said = capsys.readouterr()
-    assert f"{run / 'view.rrd'} written" in said.out and "rerun view.rrd" in said.out
-    assert f"rerun-sdk=={rerun.__version__}" in said.out, "another version may not read it"
-    assert "mesa-vulkan-drivers" in said.err
+    captured = capsys.readouterr()
+    assert f"{run / 'view.rrd'} written" in captured.out and "rerun view.rrd" in captured.out
+    assert f"rerun-sdk=={rerun.__version__}" in captured.out, "another version may not read it"
+    assert "mesa-vulkan-drivers" in captured.err
     assert (run / "view.rrd").exists() and not (run / "view.png").exists()
 
 
@@ -99,15 +99,15 @@ REFUSED = {
 @pytest.mark.parametrize("arguments, sentence", REFUSED.values(), ids=REFUSED)
 def test_refusals_are_one_sentence(run, arguments, sentence, capsys):
     assert main(["view", *(a.format(run=run) for a in arguments)]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said and len(said.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert sentence in error and len(error.splitlines()) == 1
 
 
 def test_without_rerun_one_sentence(run, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["view", str(run)]) == 2
-    said = capsys.readouterr().err
-    assert "needs rerun-sdk" in said and len(said.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert "needs rerun-sdk" in error and len(error.splitlines()) == 1
 
 
 def test_a_folder_that_cannot_be_written_is_named(run, monkeypatch, capsys):
@@ -125,14 +125,14 @@ def test_a_viewer_that_cannot_open_a_window_is_quoted(run, monkeypatch, tmp_path
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(viewer, "START", 20.0)
     assert main(["view", str(run)]) == 2
-    said = capsys.readouterr().err
-    assert "the viewer ended at once" in said and "--picture" in said and len(said.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert "the viewer ended at once" in error and "--picture" in error and len(error.splitlines()) == 1
 
 
 def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, monkeypatch):
-    told = tmp_path / "told"
+    notes = tmp_path / "notes"
     program = tmp_path / "viewer"
-    program.write_text(f'#!/bin/sh\n{{ echo "$@"; cat "$XDG_CONFIG_HOME/rerun/analytics.json"; }} > {told}\nexec sleep 60\n')
+    program.write_text(f'#!/bin/sh\n{{ echo "$@"; cat "$XDG_CONFIG_HOME/rerun/analytics.json"; }} > {notes}\nexec sleep 60\n')
     program.chmod(0o755)
     monkeypatch.setattr(viewer, "program", lambda: str(program))
     monkeypatch.setattr(viewer, "START", 1.0)
@@ -140,7 +140,7 @@ def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, 
     process = viewer.open_window(Path("view.rrd"))
     try:
         assert os.getsid(process) == process, "it would end with the terminal"
-        arguments, settings = told.read_text().splitlines()
+        arguments, settings = notes.read_text().splitlines()
         assert arguments == "--bind 127.0.0.1 --port auto view.rrd"
         assert '"analytics_enabled": false' in settings
     finally:
@@ -150,14 +150,14 @@ def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, 
 
 def test_a_window_opens_in_the_theme_that_was_asked_for(tmp_path, monkeypatch):
     program = tmp_path / "viewer"
-    program.write_text(f'#!/bin/sh\ncat "$XDG_DATA_HOME/rerun/app.ron" > {tmp_path / "told"}\nexit 3\n')
+    program.write_text(f'#!/bin/sh\ncat "$XDG_DATA_HOME/rerun/app.ron" > {tmp_path / "notes"}\nexit 3\n')
     program.chmod(0o755)
     monkeypatch.setattr(viewer, "program", lambda: str(program))
     monkeypatch.setattr(viewer, "START", 20.0)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with pytest.raises(RigError, match="ended at once"):
         viewer.open_window(Path("view.rrd"), "light")
-    assert "theme_preference:Light" in (tmp_path / "told").read_text()
+    assert "theme_preference:Light" in (tmp_path / "notes").read_text()
 
 
 def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(tmp_path):

@@ -169,9 +169,9 @@ def test_a_shift_is_shown_from_its_order_on_with_its_phases_and_times(shown, rec
     begins = [0.0, kiss, locked - row["t_p_s"], locked]
     np.testing.assert_allclose(np.asarray(shown.data["/shift_1/phases"]["t"][:4]) / 1e9, begins, atol=1e-6)
     labels = {part: shown.data[f"/shift_1/{part}"]["StateConfiguration:labels"] for part in ("phases", "t_c_t_o", "t_d", "t_p")}
-    told = " ".join(text for found in labels.values() for text in found)
+    shown_text = " ".join(text for found in labels.values() for text in found)
     for text in ("fill", "torque phase", "inertia phase", *(f"{name} {1e3 * row[key]:.0f} ms" for name, key in TIMES.items())):
-        assert text in told
+        assert text in shown_text
     marks, _ = shown.rows("/shift_1/orders/speed", "Scalars:scalars")
     np.testing.assert_allclose(np.unique(np.asarray(marks[1:]) / 1e9), begins, atol=1e-6)
 
