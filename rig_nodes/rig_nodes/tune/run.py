@@ -355,7 +355,7 @@ def _finish(
     summary = {
         "folder": str(folder),
         "search_cpu_seconds": round(cpu, 1),
-        "said": notes,
+        "notes": notes,
         "searches": {
             name: {
                 "generations": study.generation,
@@ -500,7 +500,7 @@ def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, wo
 
 def text(summary: dict, objectives: Sequence[str]) -> str:
     """Return the summary of a tuning with these objectives as text for the terminal."""
-    lines = [*summary["said"]]
+    lines = [*summary["notes"]]
     for name, one in summary["searches"].items():
         lines.append(
             f"{name}: {one['settings']} settings in {one['generations']} generations on "
