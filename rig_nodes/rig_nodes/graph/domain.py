@@ -129,7 +129,7 @@ def _senders(domain: Domain) -> list[str]:
         lines = looked.stderr.strip().splitlines()
         why = lines[-1] if lines else "without a word"
         raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({why}); './rig doctor' gives details")
-    return looked.stdout.split()
+    return looked.stdout.splitlines()
 
 
 def _lock(name: str, number: int) -> socket.socket | None:

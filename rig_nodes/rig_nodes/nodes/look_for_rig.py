@@ -16,19 +16,21 @@ from rclpy.signals import SignalHandlerOptions
 STATE = "/rig/state"
 NAMELESS = "_NODE_NAME_UNKNOWN_"
 LOOK = 3.0  # s in which nodes find each other: time for two announcements, of which one may be lost
+NAMED = 10.0  # s in which a node that was found has its name, on a busy machine too
 
 
 def main() -> int:
     """Entry point."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("look_for_rig", enable_rosout=False, start_parameter_services=False)
-    until = time.monotonic() + LOOK
+    began = time.monotonic()
     names = found = set()
-    while not names and time.monotonic() < until:
+    while not names and time.monotonic() - began < (NAMED if found else LOOK):
         rclpy.spin_once(node, timeout_sec=0.05)
         found = {info.node_name for info in node.get_publishers_info_by_topic(STATE)}
         names = found - {NAMELESS}  # a moment later it has one
-    print("\n".join(sorted(names or found)))
+    for name in sorted(names) or ["a node without a name"] * bool(found):
+        print(name)
     node.destroy_node()
     rclpy.shutdown()
     return 0
