@@ -105,7 +105,8 @@ def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
     age = next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe)
     assert age <= 0.007, "nothing is held from a dead controller"  # two samples, and up to a tick until the message
     newest = max(m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for _, m in bag.messages("/controller/command"))
-    assert trip - newest < 0.1, "the recorder had all but the last moment of what it said"
+    # a tap is emptied every 20 ms of real time, in which a run that was held up catches up by ten times as much
+    assert trip - newest < 0.3, "the recorder had all but the last moment of what it said"
 
 
 @pytest.mark.parametrize(
