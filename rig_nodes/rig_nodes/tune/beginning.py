@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..transmission import Transmission
 
 FILE = "tuning.yaml"
-_UNITS = {True: ("current", MA, "mA"), False: ("time", MS, "ms")}  # by whether a setting is a current
 
 
 def read_beginnings(rig: str | Path, transmission: Transmission) -> dict[str, dict[str, int]]:
@@ -69,7 +68,7 @@ def _settings(path: Path, way: str, node: Map, where: str) -> dict[str, int]:
     check_keys(path, node, BOUNDS, BOUNDS, f"begin of {way}", where)
     out = {}
     for name, (low, high) in BOUNDS.items():
-        dimension, unit, symbol = _UNITS[name.endswith("current")]
+        dimension, unit, symbol = ("current", MA, "mA") if name.endswith("current") else ("time", MS, "ms")
         at = f"{where_of(path, node, name)}: {way} {name}"
         value = quantity(node[name], dimension, at) / unit
         if not (abs(value - round(value)) < 1e-6 and low <= round(value) <= high):
