@@ -344,7 +344,7 @@ def _tab(name: str, columns: list[list], text: str = "/report") -> rrb.Horizonta
     texts = rrb.Vertical(
         rrb.TextDocumentView(name=text.strip("/").capitalize(), origin=text),
         rrb.TextLogView(name="Events", origin="/events", columns=log),
-        row_shares=[3, 2],
+        row_shares=[7, 4],
     )
     return rrb.Horizontal(*parts, texts, column_shares=[(1.0 - TEXTS) / max(len(parts), 1)] * len(parts) + [TEXTS], name=name)
 
