@@ -14,6 +14,8 @@ from pathlib import Path
 
 from .errors import not_written
 
+MAKER = "rig_nodes"  # stands in files that the rig makes, so that a later one may replace them
+
 
 def atomic_write(target: Path, data: bytes | str) -> None:
     """Write a file, which replaces an older one only when all of it is written.

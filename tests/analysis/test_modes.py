@@ -278,7 +278,7 @@ def test_a_wrong_detuning_is_one_sentence(two_masses, tmp_path, capsys, old, new
         (["--run", "nowhere"], "--run and --signal go together"),
         (["--run", "nowhere", "--signal", "x"], "there is no such file or folder"),
         (["--detune"], "has no detuning.yaml"),
-        (["--picture", "x.png"], "the picture is an .svg file"),
+        (["--picture", "x.png"], "a file that ends in .svg"),
         (["--set", "s.stiffnes=1 Nm/rad"], "did you mean"),
     ],
 )

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.cli.main import main
+from rig_nodes.cli.output_files import KINDS
 from rig_nodes.errors import RigError
 from rig_nodes.view import pdf
 from rig_nodes.view.html_page import Axis, Curve, Envelope, on_white, page
@@ -108,7 +109,7 @@ def test_a_folder_of_runs_has_a_table_and_its_spread(written, tmp_path, capsys):
 
 def test_a_page_that_cannot_be_written_or_printed_is_refused_before_anything_is_computed(written, tmp_path, monkeypatch, capsys):
     assert main(["report", str(written), "--html", str(tmp_path / "none" / "page.html")]) == 2
-    assert "there is no such folder" in capsys.readouterr().err
+    assert "there is no folder" in capsys.readouterr().err
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["report", str(written), "--pdf", str(tmp_path / "page.pdf")]) == 2
     error = capsys.readouterr().err
@@ -147,6 +148,7 @@ def test_a_browser_prints_it_on_a4(written, tmp_path):
     assert main(["report", str(written), "--pdf", str(tmp_path / "page.pdf")]) == 0
     made = (tmp_path / "page.pdf").read_bytes()
     assert made.startswith(b"%PDF")
+    assert KINDS["pdf"].own(made, tmp_path / "page.pdf"), "a later page would be refused this name"
     sizes = {tuple(round(float(one)) for one in box.split()) for box in re.findall(rb"/MediaBox\s*\[([^\]]*)\]", made)}
     assert sizes and all(size[:2] == (0, 0) and abs(size[2] - 595) <= 1 and abs(size[3] - 842) <= 1 for size in sizes)
 

@@ -77,7 +77,7 @@ def test_the_picture_lies_in_the_folder_of_the_rig_and_its_path_is_printed(mine,
     assert main(["check", str(tmp_path / "other.yaml")]) == 0
     assert (tmp_path / "other.svg").is_file() and not list((tmp_path / "here").iterdir())
     assert main(["check", str(mine), "--picture", "mine.png"]) == 2
-    assert "--picture mine.png: expected an .svg file" in capsys.readouterr().err
+    assert "--picture mine.png: what is written there is a file that ends in .svg" in capsys.readouterr().err
 
 
 def test_a_variant_says_only_what_differs(mine, tmp_path):

@@ -114,7 +114,7 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
     [
         (["--stages", "loses"], "there is no stage 'loses'; did you mean 'losses'?"),
         (["--generations", "-1"], "expected at least 0"),
-        (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
+        (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no folder /nowhere"),
     ],
 )
 def test_wrong_arguments_are_refused(capsys, arguments, sentence):

@@ -49,9 +49,9 @@ def made(tmp_path):
     """Writes a layout by the command; returns its text."""
 
     def make(tool):
-        path = tmp_path / "layout"
+        path = tmp_path / f"layout.{'json' if tool == 'foxglove' else 'xml'}"
         assert main(["view", "--layout", tool, "--out", str(path)]) == 0
-        assert [entry.name for entry in tmp_path.iterdir()] == ["layout"]
+        assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
         return path.read_text(encoding="utf-8")
 
     return make
@@ -153,9 +153,10 @@ def test_other_tools_read_the_rigs_time_from_the_file():
 
 
 def test_a_layout_of_another_rig_has_its_signals_and_clutches(tmp_path):
-    path = tmp_path / "layout"
+    path = tmp_path / "layout.json"
     assert main(["view", "--layout", "foxglove", "--rig", "three_speed", "--out", str(path)]) == 0
     text = path.read_text()
     assert all(f'"{name} [' in text for name in ("n_in", "p_b1", "b1_torque", "c3_slip", "v_c2_duty")) and "s1_" not in text
+    path = path.with_suffix(".xml")
     assert main(["view", "--layout", "plotjuggler", "--rig", "clutch_bench", "--out", str(path)]) == 0
     assert 'tab_name="Shift"' not in path.read_text() and "M_e [Nm]" in path.read_text()

@@ -85,14 +85,14 @@ REFUSED = {
     "no port": (["--live", "--domain", "9", "--port", "0"], "0 is no port"),
     "no span": (["--live", "--domain", "9", "--seconds", "0"], "0 is no span of a plot"),
     "no tool": (["--layout", "excel"], "choice 'excel'; "),
-    "layout into nowhere": (["--layout", "foxglove", "--out", "{run}/no/x.json"], "cannot be written"),
+    "layout into nowhere": (["--layout", "foxglove", "--out", "{run}/no/x.json"], "there is no folder"),
     "no such run": (["nowhere"], "nowhere: there is no such file or folder"),
     "one number": (["{run}", "--window", "3"], "3 is no window; write its start and end in s"),
     "backwards": (["{run}", "--window", "5,3"], "5,3 is no window"),
     "not finite": (["{run}", "--window", "0,inf"], "0,inf is no window"),
     "outside": (["{run}", "--window", "50,60"], "lies outside the run, which goes from 0.00 s"),
-    "not a png": (["{run}", "--picture", "{run}/x.jpg"], "it ends in .png"),
-    "no folder": (["{run}", "--picture", "{run}/not/x.png"], "the folder of"),
+    "not a png": (["{run}", "--picture", "{run}/x.jpg"], "a file that ends in .png"),
+    "no folder": (["{run}", "--picture", "{run}/not/x.png"], "there is no folder"),
 }
 
 

@@ -23,6 +23,7 @@ from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.report import write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
+from rig_nodes.cli.output_files import KINDS
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.view import layout, moments, picture
 from rig_nodes.view.campaign import write_campaign
@@ -245,6 +246,7 @@ def test_a_campaign_shows_its_metrics_over_what_was_varied(tmp_path):
 def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
     picture = tmp_path / "other.png"
     assert main(["view", str(run), "--window", "1.2,2.6", "--tab", "other", "--picture", str(picture)]) == 0
+    assert KINDS["png"].own(picture.read_bytes(), picture), "a later picture would be refused this name"
     image = image_of(picture.read_bytes())
     assert image.shape == tabs["other"].whole.shape and (image != tabs["other"].whole).mean() > 0.02
     assert curve_pixels(image, SUPPLY) > 100, "the oil's temperature is in this tab"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from .output_files import OutputFile, json_with
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -24,7 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine"
     )
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
-    parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"machine"}), to_stdout=True),
+        metavar="FILE",
+        help="write the numbers as JSON; - for stdout, without tables",
+    )
     parser.add_argument("--write-docs", action="store_true", help="write docs/reference/performance.md of the checkout (all parts)")
 
 
@@ -39,9 +45,8 @@ def main(args: argparse.Namespace) -> int:
         raise RigError("--write-docs writes about all parts of one run; without naming parts")
     from ..benchmark.document import TITLES, lines, machine_line, write_document
     from ..benchmark.machine import machine
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
-    check_json(args.json)
     line = ProgressLine()
     results: dict = {"machine": machine()}
     text = args.json != "-"

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
+from .output_files import OutputFile, json_with
 
 if TYPE_CHECKING:
     import argparse
@@ -33,7 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="settings",
         help="change one value of the rig (may be repeated)",
     )
-    parser.add_argument("--json", metavar="FILE", help="write the table as JSON; - for stdout")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"columns", "rows"}, {"calculations"}), to_stdout=True),
+        metavar="FILE",
+        help="write the table as JSON; - for stdout",
+    )
 
 
 def main(args: argparse.Namespace) -> int:
@@ -44,9 +50,8 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings
     from ..testbench.recorded_rig import config_of_record
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
-    check_json(args.json)
     bag = None if args.run is None else _opened(args.run)
     rig = args.rig or (bag.record.get("name") if bag else None) or DEFAULT_RIG
     known = calculations_of(rig)

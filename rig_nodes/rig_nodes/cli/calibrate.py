@@ -11,6 +11,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
+from .output_files import OutputFile, json_with
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -33,7 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="put what was found into the rig's rig.yaml and the settings of its controller; without it nothing is changed",
     )
-    parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities, spreads and profiles")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"values", "sensitivities", "before", "after"}), to_stdout=True),
+        metavar="FILE",
+        help="write values, misses, sensitivities, spreads and profiles",
+    )
     parser.add_argument(
         "--generations",
         type=int,
@@ -71,9 +77,8 @@ def main(args: argparse.Namespace) -> int:
     from ..validation.own_calibration import own_calibration
     from ..validation.trade_off import trade_offs
     from ..validation.which_rows import LABORATORY_RIG
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
-    check_json(args.json)
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")

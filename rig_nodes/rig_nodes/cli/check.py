@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..config.names import RIG_FILE, find_config
+from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
     import argparse
@@ -24,7 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument("rig", metavar="RIG", help="folder of a rig, its file, or the name of an installed one")
     parser.add_argument(
-        "--picture", metavar="FILE", help="where the picture goes, an .svg file (default: picture.svg in the rig's folder)"
+        "--picture",
+        type=OutputFile("svg"),
+        metavar="FILE.svg",
+        help="where the picture goes, an .svg file (default: picture.svg in the rig's folder)",
     )
 
 
@@ -32,7 +36,7 @@ def main(args: argparse.Namespace) -> int:
     """Check a rig and return 0 when a run can begin; an error is one sentence with file and line."""
     from ..atomic_write import atomic_write
     from ..description.picture import driveline_svg
-    from ..errors import RigError, not_written
+    from ..errors import not_written
     from ..testbench.configuration import load_rig
     from ..testbench.plan import plan_of
     from ..testbench.sequence import load_sequence
@@ -49,9 +53,8 @@ def main(args: argparse.Namespace) -> int:
         print(line)
     if config.structure.shifts and (ways := read_beginnings(args.rig, config.transmission)):
         print(f"settings at which tune begins: {', '.join(ways)}")
-    picture, drawn = Path(args.picture) if args.picture else _beside(args.rig), driveline_svg(config).encode()
-    if picture.suffix != ".svg":
-        raise RigError(f"--picture {picture}: expected an .svg file, which is the only kind that is drawn")
+    picture, drawn = args.picture or _beside(args.rig), driveline_svg(config).encode()
+    may_write("--picture", picture, KINDS["svg"], args)
     try:
         same = picture.is_file() and picture.read_bytes() == drawn
         if not same:  # an installed rig has its picture, and its folder may belong to another user

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import json
 from importlib import import_module  # import is a word of Python
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from .output_files import OutputFile, json_with
 
 if TYPE_CHECKING:
     import argparse
@@ -27,9 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("runs", nargs="+", metavar="RUN", help="folder of a run, its .mcap file, or a logger's file; two or more")
     parser.add_argument("--align", choices=("events", "correlation"), help="how (default: events where all hold the same orders)")
     import_verb.add_profile_arguments(parser)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write offsets, metrics and signals as JSON")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="write one self-contained page")
-    parser.add_argument("--rrd", type=Path, metavar="FILE", help="write a file for Rerun, with its layout")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"runs", "offset_s", "metrics"})),
+        metavar="FILE",
+        help="write offsets, metrics and signals as JSON",
+    )
+    parser.add_argument("--html", type=OutputFile("page"), metavar="FILE", help="write one self-contained page")
+    parser.add_argument("--rrd", type=OutputFile("rrd"), metavar="FILE", help="write a file for Rerun, with its layout")
 
 
 INTERMIXED = True

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
+from .output_files import KINDS, NEVER, OutputFile, may_write
 
 if TYPE_CHECKING:
     import argparse
@@ -28,8 +29,6 @@ DEFAULTS = {
     "registers": "registers.csv",
     "record": "rig_record.h",
 }
-# file endings of each export; a file with the first ending may be overwritten, because it is most likely an older export
-SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md"), "record": (".h",)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +54,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="of controller-fmu: folder of headers (may be repeated)",
     )
-    parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=OutputFile(lambda args: args.what),
+        metavar="FILE",
+        help="file to write (default: named after what is exported)",
+    )
     parser.add_argument(
         "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})"
     )
@@ -103,7 +108,7 @@ def main(args: argparse.Namespace) -> int:
         raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
     source = Path(args.sources[0]).stem if args.sources else ""
     target = Path(args.out or DEFAULTS[args.what].format(rig=rig_name(find_config("rigs", args.rig)), source=source))
-    _check_target(args.what, target, args.sources)
+    may_write("-o", target, KINDS[args.what], args)
     _WRITERS[args.what](args, target, parse_settings(args.settings))
     print(f"written to {target}")
     return 0
@@ -113,7 +118,8 @@ def _run(args: argparse.Namespace) -> int:
     """Write the signals of a run."""
     from ..config.units import quantity
     from ..errors import RigError
-    from ..exchange.files import KINDS, Order, export
+    from ..exchange.files import KINDS as ENDINGS
+    from ..exchange.files import Order, export
     from ..exchange.groups import Signals
     from ..exchange.provenance import csvw_path
     from .progress import ProgressLine
@@ -126,11 +132,10 @@ def _run(args: argparse.Namespace) -> int:
     if what in ("mf4", "mat") and args.clock:
         raise RigError(f"--clock is for csv and parquet, which hold one table; {what} holds each signal with its own times")
     run = Path(args.sources[0])
-    target = Path(args.out or f"{(run if run.is_dir() else run.with_suffix('')).resolve().name}{KINDS[what][0]}")
-    _check_place(what, target, KINDS[what])
+    target = Path(args.out or f"{(run if run.is_dir() else run.with_suffix('')).resolve().name}{ENDINGS[what][0]}")
+    _check_place(what, target, ENDINGS[what])
     for path in (target, *([csvw_path(target)] if what == "csv" else [])):
-        if path.exists():
-            raise RigError(f"--out {path}: it exists; remove it first, or name another file")
+        may_write("-o", path, NEVER, args)
     clock = None if args.clock is None else quantity(args.clock, "time", "--clock")
     if clock is not None and not clock >= 1e-6:
         raise RigError(f"--clock {args.clock}: expected at least 1 us")
@@ -147,20 +152,6 @@ def _run(args: argparse.Namespace) -> int:
 
 
 _OF_RIGS = {"I": "include", "set": "settings"}
-
-
-def _check_target(what: str, target: Path, sources: list[str]) -> None:
-    """Raise RigError when the file to write does not have this form, or is another of the user's files."""
-    from ..errors import RigError
-
-    endings = SUFFIXES[what]
-    _check_place(what, target, endings)
-    if not target.exists():
-        return
-    if any(Path(source).exists() and target.samefile(source) for source in sources):
-        raise RigError(f"-o {target}: it is what is to be exported; name another file")
-    if target.suffix.lower() != endings[0]:
-        raise RigError(f"-o {target}: it exists; remove it first, or name another file")
 
 
 def _check_place(what: str, target: Path, endings: tuple[str, ...]) -> None:

@@ -11,20 +11,9 @@ from pathlib import Path
 
 from ..analysis.report import plain
 from ..atomic_write import atomic_write
-from ..errors import RigError
 
 
-def check_json(name: str | None) -> None:
-    """Raise RigError when ``--json NAME`` cannot be a file; called before the work, which takes minutes."""
-    if name in (None, "-"):
-        return
-    if not Path(name).absolute().parent.is_dir():
-        raise RigError(f"--json {name}: there is no such folder")
-    if Path(name).is_dir():
-        raise RigError(f"--json {name}: it is a folder, expected a file")
-
-
-def write_json(name: str, content: dict) -> None:
+def write_json(name: Path | str, content: dict) -> None:
     """Write the content to a file, or to stdout for -; numbers that are not finite become null.
 
     Raises

@@ -20,6 +20,7 @@ import signal
 import sys
 
 from rig_nodes import __version__
+from rig_nodes.cli.output_files import check_outputs
 from rig_nodes.errors import RigError, Terminated, ended_by, printable
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
@@ -153,7 +154,9 @@ def run_verb(verb: str, arguments: list[str]) -> int:
             "`ros2 run rig_nodes` and the launch file take it"
         )
     parse = parser.parse_intermixed_args if getattr(module, "INTERMIXED", False) else parser.parse_args
-    return module.main(parse(arguments))
+    args = parse(arguments)
+    check_outputs(parser, args)
+    return module.main(args)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .output_files import OutputFile, json_with
 
 if TYPE_CHECKING:
     import argparse
@@ -66,8 +67,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.yaml",
         help="find settings that keep the frequencies away from orders and bands; without a file, those of the rig's detuning.yaml",
     )
-    parser.add_argument("--json", metavar="FILE", help="write all of it as JSON to a file, or to the terminal for -")
-    parser.add_argument("--picture", metavar="FILE.svg", help="draw shapes, critical speeds, response and spectrum")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"rig", "state", "critical_speeds"}), to_stdout=True),
+        metavar="FILE",
+        help="write all of it as JSON to a file, or to the terminal for -",
+    )
+    parser.add_argument(
+        "--picture", type=OutputFile("svg"), metavar="FILE.svg", help="draw shapes, critical speeds, response and spectrum"
+    )
 
 
 def main(args: argparse.Namespace) -> int:
@@ -76,11 +84,8 @@ def main(args: argparse.Namespace) -> int:
     from ..errors import RigError
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
-    check_json(args.json)
-    if args.picture and Path(args.picture).suffix != ".svg":
-        raise RigError(f"--picture {args.picture}: the picture is an .svg file")
     if (args.run is None) != (args.signal is None):
         raise RigError("--run and --signal go together: a recorded run and the name of one of its signals")
     if args.window and args.run is None:
@@ -372,7 +377,7 @@ def _draw(
     spectrum: tuple[Spectrum, str] | None,
 ) -> None:
     from ..atomic_write import atomic_write
-    from ..errors import RigError, not_written
+    from ..errors import RigError
     from . import modes_pictures as pictures
 
     figures: list[Figure | None] = [
@@ -388,10 +393,6 @@ def _draw(
     drawn = [one for one in figures if one]
     if not drawn:
         raise RigError(f"--picture: no shaft of the rig '{config.name}' can twist in this state, so there is no shape to draw")
-    path = Path(args.picture)
-    try:
-        atomic_write(path, pictures.stacked(drawn).encode())
-    except OSError as error:
-        raise not_written(path, error) from None
+    atomic_write(args.picture, pictures.stacked(drawn))
     if args.json != "-":
-        print(f"wrote {path}")
+        print(f"wrote {args.picture}")

@@ -24,7 +24,8 @@ from ..config import load_yaml
 from ..errors import RigError, printable
 from ..exchange.foreign import SUFFIXES
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
-from .report_folder import check_outputs, is_folder_of_runs, report_folder, write_pages
+from .output_files import OutputFile
+from .report_folder import is_folder_of_runs, report_folder, write_pages
 
 if TYPE_CHECKING:
     import argparse
@@ -39,8 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, or a folder of runs")
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="write one self-contained page, which prints on A4")
-    parser.add_argument("--pdf", type=Path, metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH")
+    parser.add_argument("--html", type=OutputFile("page"), metavar="FILE", help="write one self-contained page, which prints on A4")
+    parser.add_argument(
+        "--pdf", type=OutputFile("pdf"), metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH"
+    )
     parser.add_argument(
         "--limit",
         action="append",
@@ -64,7 +67,10 @@ def main(args: argparse.Namespace) -> int:
     if args.factor is not None and not args.factor > 1.0:
         raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. {FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
-    check_outputs(args)
+    if args.pdf is not None:
+        from ..view.pdf import browser
+
+        browser()  # refuses a machine without one before anything is computed
     limits = [*(read_limits(args.limits_file) if args.limits_file else []), *parse_limits(args.limits)]
     if args.run.lower().endswith(SUFFIXES):
         raise RigError(f"{args.run}: is a logger's file; './rig import {args.run}' makes a run of it, which has a report")

@@ -33,20 +33,6 @@ def is_folder_of_runs(path: Path) -> bool:
     return (path / MANIFEST).exists() or any(path.glob("*/report.json"))
 
 
-def check_outputs(args: argparse.Namespace) -> None:
-    """Refuse pages that cannot be written, before anything is computed."""
-    for option in ("html", "pdf"):
-        path = getattr(args, option)
-        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
-            raise RigError(
-                f"--{option} {path}: {'it is a folder, expected a file' if path.is_dir() else 'there is no such folder'}"
-            )
-    if args.pdf is not None:
-        from ..view.pdf import browser
-
-        browser()
-
-
 def write_pages(args: argparse.Namespace, make: Callable[[], str]) -> None:
     """Write the page of a report to the files of --html and --pdf."""
     if args.html is None and args.pdf is None:

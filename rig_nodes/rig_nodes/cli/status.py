@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .by_hand import add_domain, running_rig
+from .output_files import OutputFile, json_with
 
 if TYPE_CHECKING:
     import argparse
@@ -20,15 +21,19 @@ HELP = "show what the rig that runs does now"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("--json", metavar="FILE", help="write it for programs, - for stdout")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"domain", "state", "signals"}), to_stdout=True),
+        metavar="FILE",
+        help="write it for programs, - for stdout",
+    )
     add_domain(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Print the state of the rig; return 0 in every state."""
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
-    check_json(args.json)
     with running_rig(args) as rig:
         status = rig.status()
         known, box = rig.catalogue, rig.transmission if "gear" in status else None

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
+from .output_files import OutputFile, OutputFolder, json_with
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -31,8 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--procedures", nargs="+", default=[], metavar="NAME", help="only rows of these procedures, e.g. grid_up delay_series"
     )
-    parser.add_argument("--json", metavar="FILE", help="write rows, summary and versions as JSON; - for stdout")
-    parser.add_argument("--pictures", metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
+    parser.add_argument(
+        "--json",
+        type=OutputFile(json_with({"rows", "summary"}), to_stdout=True),
+        metavar="FILE",
+        help="write rows, summary and versions as JSON; - for stdout",
+    )
+    parser.add_argument("--pictures", type=OutputFolder(), metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
     parser.add_argument("--write-docs", action="store_true", help="write docs/reference/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
     parser.add_argument(
@@ -86,7 +92,7 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
     page = _page() if args.write_docs else None
     explanations = document.load_explanations()
@@ -97,7 +103,6 @@ def main(args: argparse.Namespace) -> int:
     programme.check_settings(procedures, settings)
     if args.pictures:
         _make_folder(args.pictures)
-    check_json(args.json)
     runs = programme.runs_of(procedures)
     if runs:
         print(embedded_line(), file=sys.stderr, flush=True)
@@ -158,12 +163,11 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, own_rows, programme
-    from .json_output import check_json, write_json
+    from .json_output import write_json
 
     settings = parse_settings(args.settings)
     rows = own_rows.chosen(own_rows.load_rows(path, args.rig, load_rig(args.rig, settings)), args.rows)
     own_rows.check_settings(rows, settings)
-    check_json(args.json)
     line = ProgressLine(len(own_rows.by_run(rows)))
     with Workers(args.jobs) as workers:
         found = own_rows.validate(
@@ -198,13 +202,13 @@ def _page() -> Path:
     return docs / "reference" / "validation.md"
 
 
-def _make_folder(name: str) -> None:
+def _make_folder(folder: Path) -> None:
     from ..errors import RigError
 
     try:
-        Path(name).mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RigError(f"--pictures {name}: the folder cannot be made ({error.strerror})") from None
+        raise RigError(f"--pictures {folder}: the folder cannot be made ({error.strerror})") from None
 
 
 def _versions() -> dict[str, str]:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..typed_arguments import number_within
+from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
     from ..graph.domain import Domain
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only print the address"
     )
-    parser.add_argument("--picture", metavar="FILE.png", type=_png, help="make a picture instead of opening a window")
+    parser.add_argument("--picture", metavar="FILE.png", type=OutputFile("png"), help="make a picture instead of opening a window")
     parser.add_argument(
         "--tab",
         metavar="NAME",
@@ -63,7 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     other = parser.add_argument_group("another program")
     other.add_argument("--layout", choices=TOOLS, help="write a layout for this program")
     other.add_argument("--rig", metavar="NAME", help="rig or .yaml file whose signals it shows (default: hydmag)")
-    other.add_argument("--out", metavar="FILE", type=Path, help="its file (default: rig.xml or rig.json)")
+    other.add_argument(
+        "--out", metavar="FILE", type=OutputFile(lambda args: args.layout), help="its file (default: rig.xml or rig.json)"
+    )
 
 
 def main(args: argparse.Namespace) -> int:
@@ -249,19 +252,13 @@ def _layout(args: argparse.Namespace) -> int:
     from ..view.pages import Pages
 
     pages = Pages(load_rig(args.rig or DEFAULT_RIG).as_dict())
-    path = args.out or Path("rig.xml" if args.layout == "plotjuggler" else "rig.json")
+    path = args.out
+    if path is None:
+        path = Path("rig.xml" if args.layout == "plotjuggler" else "rig.json")
+        may_write("--out", path, KINDS[args.layout], args)
     write_layout(args.layout, path, pages)
     print(f"{path} written")
     return 0
-
-
-def _png(text: str) -> Path:
-    path = Path(text)
-    if path.suffix.lower() != ".png":
-        raise argparse.ArgumentTypeError(f"{text} is no name of a picture; it ends in .png")
-    if not path.parent.is_dir():
-        raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
-    return path
 
 
 def _shifts(text: str) -> str | list[int]:

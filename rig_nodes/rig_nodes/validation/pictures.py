@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..atomic_write import atomic_write
 from .evaluate import curve
 from .figures import Band, Figure, Series
 from .records import Record, group, shown
@@ -285,5 +286,5 @@ def write_pictures(found: Iterable[tuple[str, Figure]], folder: str | Path) -> l
     paths = []
     for name, figure in found:
         paths.append(folder / f"{name}.svg")
-        paths[-1].write_text(figure.svg(), encoding="utf-8")
+        atomic_write(paths[-1], figure.svg())
     return paths

@@ -14,6 +14,7 @@ from html import escape
 
 import numpy as np
 
+from ..atomic_write import MAKER
 from ..validation.figures import ticks
 
 WIDTH, LEFT, RIGHT = 560, 56, 10  # width of a plot's drawing, and of the margins for its numbers
@@ -51,7 +52,8 @@ Cell = str | tuple[str, str]  # the text of a cell, or its text and its class
 def page(title: str, parts: Iterable[str]) -> str:
     """Return a whole page of HTML around its parts; the title is plain text."""
     head = (
-        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>'
+        f'<meta charset="utf-8"><meta name="generator" content="{MAKER}">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>'
     )
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head><body>\n<h1>{escape(title)}</h1>\n'

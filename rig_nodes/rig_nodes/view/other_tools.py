@@ -15,7 +15,7 @@ import xml.etree.ElementTree as xml
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..atomic_write import atomic_write
+from ..atomic_write import MAKER, atomic_write
 from ..catalogue import Signal
 from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 
@@ -81,7 +81,7 @@ def plotjuggler(pages: Pages) -> str:
     xml.SubElement(window, "currentTabIndex", index="0")
     xml.SubElement(root, "use_relative_time_offset", enabled="0")
     xml.indent(root, " ")
-    return "<?xml version='1.0' encoding='UTF-8'?>\n" + xml.tostring(root, encoding="unicode") + "\n"
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n<!-- {MAKER} -->\n" + xml.tostring(root, encoding="unicode") + "\n"
 
 
 def _splitter(parent: xml.Element, orientation: str, children: list) -> None:

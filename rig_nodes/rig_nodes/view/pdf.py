@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from ..atomic_write import MAKER
 from ..errors import RigError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
@@ -57,7 +58,7 @@ def pdf_of(page: str) -> bytes:
         run_browser(program, folder, f"--print-to-pdf={target}", "--no-pdf-header-footer", source.as_uri())
         if not target.exists() or not target.stat().st_size:
             raise RigError(f"--pdf: {program} printed nothing; write --html and print that page yourself")
-        return target.read_bytes()
+        return target.read_bytes() + f"%{MAKER}\n".encode()  # behind its end, where a PDF may have comments
 
 
 def run_browser(program: str, folder: Path, *arguments: str) -> None:
