@@ -394,12 +394,12 @@ def test_the_command_writes_it(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ("controller-fmu own.c -o own.c", "-o own.c: export controller-fmu writes a file that ends in .fmu"),
-        ("controller-fmu own.c -o linked.fmu", "-o linked.fmu: it is what is to be exported; name another file"),
-        ("dbc -o README.md", "-o README.md: export dbc writes a file that ends in .dbc"),
-        ("registers -o x.pdf", "-o x.pdf: export registers writes a file that ends in .csv or .md"),
-        ("registers -o README.md", "-o README.md: it exists; remove it first, or name another file"),
-        ("fmu -o folder", "-o folder: it is a folder; name the file in it, which ends in .fmu"),
+        ("controller-fmu own.c -o own.c", "-o own.c: what is written there is a file that ends in .fmu"),
+        ("controller-fmu own.c -o linked.fmu", "-o linked.fmu: it is a file that is read; name another one"),
+        ("dbc -o README.md", "-o README.md: what is written there is a file that ends in .dbc"),
+        ("registers -o x.pdf", "-o x.pdf: what is written there is a file that ends in .csv or .md"),
+        ("registers -o README.md", "-o README.md: it exists and is no older file of this kind; remove it, or choose another name"),
+        ("fmu -o folder", "-o folder: it is a folder, expected a file"),
         ("controller-fmu folder", "folder: it is a folder, expected a file"),
         ("dbc -o none/rig.dbc", "-o none/rig.dbc: there is no folder none"),
         ("", "the following arguments are required: what (see 'rig export --help')"),
@@ -419,6 +419,5 @@ def test_the_command_writes_over_nothing_of_the_users(arguments, sentence, tmp_p
 
 def test_an_older_export_is_written_over(tmp_path, capsys):
     old = tmp_path / "rig.dbc"
-    old.write_text("old")
-    assert main(["export", "dbc", "-o", str(old)]) == 0
+    assert [main(["export", "dbc", "-o", str(old), "--set", f"alfa46.t12={ms} ms"]) for ms in (100, 200)] == [0, 0]
     assert old.read_text().startswith("VERSION") and [path.name for path in tmp_path.iterdir()] == ["rig.dbc"]

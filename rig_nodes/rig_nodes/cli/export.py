@@ -107,7 +107,7 @@ def main(args: argparse.Namespace) -> int:
     if args.what == "controller-fmu" and not args.sources:
         raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
     source = Path(args.sources[0]).stem if args.sources else ""
-    target = Path(args.out or DEFAULTS[args.what].format(rig=rig_name(find_config("rigs", args.rig)), source=source))
+    target = args.out or Path(DEFAULTS[args.what].format(rig=rig_name(find_config("rigs", args.rig)), source=source))
     may_write("-o", target, KINDS[args.what], args)
     _WRITERS[args.what](args, target, parse_settings(args.settings))
     print(f"written to {target}")
@@ -132,7 +132,7 @@ def _run(args: argparse.Namespace) -> int:
     if what in ("mf4", "mat") and args.clock:
         raise RigError(f"--clock is for csv and parquet, which hold one table; {what} holds each signal with its own times")
     run = Path(args.sources[0])
-    target = Path(args.out or f"{(run if run.is_dir() else run.with_suffix('')).resolve().name}{ENDINGS[what][0]}")
+    target = args.out or Path(f"{(run if run.is_dir() else run.with_suffix('')).resolve().name}{ENDINGS[what][0]}")
     _check_place(what, target, ENDINGS[what])
     for path in (target, *([csvw_path(target)] if what == "csv" else [])):
         may_write("-o", path, NEVER, args)

@@ -158,7 +158,7 @@ def check_outputs(parser: argparse.ArgumentParser, args: argparse.Namespace) -> 
     for action in output_options(parser, args):
         path = getattr(args, action.dest)
         if isinstance(path, Path):
-            option = action.option_strings[-1] if action.option_strings else action.dest
+            option = action.option_strings[0] if action.option_strings else action.dest
             may_write(option, path, action.type.kind_for(args), args)
 
 
