@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from .description.driveline import build_driveline, held_ratio, inertias_of
 from .description.structure import Device, End, Structure, key_of, structure_of
+from .parts import part as parts
 from .plant.kiss_point import kiss_pressure
 
 if TYPE_CHECKING:
@@ -166,13 +167,17 @@ class Shift:
 
 @dataclass(frozen=True)
 class Transmission:
-    """Shafts, clutches and gears of a rig; the gears are in the order of their numbers, neutral first."""
+    """Shafts, clutches and gears of a rig; the gears are in the order of their numbers, neutral first.
+
+    ``drive_yields`` is why the input's speed is not held during a shift, for a sentence; empty where a drive holds it.
+    """
 
     input: End
     output: End
     clutches: tuple[Clutch, ...]
     gears: tuple[Gear, ...]
     inertias: Inertias
+    drive_yields: str = ""
 
     @cached_property
     def ratios(self) -> dict[int, float]:
@@ -340,7 +345,32 @@ def made_of(record: Mapping) -> Transmission:
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
     driving, one = tied_to(structure, inertias, ends[0])
     driven, reduction = tied_to(structure, inertias, ends[1])
-    return Transmission(structure.input, structure.output, clutches, tuple(gears), Inertias(driving * one**2, driven, reduction))
+    inertias_of_both = Inertias(driving * one**2, driven, reduction)
+    return Transmission(structure.input, structure.output, clutches, tuple(gears), inertias_of_both, _yields(structure))
+
+
+def _yields(structure: Structure) -> str:
+    """Return why no drive holds the speed of the input, for Transmission; empty where one does.
+
+    A drive whose own body is joined to the input by a coupling or a shaft holds the mean of its speed; that is enough for the
+    metrics that this decides, because the drive's inertia is then not counted with the input's.
+    """
+    joined, before = {structure.input.body} if structure.input else set(), 0
+    rows = [*(one.bodies for one in (*structure.meshes, *structure.shafts)), *_joins(structure)]
+    while len(joined) > before:
+        before = len(joined)
+        joined |= {body for bodies in rows if joined & set(bodies) for body in bodies}
+    sources = structure.of_role(parts.SOURCE)
+    drives = [one for one in sources if one.wires.get("body") in joined] or sources
+    if not drives or any(parts.part(one.part).holds for one in drives):
+        return ""
+    names = " and ".join(f"{one.called} ({one.part.replace('_', ' ')})" for one in drives)
+    return f"{names} {'yields' if len(drives) == 1 else 'yield'} to the load"
+
+
+def _joins(structure: Structure) -> list[tuple[str, ...]]:
+    """Return the bodies that each coupling joins."""
+    return [tuple(one.wires["joins"]) for one in structure.of_role(parts.COUPLING) if "joins" in one.wires]
 
 
 def _clutch(device: Device, structure: Structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:

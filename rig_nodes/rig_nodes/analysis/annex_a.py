@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import RigError
+from .definitions import withhold
 from .edges import first_true
 from .metrics import KEYS, RPM, Recording, orders_of
 
@@ -98,9 +99,10 @@ def shift_metrics_annex_a(
     moved = box.shift(from_gear, to_gear)
     if set(box.ratios) != {from_gear, to_gear} or len(moved.releasing) != 1 or len(moved.engaging) != 1:
         row["why"].append(f"Annex A covers only changes between {' and '.join(map(box.names.get, sorted(box.ratios)))}")
-        return row
-    _Program(recording, order, next_order_time, set_speed, row).run(a if to_gear < from_gear else b, c)
+    else:
+        _Program(recording, order, next_order_time, set_speed, row).run(a if to_gear < from_gear else b, c)
     row["valid"] = not row["why"]
+    withhold(row, box)
     return row
 
 

@@ -30,6 +30,7 @@ from math import pi
 import numpy as np
 
 from ..transmission import Clutch, Shift, Transmission, transmission_of
+from .definitions import undefined_on, withhold
 from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .logged import Logged
 
@@ -52,6 +53,7 @@ KEYS = (
     "valid",
     "t_order_s",
     "why",
+    "undefined",
 )
 UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # unit of a key by its last word; any other key has no unit
 RPM = 30.0 / pi
@@ -137,26 +139,46 @@ def with_ends(orders: Iterable[tuple[float, int, int]]) -> list[tuple[tuple[floa
 
 
 def is_shift(recording: Recording, order: tuple[float, int, int]) -> bool:
-    """Return True when the ordered gear drives and is not engaged from neutral while the input shaft stands still."""
-    return order[2] in recording.transmission.ratios and not (order[1] == 0 and stands(recording, order[0]))
+    """Return True when the ordered gear drives and is not engaged from neutral without slip, at standstill or in step."""
+    return order[2] in recording.transmission.ratios and not (order[1] == 0 and without_slip(recording, order))
+
+
+def without_slip(recording: Recording, order: tuple[float, int, int]) -> bool:
+    """Return True when the input shaft stands still at an order, or turns with the output in the ratio of the open gear ordered."""
+    box, t = recording.transmission, order[0]
+    if stands(recording, t):
+        return True
+    around = {name: recording.part(name, *_around(recording, t)) for name in box.channels}
+    if order[2] not in box.ratios or not all(len(one) and np.all(np.isfinite(one)) for one in around.values()):
+        return False
+    mean = {name: float(np.mean(one)) for name, one in around.items()}
+    slip = box.slip(order[2], max(mean[box.input.speed], STANDSTILL), mean[box.output.speed])
+    opened = any(mean[clutch.pressure] <= clutch.kiss_pressure for clutch in box.engaged(order[2]))
+    return opened and abs(slip) <= SLIP_OLD_GEAR
+
+
+def _around(recording: Recording, t: float) -> tuple[int, int]:
+    """Return the first row of 0.01 s before and the one after 0.01 s behind a time [s], at 10 kHz."""
+    at = int((t - recording.t0) / recording.period)
+    return at - 100, at + 100
 
 
 def stands(recording: Recording, t: float) -> bool:
     """Return True when the input shaft stands still around a time [s]."""
-    at = int((t - recording.t0) / recording.period)
-    around = recording.part(recording.transmission.input.speed, at - 100, at + 100)
+    around = recording.part(recording.transmission.input.speed, *_around(recording, t))
     return len(around) > 0 and bool(np.nanmax(np.abs(around)) < STANDSTILL)
 
 
 def shift_metrics(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None) -> dict:
     """Return the metrics of one shift under :data:`KEYS`; a bad shift does not raise an error.
 
-    A value that cannot be found is None, with its reason in ``why``. ``valid`` is True when the shift was completed, everything
-    was found and the output never stood still: a shift under load does not interrupt the drive, and k has no meaning for an
-    output that stood still. A missing dip does not make a shift invalid; ``k`` shows it. An engagement from neutral
-    releases no clutch: there t_dt starts with the rise of the engaging pressure, and k and overlap_s are None
-    without a reason. When several clutches are released, the one whose pressure falls first begins the shift. A clutch that stays
-    engaged is not considered.
+    A value that cannot be found is None, with its reason in ``why``; one that is not defined on this rig or in this shift is None
+    with its reason by its key in ``undefined`` (analysis.definitions), which makes no shift invalid. ``valid`` is True when the
+    shift was completed, everything was found and the output never stood still: a shift under load does not interrupt the drive, and
+    k has no meaning for an output that stood still. A missing dip does not make a shift invalid; ``k`` shows it. An engagement from
+    neutral releases no clutch: there t_dt starts with the rise of the engaging pressure, and k and overlap_s are None without a
+    reason. When several clutches are released, the one whose pressure falls first begins the shift. A clutch that stays engaged is
+    not considered.
 
     Parameters
     ----------
@@ -179,6 +201,7 @@ def shift_metrics(recording: Recording, order: tuple[float, int, int], next_orde
     if shift is not None:
         shift.fill(row)
     row["valid"] = not row["why"]
+    withhold(row, recording.transmission)
     return row
 
 
@@ -291,7 +314,7 @@ class _Shift:
         departure = self.speed_departure(old_slip)
         if departure is not None:
             row["t_p_s"] = (end - departure) * self.period
-        settled = self.settled(end)
+        settled = None if "t_o_s" in undefined_on(self.box) else self.settled(end)
         if settled is not None:
             row["t_o_s"] = (settled - end) * self.period
         if start is None:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from .metrics import KEYS
 from .report import columns_of, shift_name, shown_transmission
 
-NOT_MEASURED = ("from_gear", "to_gear", "valid", "t_order_s", "why")
+NOT_MEASURED = ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined")
 
 
 def differences(first: Mapping, other: Mapping) -> list[dict]:

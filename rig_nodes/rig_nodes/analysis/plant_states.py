@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..transmission import Transmission, transmission_of
+from .definitions import reasons_in
 from .metrics import RPM
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def metrics_of_states(
         "output_speed_min_rpm": lowest * RPM,
         "k": None,
     }
-    if row["from_gear"] in box.ratios:
+    if row["from_gear"] in box.ratios and "k" not in reasons_in(row):
         ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
         found["k"] = lowest / float(np.mean(gearbox["speed_in"][before])) * ratio
     last = end

@@ -26,6 +26,7 @@ from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
+from .definitions import reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
 from .gathered import Gathered
 from .metrics import RPM, Recording, shifts
@@ -71,9 +72,9 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     of a rig without gears has no shifts; its results are under ``"bench"`` (analysis.bench_report) and the range of each signal
     under ``"signals"`` (analysis.ranges).
 
-    The energy of a shift covers the time from its order until its torque has settled; it is None when that was not found. When a
-    bag is too damaged or too short for a part, that part is empty (or a shift's energy None) and a sentence on it is
-    in ``run["problems"]``. Missing numbers are None, never NaN.
+    The energy of a shift covers the time from its order until its torque has settled, or until lock-up on a rig without t_o; it is
+    None when that was not found. When a bag is too damaged or too short for a part, that part is empty (or a shift's energy None)
+    and a sentence on it is in ``run["problems"]``. Missing numbers are None, never NaN.
 
     Parameters
     ----------
@@ -333,10 +334,10 @@ def _whole(energies: Mapping[str, Series]) -> tuple[float, float]:
 
 
 def _window(row: dict) -> tuple[float, float] | None:
-    """Return the times of the order and of the settled torque; None for a shift whose torque did not settle."""
-    if not row["t_c_s"] or row["t_o_s"] is None:
+    """Return the times of the order and of the settled torque, or of lock-up where t_o is not defined; None if it was not found."""
+    if not row["t_c_s"] or (row["t_o_s"] is None and "t_o_s" not in reasons_in(row)):
         return None
-    return row["t_order_s"], row["t_order_s"] + row["t_c_s"] + row["t_o_s"]
+    return row["t_order_s"], row["t_order_s"] + row["t_c_s"] + (row["t_o_s"] or 0.0)
 
 
 def plain(value: object) -> Any:
@@ -406,6 +407,7 @@ def format_report(report: dict) -> str:
     for name, row, verdict in zip(names, rows, verdicts):
         lines += [f"  {name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         lines += [f"  {name}, is not valid: {reason}" for reason in row["why"]]
+    lines += [f"  {line}" for line in undefined_lines(names, rows, columns_of(box))]
     lines += [WHERE_DEFINED] if rows else []
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     if "annex_a" in report:

@@ -166,4 +166,5 @@ PART = Part(
         Shown("work", "work", "energy", -1e9, 1e9, "Work of the motor since time 0.", "positive delivered to the shaft"),
     ),
     takes=(Command("motor", {"speed": "angular velocity"}, "target", "enabled", "speed of the drive", "speed"),),
+    holds=True,
 )

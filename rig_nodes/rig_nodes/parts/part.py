@@ -207,6 +207,8 @@ class Part:
         shaft(values) returns the stiffness [Nm/rad] and the damping [Nm s/rad] of a compliant shaft between the two bodies that it
         joins, which the part owns by its wire "shaft". The kernel moves this shaft, and a stage ``before`` may give it another
         stiffness, damping and twist for its step. The part's state "stored" is the energy in it [J].
+    holds : bool
+        True for a source that holds the speed of its body, whatever the load up to its limits.
     check : function, optional
         check(values) returns the name of a value and the rest of a sentence where values contradict each other, otherwise None.
     """
@@ -231,6 +233,7 @@ class Part:
     account: str = ""
     shaft: Callable[[Any], tuple[float, float]] = no_shaft
     check: Callable[[Any], tuple[str, str] | None] | None = None
+    holds: bool = False
 
     def state_dtype(self) -> np.dtype:
         """Return the type of its states: one float64 for each."""

@@ -29,7 +29,13 @@ if TYPE_CHECKING:
     import pyarrow
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
-KINDS = {"valid": "bool_", "why": "string", "from_gear": "int8", "to_gear": "int8"}  # types of metrics that are no float
+KINDS = {
+    "valid": "bool_",
+    "why": "string",
+    "undefined": "string",
+    "from_gear": "int8",
+    "to_gear": "int8",
+}  # types of metrics that are no float
 METADATA = b"rig_nodes.sweep"
 
 
@@ -208,10 +214,15 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
     for number, metrics in enumerate(entry["shifts"] or [None], 1):
         row = {**shared, "shift": None if metrics is None else number}
         for key in KEYS:
-            value = None if metrics is None else metrics[key]
-            row[key] = "; ".join(value) if key == "why" and value is not None else value
+            value = None if metrics is None else metrics.get(key)
+            row[key] = _text_of(value) if KINDS.get(key) == "string" else value
         out.append(row)
     return out
+
+
+def _text_of(value: list[str] | Mapping[str, str] | None) -> str | None:
+    """Return reasons as one text; those of a map have its keys in front."""
+    return "; ".join(f"{key}: {text}" for key, text in value.items()) if isinstance(value, Mapping) else value and "; ".join(value)
 
 
 def column_of(name: str) -> str:

@@ -15,6 +15,7 @@ from math import pi
 import numpy as np
 
 from ..alfa46.settings import Alfa46Config
+from ..analysis.definitions import K_MOST
 from ..analysis.edges import odd_width, running_mean
 from ..analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, Recording, shift_metrics
 from ..clocks import ROW, SAMPLE
@@ -268,7 +269,8 @@ def _measured(box: Transmission, gears: tuple[int, int], channels: dict[str, np.
         left = channels[clutch.pressure][-500:].mean()
         if not why and left > OPEN * clutch.kiss_pressure:
             why = f"{clutch.pressure} is still at {left / 1e6:.2f} MPa at the end"
-    dip = None if row["k"] is None else max(0.0, 1.0 - row["k"])
+    k = K_MOST if "k" in row["undefined"] else row["k"]  # without a dip the input may have turned faster
+    dip = None if k is None else max(0.0, 1.0 - k)
     if not why and None in (row["t_c_s"], row["t_dt_s"], dip):
         why = "the shift has no end"
     return Shift(peak, row["t_c_s"], row["t_dt_s"], dip, float(heat), jerk, before, why)

@@ -37,7 +37,7 @@ from ..testbench.workers import Workers
 from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .targets import Target
 
-METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why"))
+METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined"))
 ROLES = ("calibrate", "predict")
 STEADY = 0.3  # s before the next order over which a gear's values are averaged, unless the row says otherwise
 _KEYS = (
@@ -461,7 +461,7 @@ def _of_metric(row: OwnRow, metrics: list[dict]) -> tuple[float | None, str]:
     if found is None:
         return None, "the run has no such shift"
     if found[row.metric] is None:
-        return None, found["why"].get(row.metric, "was not found")
+        return None, found["undefined"].get(row.metric, "; ".join(found["why"]) or "was not found")
     return found[row.metric] * UNITS[unit_of(row.metric)][1], ""
 
 

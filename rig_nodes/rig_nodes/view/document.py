@@ -9,6 +9,7 @@ view.convert uses it; keys, headings and units are those of the report (analysis
 from __future__ import annotations
 
 from ..analysis.bench_report import bench_lines
+from ..analysis.definitions import undefined_lines
 from ..analysis.energy import clutch_heat
 from ..analysis.no_change import measured_lines
 from ..analysis.quality import sentence_of
@@ -46,6 +47,8 @@ def report_document(report: dict, problems: list[str]) -> str:
         name = shift_name(number, row, box, ARROW)
         parts += [f"{name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         parts += [f"{name}, is not valid: {reason}" for reason in row.get("why", [])]
+    names = [shift_name(number, row, box, ARROW) for number, row in enumerate(report["shifts"], 1)]
+    parts += undefined_lines(names, report["shifts"], columns_of(box))
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
     parts += ["## Run", f"End: {reason}", markdown_table([["", "value"], *_run_rows(report, box)])]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, stands
+from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, without_slip
 from ..analysis.phases import FILL, INERTIA, TORQUE, Part, moments_of, phases_of, times_of
 from ..bags import cdr
 from ..bags.reader import UNREADABLE
@@ -250,9 +250,9 @@ class Reader:
             return None
 
     def engages_at_rest(self, order: tuple[float, int, int]) -> bool:
-        """Return True when the input shaft stands still at an order from neutral; False where the bag does not show it."""
+        """Return True when an order from neutral is no shift (metrics.without_slip); False where the bag does not show it."""
         recording = self.recording(order, 0.0, 0.0) if order[1] == NEUTRAL and self._pages.box is not None else None
-        return recording is not None and stands(recording, order[0])
+        return recording is not None and without_slip(recording, order)
 
     def pieces(self, start: float, end: float) -> Iterator[Bag]:
         """Yield the bag from ``start`` to ``end`` [s] piece by piece, with all topics."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from ..analysis.bench_report import OF_A_RUN, bench_lines
+from ..analysis.definitions import undefined_lines
 from ..analysis.energy import energy_names
 from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
 from ..analysis.no_change import measured_lines
@@ -196,6 +197,8 @@ def _shifts(report: Mapping, box: Transmission) -> list[str]:
         grades = [(verdicts[i] or {}).get("grade") or "-" for i in part]
         lines.append(["quality", *((grade, grade if grade in GRADES else "") for grade in grades)])
         parts.append(table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], lines))
+    names = [heading_of(i + 1, row, box) for i, row in enumerate(rows)]
+    parts += [_words([f"{line}."], "note") for line in undefined_lines(names, rows, columns_of(box))]
     if len(rows) > MOST_IN_TABLES:
         parts.append(_words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note"))
     notes = [
