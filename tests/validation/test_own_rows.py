@@ -14,6 +14,8 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import Run
 from rig_nodes.validation import own_rows
+from rig_nodes.validation.document import terminal
+from rig_nodes.validation.programme import counts
 from rig_nodes.validation.which_rows import is_laboratory, rows_file
 
 ROW = """\
@@ -51,6 +53,16 @@ def test_the_three_speed_gearbox_meets_what_a_hand_calculates(capsys):
     assert [rows[f"ratio_{k}"]["value"] for k in (1, 2, 3)] == pytest.approx([2.8, 1.6, 1.0], rel=2e-3)
     assert rows["shift_time_12"]["basis"] == "calibrated" and rows["shift_time_12"]["unit"] == "s"
     assert content["summary"]["predicted"] == {"inside": 7, "outside": 0, "not compared": 0, "rows": 7}
+
+
+def test_a_proven_contradiction_of_the_source_is_neither_inside_nor_outside(folder):
+    (row,) = read(folder, ROW.replace("role: predict", "role: contradiction"))
+    shown, not_shown = own_rows.judge(row, 1.6, ""), own_rows.judge(row, 1.5, "")
+    assert (shown.verdict, not_shown.verdict) == ("source contradicts itself", "outside")
+    found = counts([shown, not_shown])
+    assert found["contradiction"] == {"inside": 0, "outside": 1, "not compared": 0, "source contradicts itself": 1, "rows": 2}
+    assert all(not any(one.values()) for basis, one in found.items() if basis != "contradiction")
+    assert "source contradicts itself: 1 of 2" in terminal([shown, not_shown])
 
 
 def test_a_changed_rig_misses_its_rows(capsys):
@@ -119,7 +131,7 @@ def test_what_cannot_be_taken_is_not_compared_with_the_reason(folder):
         ("low: 1.59 -", "low: 1.62 -", "ratio.low is 1.62 -, above high, which is 1.61 -"),
         ("low: 1.59 -", "low: 1.59", "ratio.low is 1.59, expected a number with its unit"),
         ("high: 1.61 -", "high: 1.61 rpm", "expected a ratio"),
-        ("role: predict", "role: guess", "expected calibrate or predict"),
+        ("role: predict", "role: guess", "expected calibrate, predict or contradiction"),
         ("sequence: demo", "sequence: damo", "did you mean 'demo'"),
         (
             "    gear: 2\n    value: n_in / n_out\n",

@@ -17,7 +17,7 @@ from ..config import load_yaml
 from ..config.schema import where_of
 from ..config.units import SI, UNITS
 from ..errors import RigError, brief
-from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
+from .evaluate import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .programme import Result, counts, summary
 from .records import place_text
 from .score import HOLD, balanced_accuracy
@@ -186,6 +186,8 @@ def verdict_line(rows: list[Row]) -> str:
     apart = ", ".join(of(basis) for basis in ("implied", "consistency") if found[basis]["rows"])
     if apart:
         parts.append(f"counted apart: {apart}")
+    if shown := found["contradiction"]["rows"]:
+        parts.append(f"{CONTRADICTS}: {found['contradiction'][CONTRADICTS]} of {shown}")
     parts.append(f"information, not judged: {found['information']['rows']}")
     return "; ".join(parts)
 
@@ -205,15 +207,15 @@ def _of_holds(rows: list[Row]) -> str:
 
 
 def terminal(rows: list[Row]) -> str:
-    """Return the text for the terminal: counts, misses and rows that could not be compared."""
+    """Return the text for the terminal: counts, misses, contradictions of the source and rows that could not be compared."""
     lines = [verdict_line(rows)]
-    for title, verdict in (("misses", OUTSIDE), ("not compared", NOT_COMPARED)):
+    for title, verdict in (("misses", OUTSIDE), (CONTRADICTS, CONTRADICTS), ("not compared", NOT_COMPARED)):
         found = [row for row in rows if row.verdict == verdict and row.basis != "information"]
         if found:
             lines += ["", f"{title}:"]
         width = max((len(row.target.id) for row in found), default=0)
         for row in found:
-            remark = f"{of_rig(row)}; accepted: {accepted(row)}" if verdict == OUTSIDE else row.reason
+            remark = {OUTSIDE: f"{of_rig(row)}; accepted: {accepted(row)}", CONTRADICTS: row.target.text}.get(verdict, row.reason)
             lines.append(f"  {row.target.id:<{width}}  {row.basis:<11}  {remark}")
     return "\n".join(lines)
 
@@ -302,7 +304,7 @@ def _of(count: dict[str, int], who: str) -> str:
 
 
 def _summary(rows: list[Row], found: dict, rig: str) -> str:
-    bases = [basis for basis in counts(rows) if basis != "information"]
+    bases = [basis for basis, count in counts(rows).items() if basis != "information" and count["rows"]]
     table = _table(
         ("basis", "rows", "inside", "outside", "not compared"),
         [(basis, *(found[basis][key] for key in ("rows", INSIDE, OUTSIDE, NOT_COMPARED))) for basis in bases],

@@ -32,8 +32,10 @@ BASIS = {
     "implied": "implied",
     "consistency": "consistency",
     "information": "information",
+    "contradiction": "contradiction",
 }
 INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"
+CONTRADICTS = "source contradicts itself"  # a row of the role contradiction, whose value shows that a printed number is wrong
 # variable of a curve -> condition of a record
 VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}
 # variables that one test runs through; fits and trends over them are judged for each test by itself
@@ -82,7 +84,7 @@ class Row:
     target : Target
         The target.
     verdict : str
-        INSIDE, OUTSIDE or NOT_COMPARED.
+        INSIDE, OUTSIDE, NOT_COMPARED or CONTRADICTS.
     value, low, high, place, judged_by
         Those of the worst single value.
     reason : str

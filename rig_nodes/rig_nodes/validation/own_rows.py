@@ -34,11 +34,11 @@ from ..testbench.configuration import RigConfig, load_rig, with_overrides
 from ..testbench.record import Run, record
 from ..testbench.sequence import DIMENSIONS, load_sequence
 from ..testbench.workers import Workers
-from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
+from .evaluate import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .targets import Target
 
 METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined"))
-ROLES = ("calibrate", "predict")
+ROLES = ("calibrate", "predict", "contradiction")
 STEADY = 0.3  # s before the next order over which a gear's values are averaged, unless the row says otherwise
 _KEYS = (
     "id",
@@ -204,7 +204,7 @@ class _Reader:
             if not isinstance(node[key], str) or not node[key].strip():
                 self.refuse(key, f"is {brief(node[key])}, expected words")
         if node["role"] not in ROLES:
-            self.refuse("role", f"is {brief(node['role'])}, expected {' or '.join(ROLES)}")
+            self.refuse("role", f"is {brief(node['role'])}, expected {', '.join(ROLES[:-1])} or {ROLES[-1]}")
         parameters, settings = (self.texts(key) for key in ("with", "settings"))
         given = [key for key in ("value", "metric", "calculation") if key in node]
         if len(given) != 1:
@@ -515,7 +515,8 @@ def judge(row: OwnRow, value: float | None, reason: str) -> Row:
     if value is None:
         return Row(target, NOT_COMPARED, low=target.low, high=target.high, reason=reason)
     inside = target.low <= value <= target.high
-    return Row(target, INSIDE if inside else OUTSIDE, value, target.low, target.high, count=1, inside=int(inside))
+    met = CONTRADICTS if target.role == "contradiction" else INSIDE
+    return Row(target, met if inside else OUTSIDE, value, target.low, target.high, count=1, inside=int(inside))
 
 
 def check_settings(rows: list[OwnRow], settings: dict[str, str]) -> None:

@@ -23,7 +23,7 @@ from ..testbench.record import Run
 from ..transmission import transmission_of
 from . import bench_records, readers
 from .derived import derive
-from .evaluate import BASIS, INSIDE, NOT_COMPARED, OUTSIDE, Row, evaluate
+from .evaluate import BASIS, CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, evaluate
 from .records import Record, average, same
 from .score import balanced_accuracy, trivial
 from .side_by_side import comparisons
@@ -316,8 +316,9 @@ def validate(
 
 
 def counts(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
-    """Return for each basis how many rows are inside, outside and not compared, and how many there are."""
+    """Return for each basis how many rows have each verdict, and how many there are."""
     out = {basis: {INSIDE: 0, OUTSIDE: 0, NOT_COMPARED: 0, "rows": 0} for basis in BASIS.values()}
+    out["contradiction"][CONTRADICTS] = 0
     for row in rows:
         out[row.basis][row.verdict] += 1
         out[row.basis]["rows"] += 1
