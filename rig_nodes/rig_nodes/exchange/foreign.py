@@ -16,13 +16,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..bags import limits
 from ..errors import RigError, no_file
-from .files import TIME, asammdf, pyarrow
+from .files import pyarrow
 from .provenance import KEY, csvw_path, read_provenance
 from .units import split_head, unit_of
 
@@ -125,7 +125,15 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
         suffix = path.suffix.lower()
         if suffix in TEXT:
             return _text(path, form or Form())
-        return _table(path) if suffix in TABLE else _mdf(path) if suffix in MDF else _matlab(path)
+        if suffix in TABLE:
+            return _table(path)
+        if suffix in MDF:
+            from .mdf import read_mdf
+
+            return read_mdf(path)
+        from .matlab import read_matlab
+
+        return read_matlab(path)
     except OSError as error:
         raise RigError(f"{path}: cannot be read ({error.strerror or error})") from None
 
@@ -305,87 +313,6 @@ def _table(path: Path) -> Foreign:
     if not channels or table.num_rows < 2:
         raise RigError(f"{path}: holds {len(channels)} columns of numbers with {table.num_rows} rows; a recording needs more")
     return Foreign(path, channels, provenance=read_provenance((table.schema.metadata or {}).get(KEY.encode())))
-
-
-def _mdf(path: Path) -> Foreign:
-    package = asammdf()
-    channels, provenance = [], None
-    try:
-        with package.MDF(path) as file:
-            for number, attachment in enumerate(getattr(file, "attachments", [])):
-                if attachment.file_name == f"{KEY}.json":
-                    provenance = read_provenance(file.extract_attachment(number)[0])
-            for group in file.virtual_groups:
-                for one in file.select(
-                    [(None, *place) for place in _places(file, group)], ignore_value2text_conversions=True, copy_master=False
-                ):
-                    values = np.asarray(one.samples)
-                    if values.ndim == 1 and values.dtype.kind in "fiub" and len(values) > 1:
-                        unit = unit_of(one.unit or "") or one.unit or ""
-                        channels.append(Channel(one.name, one.name, unit, values.astype(float), np.asarray(one.timestamps, float)))
-    except RigError:
-        raise
-    except Exception as error:  # the package raises many classes for files that are damaged or no MDF
-        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        raise RigError(f"{path}: cannot be read as MDF ({problem})") from None
-    if not channels:
-        raise RigError(f"{path}: holds no channel of numbers")
-    return Foreign(path, channels, provenance=provenance)
-
-
-def _places(file: Any, group: int) -> list[tuple[int, int]]:
-    """Return group and number of each channel of a group, without its times."""
-    included = file.included_channels(group)[group]
-    return [(number, channel) for number, found in included.items() for channel in found]
-
-
-def _matlab(path: Path) -> Foreign:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        found = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        raise RigError(f"{path}: is a MAT file of version 7.3, expected one of version 5 to 7; save it with '-v7'") from None
-    except (MatReadError, ValueError, TypeError, KeyError) as error:
-        raise RigError(f"{path}: cannot be read as a MAT file ({str(error).splitlines()[0]})") from None
-    own = found.get(KEY.replace(".", "_"))
-    provenance = read_provenance(own.get("json")) if isinstance(own, dict) else None
-    channels = []
-    for name, value in found.items():
-        if name.startswith("__"):
-            continue
-        if isinstance(value, dict):
-            channels += _of_struct(value)
-        elif (column := _vector(value)) is not None:
-            channels.append(Channel(name, *split_head(name), column))
-    if not channels:
-        raise RigError(f"{path}: holds no vector of numbers and no struct of such vectors")
-    return Foreign(path, channels, provenance=provenance)
-
-
-def _of_struct(struct: dict) -> list[Channel]:
-    """Return the vectors of a struct, with the times of the one that is named t or time, if they fit."""
-    vectors = {name: column for name, value in struct.items() if (column := _vector(value)) is not None}
-    units, names = (struct.get(one) if isinstance(struct.get(one), dict) else {} for one in ("units", "names"))
-    times = next((vectors.pop(name) for name in (TIME, "time", "Time") if name in vectors), None)
-    out = []
-    for name, column in vectors.items():
-        plain, unit = split_head(name)
-        stated = units.get(name)
-        own = times if times is not None and len(times) == len(column) else None
-        out.append(
-            Channel(
-                str(names.get(name, name)), str(names.get(name, plain if not stated else name)), str(stated or unit), column, own
-            )
-        )
-    return out
-
-
-def _vector(value: object) -> Floats | None:
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim == 1 and len(value) > 1:
-        return value.astype(float)
-    return None
 
 
 def named(channels: Sequence[Channel], head: str) -> Channel | None:
