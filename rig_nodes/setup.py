@@ -64,7 +64,7 @@ setup(
         "view": ["rerun-sdk"],
         "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
         "sweep": ["pyarrow", "dask", "distributed", "optuna"],
-        "mdf": ["asammdf"],
+        "files": ["asammdf", "openpyxl", "npTDMS", "h5py"],
         "test": ["pytest", "mcap-ros2-support"],
     },
     zip_safe=False,

@@ -38,8 +38,6 @@ def exported(kind, folder):
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat", "mf4"])
 def test_an_exported_run_comes_back_with_the_same_bits_orders_and_metrics(kind, folder, bag, tmp_path):
-    if kind == "mf4":
-        pytest.importorskip("asammdf")
     assert main(["import", str(exported(kind, folder)), "--out", str(tmp_path / "back")]) == 0
     back, ours = Bag(tmp_path / "back"), bag.logger()
     theirs = back.logger()
@@ -80,8 +78,9 @@ def test_other_tools_find_units_and_provenance(folder, bag):
     rows = found["instruments_hmg4000"]
     assert rows["units"]["p1"] == "Pa" and np.array_equal(rows["p1"], bag.logger().channels["p1"])
     assert found["rig_nodes_run"]["rig"] == "hydmag" and found["motor_command"]["names"]["motor_command"] == "motor.command"
-    asammdf = pytest.importorskip("asammdf")
-    with asammdf.MDF(exported("mf4", folder)) as file:
+    from asammdf import MDF
+
+    with MDF(exported("mf4", folder)) as file:
         signal = file.get("p1")
         assert signal.unit == "Pa" and np.array_equal(signal.samples, bag.logger().channels["p1"])
         assert len(file.get("s1_slip").timestamps) == bag.counts["/clutch_s1/state"] and "rig: hydmag" in file.header.comment
@@ -148,7 +147,7 @@ def test_what_cannot_be_exported_is_told_in_one_sentence_and_leaves_nothing(word
 def test_without_asammdf_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, "asammdf", None)
     assert main(["export", "mf4", str(SAMPLE), "--out", str(tmp_path / "a.mf4")]) == 2
-    assert "pip install -r requirements-mdf.txt" in capsys.readouterr().err and not list(tmp_path.iterdir())
+    assert "'python -m pip install asammdf' installs it" in capsys.readouterr().err and not list(tmp_path.iterdir())
 
 
 def test_a_pyarrow_for_another_numpy_is_said_with_the_one_that_fits(monkeypatch, tmp_path, capsys):

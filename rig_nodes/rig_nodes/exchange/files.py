@@ -23,29 +23,16 @@ import numpy as np
 from ..atomic_write import atomic_write
 from ..errors import RigError, no_pyarrow, not_written
 from .groups import Column, Group, Rows, Signals, on_one_clock, on_own_clocks
+from .packages import needed
 from .provenance import KEY, csvw_path, lines_of, provenance_of, text_of
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from ..arrays import Floats
 
 KINDS = {"csv": (".csv",), "parquet": (".parquet",), "mf4": (".mf4",), "mat": (".mat",)}
 TIME = "t"
 MAT_LARGEST = 1 << 30  # bytes; a MAT file is made in memory as a whole
 _NO_FIELD = re.compile(r"\W")
-ASAMMDF = (
-    "MDF4 needs the package asammdf, which is not installed; '.venv/bin/python -m pip install -r requirements-mdf.txt' installs it"
-)
-
-
-def asammdf() -> ModuleType:
-    """Return the package asammdf; RigError, with the remedy, when it is not installed."""
-    try:
-        import asammdf as package
-    except ImportError:
-        raise RigError(ASAMMDF) from None
-    return package
 
 
 def pyarrow() -> tuple[Any, Any]:
@@ -156,7 +143,7 @@ def _parquet(order: Order) -> None:
 
 
 def _mf4(order: Order) -> None:
-    package = asammdf()
+    package = needed("asammdf", "MDF4")
     groups, provenance = order.signals.groups, provenance_of(order.signals.small)
     place: dict[int, int] = {}
     with _whole(order.target) as part, package.MDF(version="4.10") as file:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import RigError
-from .files import asammdf
 from .foreign import Channel, Foreign
+from .packages import needed
 from .provenance import KEY, read_provenance
 from .units import unit_of
 
@@ -35,7 +35,7 @@ def read_mdf(path: Path) -> Foreign:
     RigError
         When the file cannot be used; the error is one sentence.
     """
-    package = asammdf()
+    package = needed("asammdf", "MDF")
     channels, provenance = [], None
     try:
         with package.MDF(path) as file:
