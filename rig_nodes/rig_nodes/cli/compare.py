@@ -76,14 +76,14 @@ def _sources(args: argparse.Namespace) -> list[Source]:
     from ..bags.rig_record import rig_record
     from ..config.names import DEFAULT_RIG
     from ..errors import RigError
-    from ..exchange.foreign import SUFFIXES
     from ..exchange.imported import read_measurement
+    from ..exchange.kinds import is_loggers_file
     from ..testbench.configuration import load_gearbox_rig
     from ..transmission import transmission_of
 
     import_verb = import_module("rig_nodes.cli.import")
     profile = import_verb.profile_of(args)
-    files = [run for run in args.runs if run.lower().endswith(SUFFIXES)]
+    files = [run for run in args.runs if is_loggers_file(run)]
     if (given := [name for name in ("profile", "rig", "orders", "period") if getattr(args, name) is not None]) and not files:
         raise RigError(f"--{given[0]} is for loggers' files; runs have their own")
     bags = {run: Bag(run) for run in args.runs if run not in files}

@@ -22,7 +22,7 @@ from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
 from ..config import load_yaml
 from ..errors import RigError, printable
-from ..exchange.foreign import SUFFIXES
+from ..exchange.kinds import is_loggers_file
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
 from .output_files import OutputFile
 from .report_folder import is_folder_of_runs, report_folder, write_pages
@@ -72,7 +72,7 @@ def main(args: argparse.Namespace) -> int:
 
         browser()  # refuses a machine without one before anything is computed
     limits = [*(read_limits(args.limits_file) if args.limits_file else []), *parse_limits(args.limits)]
-    if args.run.lower().endswith(SUFFIXES):
+    if is_loggers_file(args.run):
         raise RigError(f"{args.run}: is a logger's file; './rig import {args.run}' makes a run of it, which has a report")
     if is_folder_of_runs(Path(args.run)):
         return report_folder(args, limits)

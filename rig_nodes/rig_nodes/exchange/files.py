@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 KINDS = {"csv": (".csv",), "parquet": (".parquet",), "mf4": (".mf4",), "mat": (".mat",)}
 TIME = "t"
+DATED = 3e7  # s; the times of a file that was imported and began later are dates, from 1970
 MAT_LARGEST = 1 << 30  # bytes; a MAT file is made in memory as a whole
 _NO_FIELD = re.compile(r"\W")
 
@@ -147,6 +149,7 @@ def _mf4(order: Order) -> None:
     groups, provenance = order.signals.groups, provenance_of(order.signals.small)
     place: dict[int, int] = {}
     with _whole(order.target) as part, package.MDF(version="4.10") as file:
+        file.header.start_time = _started(order, provenance["run"])
         file.header.comment = "; ".join(f"{name}: {value}" for name, value in lines_of(provenance))
         file.attach(text_of(provenance).encode(), file_name=f"{KEY}.json", mime="application/json", embedded=True)
         for rows in chain.from_iterable(order.signals.parts(order.progress)):
@@ -163,6 +166,18 @@ def _mf4(order: Order) -> None:
         made_at = part.with_suffix(".mf4")
         file.save(made_at, overwrite=True, compression=2)
         os.replace(made_at, part)
+
+
+def _started(order: Order, run: dict) -> datetime:
+    """Return the date of a run: that of the measurement which was imported, or when its bag was written less its length."""
+    about = run.get("imported")
+    facts = [about.get(name) for name in ("start", "time_zero_s")] if isinstance(about, dict) else []
+    start = next((float(one) for one in facts if isinstance(one, (int, float)) and DATED < one < 1e10), None)
+    if start is None:
+        path = order.signals.small.path
+        newest = max(one.stat().st_mtime for one in ([path] if path.is_file() else path.glob("*.mcap")))
+        start = newest - order.signals.last / 1e9
+    return datetime.fromtimestamp(start, UTC)
 
 
 def _mat(order: Order) -> None:

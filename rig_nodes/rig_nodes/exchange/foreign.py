@@ -23,16 +23,16 @@ import numpy as np
 from ..bags import limits
 from ..errors import RigError, no_file
 from .files import pyarrow
+from .kinds import MATLAB, MDF, PARQUET, TDMS, TEXT, kind_of
 from .provenance import KEY, csvw_path, read_provenance
 from .units import split_head, unit_of
 
 if TYPE_CHECKING:
     from ..arrays import Floats
 
-TEXT, TABLE, MDF, MATLAB = (".csv", ".txt", ".asc", ".tsv"), (".parquet",), (".mf4", ".mdf", ".dat"), (".mat",)
-SUFFIXES = (*TEXT, *TABLE, *MDF, *MATLAB)
 LARGEST = 4 << 30  # bytes of a file, which is read as a whole
 DELIMITERS = (";", "\t", "|", ",")
+CUT = "the file is cut off; what it holds until there was taken"
 MISSING = ("", "nan", "NaN", "---")
 HEAD_LINES = 200  # lines in which the first row of values is looked for
 LOOKED_AT = 60  # lines from which delimiter and decimal sign are found
@@ -63,23 +63,42 @@ class Form:
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of a file: its head, the name and unit in the head, its values, and its own times [s] where the file has them."""
+    """One channel of a file.
+
+    Attributes
+    ----------
+    head, name, unit : str
+        Its head, which no other channel of the file should have, and the name and unit in it.
+    values : (n,) array of float
+        Values in the unit; NaN where there is none.
+    times : (n,) array of float, optional
+        Its own times [s], where the file has them.
+    over : str
+        What it is recorded over in place of times, such as an angle.
+    """
 
     head: str
     name: str
     unit: str
     values: Floats
     times: Floats | None = None
+    over: str = ""
 
 
 @dataclass(frozen=True)
 class Foreign:
-    """A file: its channels in their order, its form when it is text, and its provenance when it is an exported run."""
+    """A file: its channels in their order, its form when it is text, and its provenance when it is an exported run.
+
+    ``start`` is the date of time 0 [s since 1970-01-01 UTC], where the file has it beside its times; ``notes`` are
+    for its user, as sentences.
+    """
 
     path: Path
     channels: list[Channel]
     form: Form = field(default_factory=Form)
     provenance: dict | None = None
+    start: float | None = None
+    notes: tuple[str, ...] = ()
 
     def row(self, number: int) -> str:
         """Return the place of a row in the file, for errors."""
@@ -97,7 +116,7 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
     Parameters
     ----------
     path : str or Path
-        CSV, Parquet, MDF or MAT, by its ending.
+        CSV, Parquet, MDF, MAT, xlsx or TDMS, by its content.
     form : Form, optional
         Form of a CSV file.
 
@@ -114,28 +133,38 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
     path = Path(path)
     if not path.is_file():
         raise RigError(f"{path}: {no_file(path)}")
-    if path.suffix.lower() not in SUFFIXES:
-        raise RigError(f"{path}: cannot be imported by its ending; known are {', '.join(SUFFIXES)}")
     try:
         size = path.stat().st_size
         if size > LARGEST:
             raise RigError(f"{path}: has {size} bytes, and a file is read as a whole, at most {LARGEST}; split it")
         if not size:
             raise RigError(f"{path}: is empty")
-        suffix = path.suffix.lower()
-        if suffix in TEXT:
-            return _text(path, form or Form())
-        if suffix in TABLE:
-            return _table(path)
-        if suffix in MDF:
-            from .mdf import read_mdf
+        return _read(path, form or Form())
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read ({error.strerror or error})") from None
 
-            return read_mdf(path)
+
+def _read(path: Path, form: Form) -> Foreign:
+    kind = kind_of(path)
+    if kind == TEXT:
+        return _text(path, form)
+    if kind == PARQUET:
+        return _table(path)
+    if kind == MDF:
+        from .mdf import read_mdf
+
+        return read_mdf(path)
+    if kind == MATLAB:
         from .matlab import read_matlab
 
         return read_matlab(path)
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if kind == TDMS:
+        from .tdms import read_tdms
+
+        return read_tdms(path)
+    from .xlsx import read_xlsx
+
+    return read_xlsx(path, form)
 
 
 def _text(path: Path, form: Form) -> Foreign:
@@ -315,6 +344,13 @@ def _table(path: Path) -> Foreign:
     return Foreign(path, channels, provenance=read_provenance((table.schema.metadata or {}).get(KEY.encode())))
 
 
-def named(channels: Sequence[Channel], head: str) -> Channel | None:
-    """Return the first channel with this head or this name."""
-    return next((one for one in channels if one.head == head), None) or next((one for one in channels if one.name == head), None)
+def named(channels: Sequence[Channel], head: str, where: str) -> Channel | None:
+    """Return the channel with this head, this name or this last part of a path; RigError, with ``where``, when several have it."""
+    found = [one for one in channels if one.head == head] or [one for one in channels if one.name == head]
+    found = found or [one for one in channels if one.head.endswith((f".{head}", f"/{head}"))]
+    if len(found) > 1:
+        shown = ", ".join(f"'{one.head}'" for one in found[:4])
+        raise RigError(
+            f"{where}: '{head}' is there {len(found)} times, as {shown}{' and more' if len(found) > 4 else ''}; name one of these"
+        )
+    return found[0] if found else None

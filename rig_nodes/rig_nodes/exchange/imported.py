@@ -155,9 +155,15 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
             raise RigError(f"{one.where}: {unknown('signal', one.signal, signals)}")
         if one.signal in found:
             raise RigError(
-                f"{one.where}: signal {one.signal} is there twice, as '{found[one.signal][1].head}' and '{channel.head}'"
+                f"{one.where}: signal {one.signal} is there twice, as '{found[one.signal][1].head}' and '{channel.head}'; "
+                "name the one to take under 'columns' in a profile"
             )
         found[one.signal] = one, channel, _in_si(one, channel, signals[one.signal])
+        if channel.over and profile.time is None and profile.period is None:
+            raise RigError(
+                f"{one.where}: '{channel.head}' is recorded over {channel.over} and not over time; name a column of times "
+                "in a profile, e.g. time: {column: NAME, unit: s}, or give the time between its rows by --period"
+            )
     if not found:
         raise RigError(f"{path}: no column is taken from it")
     axis = _axis(foreign, profile, [channel for _, channel, _ in found.values()])
@@ -168,7 +174,7 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
         if name in main:
             channels[name] = clock.placed(values, counts)
         else:
-            channels[name] = clock.carried(np.asarray(channel.times), values, bool(signals[name].states))
+            channels[name] = clock.carried(clock.times_of(channel), values, bool(signals[name].states))
     return _measurement(foreign, profile, record, named_by, orders, clock, channels, found, counts)
 
 
@@ -183,7 +189,7 @@ def _measurement(
     found: dict[str, tuple[Mapped, Channel, Floats]],
     counts: dict[str, int],
 ) -> Measurement:
-    notes, shift = [], 0.0
+    notes, shift = list(foreign.notes), 0.0
     if not 0.0 <= clock.t0 < LATEST:
         shift = clock.t0
         notes.append(f"time 0 of the run is {shift:.6f} s of the file")
@@ -212,6 +218,7 @@ def _measurement(
         "rows": clock.rows,
         **counts,
         "time_zero_s": shift,
+        **({} if foreign.start is None else {"start": foreign.start + shift}),
     }
     run = {key: value for key, value in foreign.provenance["run"].items() if key != "configuration"} if foreign.provenance else {}
     events = [(t - shift, *rest) for t, *rest in events]
@@ -219,7 +226,7 @@ def _measurement(
 
 
 def _channel(foreign: Foreign, head: str, where: str) -> Channel:
-    channel = named(foreign.channels, head)
+    channel = named(foreign.channels, head, where)
     if channel is None:
         names = [one.name for one in foreign.channels]
         raise RigError(f"{where}: {foreign.path} has no column {brief(head)}; {meant(head, names)}")

@@ -1,23 +1,47 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads MAT files as channels; exchange.foreign calls it for the ending of MAT."""
+"""Reads MAT files, of version 4 to 7 by scipy and of version 7.3 by h5py, as a tree of structs, lists, arrays and texts.
+
+exchange.foreign calls it for what is a MAT file; matlab_forms.py finds the channels in the tree.
+"""
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ..errors import RigError
-from .files import TIME
-from .foreign import Channel, Foreign
+from .foreign import Foreign
+from .heads import apart
+from .matlab_forms import channels_of
+from .packages import needed
 from .provenance import KEY, read_provenance
-from .units import split_head
 
-if TYPE_CHECKING:
-    from ..arrays import Floats
+HDF5 = b"\x89HDF\r\n\x1a\n"
+DEEPEST = 30  # structs in each other
+# how MATLAB writes an object's values as plain structs and arrays, by class; NAME is the variable
+REMEDIES = {
+    "timeseries": "s = struct('t', NAME.Time, 'y', squeeze(NAME.Data)); save('new.mat', 's')",
+    "timetable": "s = table2struct(NAME, 'ToScalar', true); s.t = seconds(NAME.Properties.RowTimes); save('new.mat', 's')",
+    "table": "s = table2struct(NAME, 'ToScalar', true); save('new.mat', 's')",
+    "Simulink.SimulationOutput": "s = struct('t', NAME.tout, 'y', NAME.yout); save('new.mat', 's')",
+}
+DATASET = (
+    "for k = 1:NAME.numElements, e = NAME{k}; s.(matlab.lang.makeValidName(e.Name)) = struct('t', e.Values.Time, 'y', "
+    "squeeze(e.Values.Data)); end, save('new.mat', '-struct', 's')"
+)
+ANY = "s = struct(NAME); save('new.mat', 's')"
+
+
+class Opaque:
+    """An object of a class of MATLAB, which only MATLAB reads; ``kind`` is the class, empty where the file does not tell it."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
 
 
 def read_matlab(path: Path) -> Foreign:
@@ -38,49 +62,127 @@ def read_matlab(path: Path) -> Foreign:
     RigError
         When the file cannot be used; the error is one sentence.
     """
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        found = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        raise RigError(f"{path}: is a MAT file of version 7.3, expected one of version 5 to 7; save it with '-v7'") from None
-    except (MatReadError, ValueError, TypeError, KeyError) as error:
-        raise RigError(f"{path}: cannot be read as a MAT file ({str(error).splitlines()[0]})") from None
-    own = found.get(KEY.replace(".", "_"))
+    with open(path, "rb") as file:
+        is_hdf5 = HDF5 in file.read(1024)
+    tree = _version_73(path) if is_hdf5 else _version_7(path)
+    own = tree.pop(KEY.replace(".", "_"), None)
     provenance = read_provenance(own.get("json")) if isinstance(own, dict) else None
-    channels = []
-    for name, value in found.items():
-        if name.startswith("__"):
-            continue
-        if isinstance(value, dict):
-            channels += _of_struct(value)
-        elif (column := _vector(value)) is not None:
-            channels.append(Channel(name, *split_head(name), column))
+    channels = apart(list(channels_of(tree)))
+    objects = list(_objects(tree))
+    if objects and len(channels) < 2:  # what else is there is at most the times
+        name, kind = objects[0]
+        line = REMEDIES.get(kind, DATASET if kind.endswith("Dataset") else ANY).replace("NAME", name)
+        raise RigError(
+            f"{path}: '{name}' is {f'a {kind}' if kind else 'an object'}, which only MATLAB can read; there, write its values by "
+            f"{line}"
+        )
     if not channels:
         raise RigError(f"{path}: holds no vector of numbers and no struct of such vectors")
     return Foreign(path, channels, provenance=provenance)
 
 
-def _of_struct(struct: dict) -> list[Channel]:
-    """Return the vectors of a struct, with the times of the one that is named t or time, if they fit."""
-    vectors = {name: column for name, value in struct.items() if (column := _vector(value)) is not None}
-    units, names = (struct.get(one) if isinstance(struct.get(one), dict) else {} for one in ("units", "names"))
-    times = next((vectors.pop(name) for name in (TIME, "time", "Time") if name in vectors), None)
-    out = []
-    for name, column in vectors.items():
-        plain, unit = split_head(name)
-        stated = units.get(name)
-        own = times if times is not None and len(times) == len(column) else None
-        out.append(
-            Channel(
-                str(names.get(name, name)), str(names.get(name, plain if not stated else name)), str(stated or unit), column, own
-            )
-        )
-    return out
+def _objects(tree: object, name: str = "") -> Any:
+    """Yield name and class of each object in a tree."""
+    if isinstance(tree, Opaque):
+        yield name, tree.kind
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from _objects(value, f"{name}.{key}" if name else key)
+    elif isinstance(tree, list):
+        for number, value in enumerate(tree, 1):
+            yield from _objects(value, f"{name}({number})")
 
 
-def _vector(value: object) -> Floats | None:
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim == 1 and len(value) > 1:
-        return value.astype(float)
-    return None
+# ---- version 4 to 7
+
+
+def _version_7(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of objects, which are refused here in a sentence
+            found = loadmat(path, squeeze_me=True, struct_as_record=True)
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:  # scipy raises errors of many classes for files that are damaged or no MAT files
+        problem = f"{error}".strip().splitlines() or [type(error).__name__]
+        raise RigError(f"{path}: cannot be read as a MAT file ({problem[0]})") from None
+    tree = {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
+    unnamed = tree.pop("None", None)  # scipy names an object so whose name it cannot read
+    if isinstance(unnamed, Opaque):
+        tree["object"] = unnamed
+    return tree
+
+
+def _plain(value: Any, depth: int = 0) -> Any:
+    """Return a value of scipy as dict, list, array, text or Opaque."""
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+    if depth > DEEPEST or isinstance(value, (MatlabFunction, MatlabObject, MatlabOpaque)):
+        return Opaque(_class_of(value))
+    if isinstance(value, np.void) and value.dtype.names:
+        return {name: _plain(value[name], depth + 1) for name in value.dtype.names}
+    if isinstance(value, np.ndarray):
+        if value.dtype.names:
+            parts = [_plain(one, depth + 1) for one in value.ravel()]
+            return parts[0] if value.ndim == 0 else parts
+        if value.dtype == object:
+            parts = [_plain(one, depth + 1) for one in value.ravel()]
+            return parts[0] if value.ndim == 0 else parts
+    return str(value) if isinstance(value, (str, np.str_)) else value
+
+
+def _class_of(value: Any) -> str:
+    """Return the class of an object of scipy as far as the file tells it."""
+    kind = getattr(value, "classname", "")
+    names = value.dtype.names if isinstance(value, np.ndarray) else None
+    if not kind and names and "s2" in names and value.size:
+        kind = value.ravel()[0]["s2"]
+    kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+    return kind if kind.isprintable() else ""
+
+
+# ---- version 7.3
+
+
+def _version_73(path: Path) -> dict[str, Any]:
+    h5py = needed("h5py", "MAT 7.3")
+    try:
+        with h5py.File(path, "r") as file:
+            return {name: _of_hdf5(h5py, file, value) for name, value in file.items() if not name.startswith("#")}
+    except RigError:
+        raise
+    except Exception as error:  # h5py raises errors of many classes for damaged files
+        raise RigError(f"{path}: cannot be read as a MAT file of version 7.3 ({str(error).splitlines()[0]})") from None
+
+
+def _of_hdf5(h5py: Any, file: Any, node: Any, depth: int = 0) -> Any:
+    """Return a group or data set of HDF5, with MATLAB's attributes, as dict, list, array, text or Opaque."""
+    kind = node.attrs.get("MATLAB_class", b"")
+    kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+    if depth > DEEPEST or "MATLAB_object_decode" in node.attrs:
+        return Opaque(kind)
+    if isinstance(node, h5py.Group):
+        fields = {name: value for name, value in node.items() if not name.startswith("#")}
+        arrays = [value for value in fields.values() if isinstance(value, h5py.Dataset) and "MATLAB_class" not in value.attrs]
+        if fields and len(arrays) == len(fields) and all(one.dtype.kind == "O" for one in arrays):  # an array of structs
+            rows = {name: _referred(h5py, file, value, depth) for name, value in fields.items()}
+            return [dict(zip(rows, them)) for them in zip(*rows.values())]
+        return {name: _of_hdf5(h5py, file, value, depth + 1) for name, value in fields.items()}
+    if "MATLAB_empty" in node.attrs:
+        return "" if kind == "char" else np.zeros(0)
+    if kind == "char":
+        return "".join(map(chr, np.asarray(node[()]).ravel()))
+    if node.dtype.kind == "O":
+        parts = _referred(h5py, file, node, depth)
+        return parts if kind == "cell" else Opaque(kind)
+    if node.dtype.kind not in "fiub":
+        return Opaque(kind)
+    values = np.squeeze(np.asarray(node[()]).T)  # MATLAB's columns are rows in HDF5
+    return values if values.ndim else values[()]
+
+
+def _referred(h5py: Any, file: Any, node: Any, depth: int) -> list:
+    found = [one for one in np.asarray(node[()]).T.ravel(order="F") if isinstance(one, h5py.Reference)]
+    return [_of_hdf5(h5py, file, file[one], depth + 1) for one in found]

@@ -17,7 +17,7 @@ from itertools import pairwise
 from ..catalogue import Signal, catalogue
 from ..config.units import UNITS
 from ..transmission import Transmission, transmission_of
-from .foreign import TEXT, Channel, Foreign
+from .foreign import Channel, Foreign
 from .imported import ORDER_NAMES, TIME_NAMES
 from .units import unit_of
 
@@ -67,8 +67,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         "# set: {w0.inertia: 0.8 kg m2}  # values of that rig that are others",
         "",
     ]
-    if foreign.path.suffix.lower() in TEXT:
-        form = foreign.form
+    if (form := foreign.form).delimiter:
         lines += [
             f"delimiter: {_quoted('tab' if form.delimiter == chr(9) else form.delimiter)}",
             f"decimal: {_quoted(form.decimal)}",
