@@ -3,6 +3,7 @@
 
 """The CAN bus over UDP multicast uses only this machine's loopback, and foreign packets end no program."""
 
+import re
 import socket
 import struct
 import subprocess
@@ -88,9 +89,10 @@ def test_foreign_packets_are_counted_and_named_once(config):
         bus.shutdown()
     assert answered > 50
     sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
-    assert plug.faults == {sentence: 2 * len(FOREIGN)} and controller.unread == plug.faults
+    assert plug.ignored.counts == {sentence: 2 * len(FOREIGN)} and controller.ignored.counts == plug.ignored.counts
     assert [text for text in reports if "could not be read" in text] == [
-        f"{plug.name}: {sentence}; it is not used, nor are others like it"
+        f"{plug.name}: {sentence}; it is not used, nor are others like it",
+        f"{plug.name}: {2 * len(FOREIGN)} times in all something came that is not used: {sentence}",
     ]
 
 
@@ -123,7 +125,7 @@ def test_a_simulated_run_goes_on_while_a_stranger_sends_a_byte_to_its_port(tmp_p
     sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
     assert code == 0 and "end: the sequence ended" in printed
     assert printed.count(f"{sentence}; it is not used, nor are others like it") == 1
-    assert controller.unread[sentence] > 100, "and the controller on the same bus goes on too"
+    assert controller.ignored.counts[sentence] > 100, "and the controller on the same bus goes on too"
 
 
 @pytest.mark.parametrize("program", ["example", "template"])
@@ -201,5 +203,6 @@ def test_a_second_program_on_the_bus_is_refused_and_named(config):
         plug.close()
         first.shutdown()
         second.shutdown()
-    (refusal,) = [text for text in reports if "refused" in text]
+    refusal, total = [text for text in reports if "refused" in text]
+    assert re.search(r": \d+ times in all something came that is not used", total)
     assert "a command of the program on port" in refusal and "commands, until it leaves or has been silent for 1 s" in refusal

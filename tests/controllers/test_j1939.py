@@ -15,7 +15,7 @@ import can
 import cantools
 import pytest
 
-from rig_nodes.controllers import load_controller
+from rig_nodes.controllers import ControllerFailed, load_controller
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.controllers.can_database import dbc_text
 from rig_nodes.controllers.examples.can_alfa46 import CanController
@@ -209,15 +209,30 @@ def test_of_two_nodes_the_lower_name_has_the_address(make):
     bus.put(0x18EEFF03, name)
     bus.step(2)
     assert bus.frames() == [], "its own claim, come back"
-    for _ in range(2):
-        bus.put(0x18EEFF03, bytes(8))
-    for sample in range(3, 30):
-        bus.step(sample)
+    bus.put(0x18EEFF03, bytes(8))
+    with pytest.raises(
+        ControllerFailed, match=r"the J1939 address 3 is another node's \(NAME 0{16}\); choose another one with &address=N"
+    ):
+        bus.step(3)
     assert bus.frames() == [(0x18EEFFFE, name)], "cannot claim, and nothing else any more"
-    bus.step(40)
-    assert [number for number, _ in bus.frames(extended=False)] != [], "plain frames go on"
-    (report,) = [text for text in bus.reports if "J1939" in text]
-    assert "the J1939 address 3 is another node's (NAME 0000000000000000)" in report and "&address=N" in report
+
+
+@pytest.mark.parametrize("pgn", [ETC1, 65296, 65262], ids=["ETC1", "a command", "of no use to the rig"])
+def test_a_node_that_sends_from_the_rigs_address_trips_the_run(make, pgn):
+    """It claims nothing; the other devices on the bus would take its messages for the rig's."""
+    bus = make()
+    bus.answer(0)
+    bus.step(0)
+    bus.put(0x0C000003 | pgn << 8, bytes(8))
+    with pytest.raises(ControllerFailed, match=rf"another node sends from the J1939 address 3 of the rig \(PGN {pgn}\); choose"):
+        bus.step(1)
+
+
+def test_an_address_that_another_node_defends_is_not_started_with(make):
+    bus = make()
+    bus.put(0x18EEFF03, bytes(8))
+    with pytest.raises(RigError, match="the J1939 address 3 is another node's"):
+        bus.plug.wait(10.0)
 
 
 def test_another_address_or_none_is_chosen_by_an_option(make):
@@ -230,7 +245,7 @@ def test_another_address_or_none_is_chosen_by_an_option(make):
     bus.step(0)
     bus.step(10)
     assert bus.frames() == [] and bus.plug.gear == 0
-    assert bus.plug.faults == {}
+    assert bus.plug.ignored.counts == {}
 
 
 def test_a_node_of_a_dynamic_address_waits_a_quarter_of_a_second(make):
@@ -267,7 +282,7 @@ def test_commands_are_taken_from_one_source_address(make):
         f"{bus.spec}: a command of J1939 address 34 is refused: J1939 address 33 commands, until it leaves or has been "
         "silent for 1 s; it is not used, nor are others like it"
     ]
-    assert sum(bus.plug.faults.values()) == 38
+    assert sum(bus.plug.ignored.counts.values()) == 38
     bus.plug._mastered -= 1.0  # as a second later
     bus.answer(20, source=0x22, gear=2, command=20000)
     assert bus.plug.step(20, [0.0] * 3, [0.0, 0.0, 0.0, 0.0]).command == pytest.approx((0.4, 0.0, 0.0))

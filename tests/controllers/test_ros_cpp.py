@@ -34,6 +34,8 @@ int main() {
   rig_msgs::msg::ControllerStart start;
   start.session = 5;
   start.record.outputs = {"output_1", "output_2", "output_3"};
+  start.record.transducers = {"n_wej", "n_wyj", "p1", "p2"};
+  start.record.units = {"rad/s", "rad/s", "Pa", "Pa"};
   start.record.gears = {0, 1, 2};
   start.record.gear_names = {"neutral", "I", "II"};
   start.record.id = "another";
@@ -157,6 +159,8 @@ int main() {
   const auto tell = [&] {
     start.session += 1;
     start.record.id = "any";
+    start.record.outputs = {"a", "b", "c"};
+    start.record.transducers = {"d", "e", "f", "g"};
     const auto said = box.start(start);
     std::printf("%d %s\n", said->state, said->message.c_str());
   };
@@ -181,6 +185,12 @@ int main() {
   step.settings = {0.5, 0.25};
   const auto *answer = box.step(step);
   std::printf("%g %zu %g %g\n", answer->command[0], answer->signals.size(), answer->signals[0], answer->signals[1]);
+  step.seq = 2;
+  step.others.pop_back();
+  answer = box.step(step);
+  std::printf("%d %s\n", answer->status, answer->message.c_str());
+  start.level = 7;
+  tell();
 }
 """
 
@@ -195,12 +205,17 @@ def test_what_it_needs_is_said_and_what_it_names_as_its_own_is_brought(messages,
     refuses = ControllerReady.REFUSES
     assert lines == [
         f"{refuses} this run is at level duty, at which the controller does not work; choose with --level",
-        f"{refuses} it needs p_p; start the rig with ros:NAME?wants=p_p",
-        f"{refuses} it needs held; start the rig with ros:NAME?settings=held:VALUE",
-        f"{refuses} it needs twice; start the rig with ros:NAME?signals=twice",
+        f"{refuses} it needs p_p, M_wej, held, other, twice, held_now; start the rig with "
+        "ros:NAME?wants=p_p,M_wej&settings=held:VALUE,other:VALUE&signals=twice,held_now",
+        f"{refuses} it needs held, other, twice, held_now; start the rig with "
+        "ros:NAME?wants=M_wyj,M_wej,p_p&settings=held:VALUE,other:VALUE&signals=twice,held_now",
+        f"{refuses} it needs twice, held_now; start the rig with "
+        "ros:NAME?wants=M_wyj,M_wej,p_p&settings=other:VALUE,held:VALUE&signals=twice,held_now",
         f"{refuses} it has no signal slip, which ros:NAME?signals= names",
         f"{ControllerReady.READY} ",
         "0.125 2 0.125 8e+06",
+        "2 the step has other numbers than the start of the run has names",
+        f"{refuses} the level of this run, 7, is unknown here",
     ]
 
 

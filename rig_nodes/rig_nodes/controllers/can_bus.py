@@ -18,10 +18,10 @@ from ..errors import RigError
 from ..transmission import NEUTRAL
 from . import can_database as frames
 from . import j1939
-from .free_running import FreeRunning, number, split_options, timeout_of
+from .free_running import AT_ONCE, FreeRunning, number, split_options, timeout_of
 from .plug import error_text
 from .record import STANDSTILL, ControllerRecord
-from .seam import ControllerInputs, ControllerOutputs, Status
+from .seam import ControllerInputs, ControllerOutputs
 from .wire import commands, currents, held_in, measured
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
 NO_ADDRESS = "none"  # value of address: plain frames only
 REMEMBERED = 200  # frames that are kept, to compare a second frame for the same sample with the first
 FAR = 500  # counts by which two commands for one sample contradict each other: 10 mA, or 1 % of duty
+LISTEN = 0.05  # s before the rig's first frame in which another rig on the bus would be heard: it sends every 1 to 50 ms
 CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s show two controllers; fewer may be a single error of one
 
 
@@ -179,13 +180,14 @@ class CanBus(FreeRunning):
         command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
         self._expected = {frames.FRAME_IDS[n]: self._by_name[n] for n in (frames.STATE, command)}
         self._expected_groups = {frames.GROUPS[n]: self._by_name[n] for n in (frames.STATE, command)}
+        self._rig_frames = {frames.FRAME_IDS[n]: n for n in (frames.REQUEST, frames.MEASURED, frames.CURRENTS)}
         self._state: dict | None = None
         self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> content of the first frame
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest ones
-        self._another = ""  # the reason to trip when another controller is at work
         self._requested: int | None = None
         self._gearbox, self._shown = Gearbox(record), None
         self._node = None
+        self._look_for_another()
         if address is not None:
             self._node = j1939.Node(
                 address,
@@ -193,6 +195,17 @@ class CanBus(FreeRunning):
                 {frames.GROUPS[frames.ETC1]: self._send_etc1, frames.GROUPS[frames.ETC2]: self._send_etc2},
                 self._lost_address,
             )
+
+    def _look_for_another(self) -> None:
+        """Listen before the rig itself sends; RigError when a rig is at work on the bus already."""
+        until = time.monotonic() + LISTEN
+        while not self.conflict and (left := until - time.monotonic()) > 0.0:
+            frame = receive(self._bus, left, lambda _: None)  # what cannot be read is reported when the run is on
+            if frame is not None and not frame.is_extended_id and frame.arbitration_id in self._rig_frames:
+                self._foreign(frame)
+        if self.conflict:
+            self._bus.shutdown()
+            raise RigError(f"controller {self.name}: {self.conflict}")
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
         """Set the pace as in every plug; report a bus that no other program can join."""
@@ -220,7 +233,7 @@ class CanBus(FreeRunning):
         try:
             self._bus.send(self._message(arbitration_id=number, data=data, is_extended_id=extended, is_fd=False))
         except Exception as error:  # a full queue or a loose cable: the driver has error classes of its own
-            self.fault(f"a frame could not be sent ({error_text(error)})")
+            self.ignored.add(f"a frame could not be sent ({error_text(error)})")
 
     def _send(self, inputs: ControllerInputs) -> None:
         sample, request = inputs.sample, inputs.gear_request
@@ -279,30 +292,49 @@ class CanBus(FreeRunning):
         )
 
     def _lost_address(self, text: str) -> None:
-        self.fault(
-            f"{text}: the rig sends no J1939 message any more; another address is chosen with &address=N, none "
-            f"with &address={NO_ADDRESS}"
-        )
+        self.conflict = f"{text}; choose another one with &address=N, or none with &address={NO_ADDRESS}"
 
     # ---- in
 
     def _listen(self, until: float) -> None:
-        while True:
-            frame = receive(self._bus, max(until - time.monotonic(), 0.0), self.fault)
-            if frame is None:
-                if time.monotonic() >= until:
+        late = 0  # frames taken after that time
+        while late < AT_ONCE:
+            unread: list[str] = []
+            frame = receive(self._bus, max(until - time.monotonic(), 0.0), unread.append)
+            for why in unread:
+                self.ignored.add(why)
+            if frame is not None and not frame.is_error_frame:
+                self._hear(frame)
+            if time.monotonic() >= until:
+                if frame is None and not unread:
                     return
-            elif frame.is_error_frame:
-                continue
-            elif not frame.is_extended_id:
-                if frame.arbitration_id in self._expected:
-                    self._take(self._expected[frame.arbitration_id], frame, self._program(frame))
-            elif self._node is not None:
-                source = j1939.parts(frame.arbitration_id)
-                if source.pgn in self._expected_groups:
-                    self._take(self._expected_groups[source.pgn], frame, f"J1939 address {source.source}")
-                else:
-                    self._node.received(frame.arbitration_id, bytes(frame.data))
+                late += 1
+
+    def _hear(self, frame: can.Message) -> None:
+        number = frame.arbitration_id
+        if not frame.is_extended_id:
+            if number in self._expected:
+                self._take(self._expected[number], frame, self._program(frame))
+            elif number in self._rig_frames:
+                self._foreign(frame)
+        elif self._node is not None:
+            source = j1939.parts(number)
+            if source.source == self._node.address and source.pgn != j1939.ADDRESS_CLAIMED and frame.is_rx:
+                self._lost_address(f"another node sends from the J1939 address {source.source} of the rig (PGN {source.pgn})")
+            elif source.pgn in self._expected_groups:
+                self._take(self._expected_groups[source.pgn], frame, f"J1939 address {source.source}")
+            else:
+                self._node.received(number, bytes(frame.data))
+
+    def _foreign(self, frame: can.Message) -> None:
+        """Detect another rig: on one bus a frame has one sender, and this one's is the rig itself."""
+        if frame.is_rx and not frame.is_remote_frame:  # a driver may give back what the rig has sent
+            number = frame.arbitration_id
+            self.conflict = (
+                f"another rig is at work on {self.place}: the frame {self._rig_frames[number]} (0x{number:x}) comes from "
+                f"{self._program(frame) if self._sees_programs else 'another program'} too; give each rig a bus of its own"
+                + (", for example with &port=N" if self._sees_programs else "")
+            )
 
     def _program(self, frame: can.Message) -> str:
         """Return the sender of a plain frame as far as it is known: on udp_multicast the port of its program."""
@@ -313,7 +345,7 @@ class CanBus(FreeRunning):
             self.refuse(who)
             return
         if len(frame.data) != message.length or frame.is_remote_frame:
-            self.fault(
+            self.ignored.add(
                 f"frame {message.name} (0x{message.frame_id:x}) came with {len(frame.data)} bytes instead of {message.length}"
             )
             return
@@ -324,7 +356,7 @@ class CanBus(FreeRunning):
             self._state = raw
             return
         if self._state is None or self._state["sample"] != raw["sample"]:
-            self.fault(f"frame {message.name} came without the {frames.STATE} of its sample before it")
+            self.ignored.add(f"frame {message.name} came without the {frames.STATE} of its sample before it")
             return
         command = [wire.decode(raw[wire.name]) for wire in self._commands]
         state, self._state = self._state, None
@@ -333,7 +365,7 @@ class CanBus(FreeRunning):
                 held_in(command, self.info, self._commands),
                 None,
                 state["gear"],
-                bool(state["shifting"]),
+                state["shifting"],
                 state["flags"],
                 state["status"],
                 "the controller reports it on the bus",
@@ -351,16 +383,10 @@ class CanBus(FreeRunning):
         now = time.monotonic()
         self._contradictions.append(now)
         if len(self._contradictions) == CONTRADICTIONS and now - self._contradictions[0] < WITHIN:
-            self._another = (
+            self.conflict = (
                 f"another controller is at work on {self.place}: sample {raw['sample']} and others got "
                 "two different answers; end one of the two controllers"
             )
-
-    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        out = super()._answer(inputs)
-        if self._another:
-            self._fail(Status.ERROR, inputs.sample, self._another)
-        return out
 
     def _end(self) -> None:
         self._bus.shutdown()

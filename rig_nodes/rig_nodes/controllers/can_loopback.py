@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import select
 import socket
+import time
 from typing import Any
 
 import can
@@ -57,9 +58,14 @@ class LoopbackBus(can.BusABC):
             raise
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if not select.select([self._socket], [], [], timeout)[0]:
-            return None, False
-        data, (_, port) = self._socket.recvfrom(LONGEST)
+        until = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = None if until is None else max(0.0, until - time.monotonic())
+            if not select.select([self._socket], [], [], left)[0]:
+                return None, False
+            data, (_, port) = self._socket.recvfrom(LONGEST)
+            if port != self._sender.getsockname()[1]:
+                break  # the others are what this bus has sent itself, which no bus of python-can gives back
         try:
             message = unpack_message(data, replace={"channel": str(port)}, check=True)
         except Exception as error:  # msgpack and Message raise various errors for foreign bytes

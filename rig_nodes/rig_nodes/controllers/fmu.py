@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 # behind a sample: wanted transducers, the FMU's settings; behind an answer: the FMU's signals, or for a status other
 # than ok a sentence
 SAMPLE = "<QI{}d"  # sample, gear_request, currents, transducers
-ANSWER = "<IIII{}d"  # status, gear, shifting, flags, commands, setpoints
+ANSWER = "<4d{}d"  # status, gear, shifting, flags as the FMU gives them, commands, setpoints
 LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
 END_PATIENCE = 2.0  # s of wall clock for the end of the process
 MESSAGE = 4096  # bytes of a message or of a line that are shown
@@ -166,11 +166,12 @@ class ControllerFmu(Plug):
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
         if data is None:
             self._overdue(inputs.sample)
-        status, gear, shifting, flags, *values = self._answer_form.unpack_from(data)
+        status, gear, shifting, flags = map(_whole, self._answer_form.unpack_from(data)[:4])
+        values = self._answer_form.unpack_from(data)[4:]
         if status != Status.OK:
             return ControllerOutputs(status=status, message=data[self._answer_form.size :].decode("utf-8", "replace"))
         own = dict(zip(self.signals, self._own_values.unpack_from(data, self._answer_form.size), strict=True))
-        return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, bool(shifting), flags, signals=own)
+        return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, shifting, flags, signals=own)
 
     @property
     def process_id(self) -> int:
@@ -202,3 +203,8 @@ def _show(pipe: IO[bytes]) -> None:
     with pipe:
         while line := pipe.readline(MESSAGE):
             print(printable(line.decode("utf-8", "replace").rstrip("\n"), "\t"), file=sys.stderr, flush=True)
+
+
+def _whole(value: float) -> float:
+    """Return a whole number as an int, so that it is printed as one; the seam refuses any other."""
+    return int(value) if value.is_integer() else value

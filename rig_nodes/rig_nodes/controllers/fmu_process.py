@@ -273,8 +273,7 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
         command, setpoint = (
             [factors[name] * found[name] if name in found else 0.0 for name in one] for one in (names.commands, names.setpoints)
         )
-        gear, shifting, flags = (max(0, int(found.get(name, 0))) for name in ("gear", "shifting", "flags"))
-        status = Status.DISCARD if found.get("status") == Status.DISCARD else Status.OK
+        status, gear, shifting, flags = (found.get(name, 0) for name in ("status", "gear", "shifting", "flags"))
         link.send(names.answer.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 LONGEST = 10.0  # s, the largest value of the option timeout
 MASTER = 1.0  # s of silence after which another controller may command, or the timeout when that is longer
 LATE = 2e-2  # s behind real time; from here on the clock is set anew instead of running faster to catch up
+AT_ONCE = 100  # frames that are taken in a sample at most, so that a flood does not keep the rig from going on
 IDLE = 1e-2  # s between messages to a controller that has not sent anything yet
 
 
@@ -124,7 +125,7 @@ class FreeRunning(Plug):
     def __init__(self, name: str, config: RigConfig, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT) -> None:
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
         self.place, self.timeout = place, timeout
-        self.faults: dict[str, int] = {}  # number of times by text, for what came and was not used
+        self.conflict = ""  # why the rig must not go on: another rig or a second controller is at work in its place
         self._newest: ControllerOutputs | None = None
         self._waiting: Waiting | None = None  # the wait since the newest command
         self._discarded, self._silence_reported, self._was_here = 0, False, False
@@ -151,19 +152,13 @@ class FreeRunning(Plug):
 
     def refuse(self, who: str) -> None:
         """Report a command of a controller that is not the master."""
-        self.fault(
+        self.ignored.add(
             f"a command of {who} is refused: {self._master} commands, until it leaves or has been silent for "
             f"{max(MASTER, self.timeout):g} s"
         )
 
-    def fault(self, text: str) -> None:
-        """Report something that came and is never used; the first time it is printed, from then on it is counted."""
-        self.faults[text] = self.faults.get(text, 0) + 1
-        if self.faults[text] == 1:
-            self.say(f"{self.name}: {text}; it is not used, nor are others like it")
-
     def wait(self, patience: float | None = None) -> None:
-        """Wait, as in every plug, until a first command has come."""
+        """Wait, as in every plug, until a first command has come; RigError too for a conflict."""
         waiting = Waiting(f"waiting for controller on {self.place}", self.say)
         record = self.rig_record
         idle = record.inputs(0, 0.0, 0, (0.0,) * len(record.outputs), (0.0,) * len(record.transducers))
@@ -171,19 +166,22 @@ class FreeRunning(Plug):
         while self._newest is None:
             if self.stopped():
                 return
-            in_vain = self._in_vain(waiting, patience, f"no command came on {self.place}", self._faults_text())
+            in_vain = self._in_vain(waiting, patience, f"no command came on {self.place}", self.ignored.text())
             if in_vain:
                 self.close()
                 raise in_vain
             waiting.report()
             self._send(idle)
             self._listen(time.monotonic() + IDLE)
+            if self.conflict:
+                self.close()
+                raise RigError(f"controller {self.name}: {self.conflict}")
         self._newest = None  # it came before the first sample, so it answers none
         self._is_here()
 
     def awaited(self) -> str:
         """Return the sentence of every plug that no command has come."""
-        return "" if self._was_here else f"no command has come on {self.place}{self._faults_text()}"
+        return "" if self._was_here else f"no command has come on {self.place}{self.ignored.text()}"
 
     def _is_here(self) -> None:
         if not self._was_here:
@@ -195,6 +193,8 @@ class FreeRunning(Plug):
         if self._origin is None or now - self._origin - inputs.time > LATE:
             self._origin = now - inputs.time
         self._listen(now if self.real_time else self._origin + inputs.time)
+        if self.conflict:
+            self._fail(Status.ERROR, inputs.sample, self.conflict)
         self._send(inputs)
         if self._newest is None:
             self._silence()
@@ -216,13 +216,9 @@ class FreeRunning(Plug):
             self._silence_reported = True
             self.say(
                 f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
-                f"{1e3 * self.timeout:.0f} ms{self._faults_text()}"
+                f"{1e3 * self.timeout:.0f} ms{self.ignored.text()}"
             )
         self._waiting.report()
-
-    def _faults_text(self) -> str:
-        faults = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
-        return f"; not used: {faults}" if faults else ""
 
     def _abandon(self) -> None:
         self._end()

@@ -196,7 +196,7 @@ class Modbus(FreeRunning):
                 self.refuse(refused)
             if written is not None:
                 self._take(written)
-            elif time.monotonic() >= until:
+            if time.monotonic() >= until:
                 return
 
     def _take(self, written: list[int]) -> None:
@@ -211,7 +211,7 @@ class Modbus(FreeRunning):
                 held_in(command, self.info, self._commands),
                 None,
                 gear,
-                bool(shifting),
+                shifting,
                 flags,
                 status,
                 "the controller reports it in register status",

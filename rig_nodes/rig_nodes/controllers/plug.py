@@ -23,6 +23,7 @@ from ..alfa46.law import NEUTRAL
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
 from ..config.names import unknown
 from ..errors import RigError
+from .ignored import Ignored
 from .record import controller_info, record_of
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked
 
@@ -151,6 +152,7 @@ class Plug(ABC):
         self.named: Callable[[], None] = lambda: None
         self.stopped: Callable[[], bool] = lambda: False  # True: the run is being ended, the plug waits for nothing any more
         self.refused = ""  # why the controller that came last is not used
+        self.ignored = Ignored(name, lambda text: self.say(text))
         self._request, self._ordered, self._before = 0, False, 0
         self._doubted = False  # the warning that its duty looks like a current was given
         self._over = False  # the controller has failed or is closed and is not called again
@@ -198,6 +200,7 @@ class Plug(ABC):
             "level": self.level,
             "level_from": self.level_from,
             **({"end_fault": self.end_fault} if self.end_fault else {}),
+            **({"ignored": dict(self.ignored.counts)} if self.ignored.counts else {}),
         }
 
     def awaited(self) -> str:
@@ -316,8 +319,7 @@ class Plug(ABC):
                 command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
                 if not self._doubted and command == setpoint and self.level == "duty" and any(command):
                     self._doubt(sample)
-                if self.signals:
-                    self.signal_values = self._own(outputs.signals)
+                self.signal_values = self._own(getattr(outputs, "signals", None))
                 return Answer(command, setpoint)
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
@@ -339,11 +341,27 @@ class Plug(ABC):
         )
 
     def _own(self, given: Any) -> tuple[float, ...]:
-        """Return the values of the controller's own signals; RigError when one is missing or is no number."""
+        """Return the values of the controller's own signals; RigError when one is missing, is too many or is no number.
+
+        A NaN or an infinite value stays, because a signal may have no value at times; it is counted.
+        """
+        if not self.signals and not given:
+            return ()
         try:
-            return tuple(float(given[name]) for name in self.signals)
+            values = tuple(float(given[name]) for name in self.signals)
+            surplus = [name for name in given if name not in self.signals]
         except (TypeError, KeyError, ValueError):
             raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
+        if surplus:
+            declared = ", ".join(self.signals) or "none"
+            raise RigError(f"signals has '{surplus[0]}', which is none of the signals that it has declared: {declared}")
+        for name, value in zip(self.signals, values, strict=True):
+            if not math.isfinite(value):
+                self.ignored.add(
+                    f"a value of its signal {name} is no finite number",
+                    f"controller {self.name}: its signal {name} is {value:g}; it is recorded as it is, as are others like it",
+                )
+        return values
 
     def check_value(self, name: str, value: float) -> None:
         """Check that the controller has a setting of its own with this name, and that it can take the value.
@@ -396,12 +414,14 @@ class Plug(ABC):
         if not self._over:
             self._over = True
             self._end()
+            self.ignored.conclude()
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
         if status == Status.FATAL:
             if not self._over:
                 self._over = True
                 self._abandon()
+                self.ignored.conclude()
         else:
             self.close()
         raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)

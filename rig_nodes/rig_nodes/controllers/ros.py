@@ -12,7 +12,6 @@ import os
 import re
 import select
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rig_msgs.msg import ControllerReady, ControllerStart
@@ -129,7 +128,6 @@ class _OtherSide:
         self.was_here = False
         self.session = self._seq = 0
         self._life: int | None = None  # descriptor that becomes readable when the controller's process ends
-        self._reported: set[tuple] = set()
 
     @property
     def place(self) -> str:
@@ -189,15 +187,13 @@ class _OtherSide:
         self._seq += 1
         return pack_step(self.session, self.controller, self._seq, inputs)
 
-    def take(self, seconds: float, fault: Callable[[str], None]) -> Answered | None:
+    def take(self, seconds: float) -> Answered | None:
         """Return the next answer of this session.
 
         Parameters
         ----------
         seconds : float
             Longest wait [s of wall clock].
-        fault : callable
-            Receives a sentence on what came and is not used.
 
         Returns
         -------
@@ -212,13 +208,15 @@ class _OtherSide:
         try:
             came = self.topics.take(seconds)
         except NoAnswer as error:
-            fault(str(error))
+            self._plug.ignored.add(str(error))
             return None
         if isinstance(came, Answered):
             if came.session != self.session or self.controller not in (0, came.controller):
-                return None  # from an earlier run, or from a controller that was not asked
+                if came.session == self.session:  # the others are from an earlier run
+                    self._plug.ignored.add("an answer came from a controller that was not asked")
+                return None
             if came.seq > self._seq:
-                fault(f"an answer to step {came.seq} came before that was asked")
+                self._plug.ignored.add("an answer came to a step that was not asked yet")
                 return None
             return came
         if came is not None and came.session == self.session:
@@ -246,9 +244,8 @@ class _OtherSide:
             why = "another controller is at work"
         if why:
             plug.refused = why
-            if (ready.controller, why) not in self._reported:
-                self._reported.add((ready.controller, why))
-                plug.say(f"a controller on {self.place} is not used: {why}")
+            sentence = f"a controller on {self.place} is not used: {why}"
+            plug.ignored.add(sentence, sentence)
             return
         if ready.controller != self.controller:
             self.controller, self.was_here = ready.controller, True
@@ -288,7 +285,6 @@ class RosNode(Plug):
         self.other_side: _OtherSide | None = None
         self._away = True  # the newest sample was not answered
         self._waiting: Waiting | None = None  # in real time: the wait since then
-        self._faults: set[str] = set()
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
         """Set the pace as in every plug, and open the topics."""
@@ -308,7 +304,7 @@ class RosNode(Plug):
                 raise in_vain
             waiting.report()
             try:
-                side.take(0.2, self._fault)
+                side.take(0.2)
             except Gone:
                 side.begin()  # the controller came and went before its first step
 
@@ -316,16 +312,11 @@ class RosNode(Plug):
         """Return the sentence of every plug that no controller has come."""
         return self.other_side.awaited()
 
-    def _fault(self, text: str) -> None:
-        if text not in self._faults:
-            self._faults.add(text)
-            self.say(f"{self.name}: {text}; it is not used")
-
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         side = self.other_side
         side.open()
         try:
-            while side.take(0.0, self._fault) is not None:
+            while side.take(0.0) is not None:
                 pass  # late answers are dropped
             answered = self._exchange(inputs)
         except Gone as gone:
@@ -350,7 +341,7 @@ class RosNode(Plug):
             if patience is not None:
                 again = min(again, began + patience)
             while (left := again - time.monotonic()) > 0.0:
-                answered = side.take(left, self._fault)
+                answered = side.take(left)
                 if answered is not None and side.is_newest(answered):
                     self._away, self._waiting = False, None
                     return answered
@@ -422,7 +413,7 @@ class FreeRosNode(FreeRunning):
         while True:
             rest = until - time.monotonic()
             try:
-                answered = side.take(max(rest, 0.0), self.fault)
+                answered = side.take(max(rest, 0.0))
                 side.look_after()
             except Gone as gone:
                 self.say(f"controller {self.name}: {gone}")
@@ -452,10 +443,8 @@ def record_message(record: ControllerRecord) -> ControllerRecordMessage:
 
 def outputs_of(answered: Answered, plug: Plug) -> ControllerOutputs:
     """Return the content of an answer for the seam, which checks it."""
-    signals = None
-    if answered.status == Status.OK and plug.signals:
-        whole = len(answered.signals) == len(plug.signals)
-        signals = dict(zip(plug.signals, answered.signals, strict=True)) if whole else list(answered.signals)
+    whole = len(answered.signals) == len(plug.signals)
+    signals = dict(zip(plug.signals, answered.signals, strict=True)) if whole else list(answered.signals)
     return ControllerOutputs(
         answered.command,
         answered.setpoint or None,

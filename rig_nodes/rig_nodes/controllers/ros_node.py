@@ -105,7 +105,7 @@ class ControllerNode(Node):
         if start.over:
             return
         self.session, self.start, self.answer = start.session, start, None
-        level = next(name for name, (number, _) in LEVELS.items() if number == start.level)
+        level = next((name for name, (number, _) in LEVELS.items() if number == start.level), f"number {start.level}")
         why = self.refusal(start, level)
         if why:
             self.announce(ControllerReady.REFUSES, why)
@@ -147,10 +147,14 @@ class ControllerNode(Node):
         """
         if level not in self.levels:
             return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
-        for kind, names in self.needs.items():
-            for name in names:
-                if name not in getattr(start, kind):
-                    return f"it needs {name}; start the rig with ros:NAME?{kind}={name}{MORE.get(kind, '')}"
+        lacking = [name for kind, names in self.needs.items() for name in names if name not in getattr(start, kind)]
+        if lacking:
+            whole = "&".join(
+                f"{kind}={','.join(name + MORE.get(kind, '') for name in dict.fromkeys([*getattr(start, kind), *names]))}"
+                for kind, names in self.needs.items()
+                if names
+            )
+            return f"it needs {', '.join(lacking)}; start the rig with ros:NAME?{whole}"
         return ""
 
     def on_step(self, step: ControllerStep) -> None:
@@ -167,6 +171,15 @@ class ControllerNode(Node):
         answer = ControllerAnswer()
         answer.session, answer.controller, answer.seq = step.session, self.number, step.seq
         try:
+            start, record = self.start, self.start.record
+            for what, names in (
+                ("current", record.outputs),
+                ("measured", record.transducers),
+                ("others", start.wants),
+                ("settings", start.settings),
+            ):
+                if len(getattr(step, what)) != len(names):
+                    raise ValueError(f"the step has {len(getattr(step, what))} numbers in {what}, expected {len(names)}")
             out = self.controller.step(
                 SimpleNamespace(
                     sample=step.sample,

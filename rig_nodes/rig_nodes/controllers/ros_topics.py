@@ -57,7 +57,7 @@ class Answered(NamedTuple):
     seq: int
     status: int
     gear: int
-    shifting: bool
+    shifting: int
     flags: int
     command: tuple[float, ...]
     setpoint: tuple[float, ...]
@@ -108,7 +108,7 @@ def unpack_answer(data: bytes) -> Answered:
         message = data[at + 4 : at + 4 + length].rstrip(b"\0").decode("utf-8", "replace")
     except (struct.error, IndexError):
         raise NoAnswer(f"an answer of {len(data)} bytes is cut off") from None
-    return Answered(session, controller, seq, status, gear, bool(shifting), flags, command, setpoint, signals, message)
+    return Answered(session, controller, seq, status, gear, shifting, flags, command, setpoint, signals, message)
 
 
 def _take_list(data: bytes, at: int) -> tuple[tuple[float, ...], int]:

@@ -186,20 +186,21 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
         if not 0.0 <= value <= info.command_high:
             unit = " A" if info.level == "current" else ""
             raise RigError(f"command[{k}] is {value:g}, expected 0 to {info.command_high:g}{unit}")
+    setpoint = _numbers(setpoint, "setpoint", count)
+    for k, value in enumerate(setpoint):
+        if not math.isfinite(value):
+            raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
     if info.level == "current":
         setpoint = command
-    else:
-        setpoint = _numbers(setpoint, "setpoint", count)
-        for k, value in enumerate(setpoint):
-            if not math.isfinite(value):
-                raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
     if gear not in tuple(info.gears):
         choices = " or ".join(f"{number} ({name})" for number, name in info.gears.items())
         raise RigError(f"gear is {gear!r}, expected {choices}")
+    if shifting not in (False, True):
+        raise RigError(f"shifting is {shifting!r}, expected True or False (1 or 0)")
     try:
         bits = int(flags)
     except (TypeError, ValueError, OverflowError):
         bits = -1
-    if not 0 <= bits < 1 << count:
+    if bits != flags or not 0 <= bits < 1 << count:
         raise RigError(f"flags is {flags!r}, expected 0 to {(1 << count) - 1}: one bit for each output")
     return command, setpoint, int(gear), bool(shifting), bits

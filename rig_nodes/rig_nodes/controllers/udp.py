@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 RESEND = 0.02  # s of wall clock without an answer after which a sample is sent again
+AT_ONCE = 100  # frames that one look at the port takes at most, so that a flood does not keep the rig from going on
 GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
 IP_RECVERR = 11  # of Linux: reports that no program listens at the other end
 
@@ -90,7 +91,6 @@ class Udp(Plug):
         self._was_here = False
         self._away = True  # the newest sample was not answered
         self._waiting: Waiting | None = None  # in real time: the wait since then
-        self._sent_away: set = set()  # addresses of controllers that cannot be used in this run
 
     # ---- until the controller is ready
 
@@ -116,9 +116,11 @@ class Udp(Plug):
     def _serve(self, seconds: float) -> tuple | None:
         """Handle the frames that come within so many seconds; return the values of an ANSWER to the newest sample when it comes."""
         until = time.monotonic() + seconds
+        late = 0  # frames taken after that time
         while True:
             left = max(0.0, until - time.monotonic())
-            if not select.select([self._socket], [], [], left)[0]:
+            late += left == 0.0
+            if late > AT_ONCE or not select.select([self._socket], [], [], left)[0]:
                 return None
             try:
                 data, peer = self._socket.recvfrom(LONGEST)
@@ -131,7 +133,7 @@ class Udp(Plug):
                 self._send_away(peer, str(error))
                 continue
             except NoFrame as error:
-                self.say(f"{self.name}: a frame was ignored: {error}")
+                self.ignored.add(f"what came is no frame: {error}")
                 continue
             if kind == HELLO:
                 self._greet(session, peer, values[0], text(values[2]))
@@ -154,8 +156,12 @@ class Udp(Plug):
                 if peer == self._peer:
                     raise _Gone(f"it has left: {why}")
                 self._turned_down(peer, why)
-            elif kind == ANSWER and peer == self._peer and frame == self._frame:
+            elif kind == ANSWER and peer != self._peer:
+                self.ignored.add("an answer came from a program that is not the controller of this run")
+            elif kind == ANSWER and frame == self._frame:
                 return values
+            elif kind not in (READY, OWN, ANSWER):  # these may come again
+                self.ignored.add("a frame came that the rig does not expect")
 
     def _greet(self, session: int, peer: tuple[str, int], levels: int, record: str) -> None:
         if session == self._session and peer == self._peer:
@@ -177,16 +183,16 @@ class Udp(Plug):
     def _send_away(self, peer: tuple[str, int], why: str) -> None:
         self._send(BYE, peer, session=0, values=[why])
         self.refused = why
-        if peer not in self._sent_away:
-            self._sent_away.add(peer)
-            self.say(f"a controller was sent away from udp {self._port}: {why}")
+        sentence = f"a controller was sent away from udp {self._port}: {why}"
+        self.ignored.add(sentence, sentence)
 
     def _turned_down(self, peer: tuple[str, int], why: str) -> None:
         """Note that a controller that was getting ready has refused."""
         self.refused = f"it refuses: {why}"
         if self._coming == peer:
             self._coming = None
-        self.say(f"a controller on udp {self._port} is not used: {self.refused}")
+        sentence = f"a controller on udp {self._port} is not used: {self.refused}"
+        self.ignored.add(sentence, sentence)
 
     def _is_here(self) -> bool:
         """Request the controller's next own name; True when all have come and the controller is ready."""
@@ -258,11 +264,19 @@ class Udp(Plug):
             return ControllerOutputs(status=Status.DISCARD)
         status, gear, shifting, flags, message, *numbers = values
         count = len(self.info.outputs)
+        expected = 2 * count + len(self.signals)
+        if status == Status.OK and len(numbers) != expected:
+            self._fail(
+                Status.ERROR,
+                inputs.sample,
+                f"its answer has {len(numbers)} numbers, expected {expected}: command and setpoint of {count} outputs"
+                + (f", {len(self.signals)} signals" if self.signals else ""),
+            )
         return ControllerOutputs(
             numbers[:count],
             numbers[count : 2 * count],
             gear,
-            bool(shifting),
+            shifting,
             flags,
             status,
             text(message),

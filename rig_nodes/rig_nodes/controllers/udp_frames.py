@@ -150,6 +150,7 @@ class Client:
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
         self.outputs, self.transducers = [], []  # the rig's names
         self.last_message = ""  # the rig's newest message; the rig repeats it every second, it is printed once
+        self.ignored = 0  # number of frames that were not used
         self.wants = tuple(getattr(controller, "wants", ()))
         signals = getattr(controller, "signals", ())
         self.signals = dict(signals) if isinstance(signals, dict) else dict.fromkeys(signals, "-")
@@ -186,8 +187,14 @@ class Client:
             except ConnectionRefusedError:
                 time.sleep(min(0.1, max(0.0, until - time.monotonic())))
             except NoFrame as error:
-                self.show(f"a frame that is ignored: {error}")
+                self.ignore(str(error))
         return None
+
+    def ignore(self, why: str) -> None:
+        """Count a frame that is not used; the first, tenth, hundredth and so on is printed."""
+        self.ignored += 1
+        if str(self.ignored).strip("0") == "1":
+            print(f"frame {self.ignored} that is ignored: {why}", file=sys.stderr)
 
     def serve(self, once: bool = False) -> None:
         """Answer until interrupted, or with ``once`` until the end of the first run; the rig receives the reason of the end."""
@@ -217,7 +224,10 @@ class Client:
             return False
         kind, session, frame, values = came
         if kind == INFO and session != self.session:
-            self.begin(session, *values)
+            if values[0] in LEVELS.values():
+                self.begin(session, *values)
+            else:
+                self.ignore(f"the run is at level {values[0]}, which is neither duty (1) nor current (2)")
         elif kind == BYE and not self.running:
             self.show(text(values[0]))
             time.sleep(1.0)
@@ -226,7 +236,11 @@ class Client:
         elif kind == ASK and values[0] < len(self.own):
             self.send(OWN, values[0], *self.own[values[0]])
         elif kind == SAMPLE:
-            self.step(frame, values)
+            expected = sum(map(len, (self.outputs, self.transducers, self.wants, self.settings)))
+            if len(values) == 4 + expected:
+                self.step(frame, values)
+            else:
+                self.ignore(f"a sample has {len(values) - 4} numbers, expected {expected}")
         elif kind == BYE:
             if not self.last:
                 self.show(text(values[0]))
@@ -273,7 +287,7 @@ class Client:
                     parameters={name: value for value, name, _ in lists[SETTINGS]},
                     outputs=tuple(self.outputs),
                     transducers={name: unit for _, name, unit in lists[TRANSDUCERS]},
-                    gears={int(number): name for number, name, _ in lists[GEARS]},
+                    gears={int(number): name for number, name, _ in lists[GEARS] if number.is_integer()},
                     record=text(record),
                 )
             )
@@ -341,7 +355,7 @@ class Client:
             frame,
             int(getattr(out, "status", 0)),
             int(out.gear),
-            int(out.shifting),
+            int(bool(out.shifting)),
             int(out.flags),
             str(getattr(out, "message", "")),
             more=[*map(float, command), *map(float, setpoint), *(float(own[name]) for name in self.signals if name in own)],

@@ -19,12 +19,14 @@ from rig_nodes.controllers.can_bus import open_bus, receive
 from rig_nodes.controllers.can_database import database
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import parser, run
+from rig_nodes.controllers.ignored import Ignored
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.wire import currents, measured
 from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
     import can
+    from cantools.database.can import Message
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
@@ -44,28 +46,37 @@ class CanController:
         self.names = {message.name: message for message in messages}
         self.currents, self.measured = currents(self.record), measured(self.record)
         self.newest = {}  # newest value by signal
-        self.unread = {}  # number of times by text, for what came and could not be read
+        self.ignored = Ignored("can_alfa46", lambda text: print(text, file=sys.stderr, flush=True))
         self.law: Alfa46 | None = None
         self.sample = None
 
     def run(self, stop: threading.Event) -> None:
         """Answer until ``stop`` is set."""
         while not stop.is_set():
-            frame = receive(self.bus, 0.1, self.fault)
-            if frame is None or frame.arbitration_id not in self.messages:
+            frame = receive(self.bus, 0.1, self.ignored.add)
+            if frame is None or frame.is_extended_id or frame.is_error_frame or frame.arbitration_id not in self.messages:
                 continue
             message = self.messages[frame.arbitration_id]
-            if len(frame.data) != message.length or message.senders != ["RIG"]:
+            if message.senders != ["RIG"]:
                 continue
-            self.newest.update(message.decode(bytes(frame.data), decode_choices=False))
-            if message.name == "RIG_CURRENTS" and "level" in self.newest and self.measured[0].name in self.newest:
+            if why := self.take(message, frame):
+                self.ignored.add(f"a frame {message.name} {why}")
+            elif message.name == "RIG_CURRENTS" and "level" in self.newest and self.measured[0].name in self.newest:
                 self.answer()
+        self.ignored.conclude()
 
-    def fault(self, text: str) -> None:
-        """Print a text the first time; from then on count it."""
-        self.unread[text] = self.unread.get(text, 0) + 1
-        if self.unread[text] == 1:
-            print(f"can_alfa46: {text}; it is not used, nor are others like it", file=sys.stderr, flush=True)
+    def take(self, message: Message, frame: can.Message) -> str:
+        """Keep the values of a frame; return instead why no rig like this one sends it."""
+        if frame.is_remote_frame or len(frame.data) != message.length:
+            return f"has {len(frame.data)} bytes, expected {message.length}"
+        values = message.decode_simple(bytes(frame.data), decode_choices=False)
+        if values.get("level", 0) >= len(LEVELS) or values.get("gear_request", 0) not in self.record.gear_names:
+            return f"asks for gear {values['gear_request']} at level {values['level']}, which this rig does not have"
+        for wire in (*self.currents, *self.measured):
+            if values.get(wire.name, 0.0) < wire.range[0]:
+                return f"has no reading of {wire.name}"
+        self.newest.update(values)
+        return ""
 
     def answer(self) -> None:
         """Compute one sample of the law in SI; a counter that jumps back begins a new run."""

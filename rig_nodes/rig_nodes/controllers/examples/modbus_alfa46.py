@@ -13,14 +13,16 @@ connects again when the rig goes and comes. Ctrl-C ends it.
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 from typing import TYPE_CHECKING
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import address, parser, port, run
+from rig_nodes.controllers.ignored import Ignored
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.registers import COMMAND_BASE, register_map
-from rig_nodes.controllers.wire import commands, given
+from rig_nodes.controllers.wire import NO_NUMBER, commands, given
 from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ class ModbusController:
         self.read = len([row for row in register_map(self.record) if row.access == "read"])
         self.law: Alfa46 | None = None
         self.sample, self.heartbeat = -1, 0
+        self.ignored = Ignored("modbus_alfa46", lambda text: print(text, file=sys.stderr, flush=True))
 
     def run(self, stop: threading.Event) -> None:
         """Answer until ``stop`` is set."""
@@ -66,10 +69,23 @@ class ModbusController:
             answer = client.readwrite_registers(read_address=0, read_count=self.read, write_address=COMMAND_BASE, values=written)
             if answer.isError():
                 return
+            if why := self.wrong(answer.registers):
+                self.ignored.add(why)
+                return
             found = self.answer(answer.registers)
             written = found or written
             if not found or self.sample == 0:  # no new sample yet, or no run: leave the processor to others
                 stop.wait(2e-4 if not found else 2e-3)
+
+    def wrong(self, registers: Sequence[int]) -> str:
+        """Return why registers are not those of a rig like this one; empty when they are."""
+        if len(registers) != self.read:
+            return f"the server has sent {len(registers)} registers, expected {self.read}"
+        if registers[3] >= len(LEVELS) or registers[2] not in self.record.gear_names:
+            return f"the server asks for gear {registers[2]} at level {registers[3]}, which this rig does not have"
+        if NO_NUMBER & 0xFFFF in registers[4:]:
+            return "a transducer has no reading"
+        return ""
 
     def answer(self, registers: Sequence[int]) -> list[int] | None:
         """Return the registers to write for those that were read; None when the sample is answered already."""

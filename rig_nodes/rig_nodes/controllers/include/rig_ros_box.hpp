@@ -72,6 +72,8 @@ class Box {
     end();
     if (start.over) return std::nullopt;
     start_ = start;
+    if (start.level != ControllerStart::LEVEL_CURRENT && start.level != ControllerStart::LEVEL_DUTY)
+      return ready(ControllerReady::REFUSES, "the level of this run, " + std::to_string(start.level) + ", is unknown here");
     const uint32_t level = start.level == ControllerStart::LEVEL_CURRENT ? RIG_LEVEL_CURRENT : RIG_LEVEL_DUTY;
     if (!(rig_controller_abi()->levels & level))
       return ready(ControllerReady::REFUSES, std::string("this run is at level ") +
@@ -82,9 +84,7 @@ class Box {
       return ready(ControllerReady::REFUSES,
                    std::string("it was made for the record ") + made_for + " of another rig, this one's is " + start.record.id +
                        "; write rig_record.h anew with ./rig export record -o rig_record.h, and compile it again");
-    std::string why = lacking(wants_, start_.wants, "wants=");
-    if (why.empty()) why = lacking(settings_, start_.settings, "settings=", ":VALUE");
-    if (why.empty()) why = lacking(signals_, start_.signals, "signals=");
+    const std::string why = lacking();
     if (!why.empty()) return ready(ControllerReady::REFUSES, why);
     for (const std::string &name : start_.signals)
       if (!has(signals_, name))
@@ -140,11 +140,23 @@ class Box {
     return std::find(names.begin(), names.end(), name) != names.end();
   }
 
-  // Returns the reason to refuse the run: the first of the controller's own names that the rig does not have; empty if it has all.
-  static std::string lacking(const Names &own, const Names &of_the_rig, const char *option, const char *more = "") {
-    for (const std::string &name : own)
-      if (!has(of_the_rig, name)) return "it needs " + name + "; start the rig with ros:NAME?" + option + name + more;
-    return "";
+  // Returns the reason to refuse the run: all of the controller's own names that the rig does not have; empty if it has all.
+  std::string lacking() const {
+    std::string names, options;
+    const auto look = [&](const Names &own, const Names &of_the_rig, const std::string &option, const std::string &more) {
+      Names all = of_the_rig;
+      for (const std::string &name : own)
+        if (!has(of_the_rig, name)) {
+          names += (names.empty() ? "" : ", ") + name;
+          all.push_back(name);
+        }
+      for (size_t k = 0; k < all.size() && !own.empty(); ++k)
+        options += (k ? "," : (options.empty() ? "" : "&") + option) + all[k] + more;
+    };
+    look(wants_, start_.wants, "wants=", "");
+    look(settings_, start_.settings, "settings=", ":VALUE");
+    look(signals_, start_.signals, "signals=", "");
+    return names.empty() ? "" : "it needs " + names + "; start the rig with ros:NAME?" + options;
   }
 
   // Returns the values of `names`, all of which are among the names `of` that `values` belong to.
@@ -169,7 +181,21 @@ class Box {
     return out;
   }
 
+  // Returns whether a step has as many numbers as the start of the run has names.
+  bool fits(const ControllerStep &step) const {
+    return step.current.size() == start_.record.outputs.size() && step.measured.size() == start_.record.transducers.size() &&
+           step.others.size() == start_.wants.size() && step.settings.size() == start_.settings.size();
+  }
+
   void compute(const ControllerStep &step) {
+    answer_.session = step.session;
+    answer_.controller = number_;
+    answer_.seq = step.seq;
+    if (!fits(step)) {
+      answer_.status = RIG_ERROR;
+      answer_.message = "the step has other numbers than the start of the run has names";
+      return;
+    }
     rig_controller_inputs in = {};
     in.size = sizeof in;
     in.gear_request = step.gear_request;
@@ -192,9 +218,6 @@ class Box {
     out.command = answer_.command.data();
     out.setpoint = answer_.setpoint.data();
     const int status = rig_controller_step(instance_, &in, &out);
-    answer_.session = step.session;
-    answer_.controller = number_;
-    answer_.seq = step.seq;
     answer_.status = static_cast<uint8_t>(status);
     answer_.gear = static_cast<uint8_t>(std::min(out.gear, 255u));
     answer_.shifting = out.shifting != 0;

@@ -87,6 +87,7 @@ typedef struct {
   rig_udp_frame answer;
   void *instance;
   rig_controller_inputs inputs;
+  unsigned long ignored; /* number of packets that were not used */
   char told[RIG_CONTROLLER_TEXT]; /* the rig's last message, which it repeats every second; it is printed once */
 } rig_udp_client;
 
@@ -118,6 +119,13 @@ static void rig_udp_hello(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_HELLO, 0);
 }
 
+/* Counts a packet that is not used; the first, tenth, hundredth and so on is printed. */
+static void rig_udp_ignore(rig_udp_client *client, const char *why) {
+  unsigned long count = ++client->ignored;
+  while (count % 10u == 0u) count /= 10u;
+  if (count == 1u) fprintf(stderr, "frame %lu that is ignored: %s\n", client->ignored, why);
+}
+
 /* Waits for a frame for at most `ms`; returns 1 with a frame, or 0. Packets of other forms are ignored. */
 static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms) {
   struct pollfd look = {client->socket, POLLIN, 0};
@@ -135,8 +143,7 @@ static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms)
                                        ? 8u * (client->outputs + client->transducers + client->wants + client->settings)
                                        : 0u))
       return 1;
-    fprintf(stderr, "frame of %ld bytes ignored: none of version %u of the protocol; the rig's rig_udp.h must be this one\n",
-            (long)size, RIG_UDP_VERSION);
+    rig_udp_ignore(client, "it is none of this version of the protocol, or of another length; the rig's rig_udp.h must be this one");
   }
   return 0;
 }
@@ -245,8 +252,16 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
   rig_udp_names *names = (rig_udp_names *)calloc(1, sizeof *names);
   uint32_t count[RIG_LISTS];
   rig_udp_frame frame;
-  for (int k = 0; k < RIG_LISTS; k++)
-    count[k] = first->body.info.count[k] < RIG_UDP_NAMES ? first->body.info.count[k] : RIG_UDP_NAMES;
+  for (int k = 0; k < RIG_LISTS; k++) count[k] = first->body.info.count[k];
+  rig_udp_count(client);
+  if (count[RIG_LIST_SETTINGS] > RIG_UDP_NAMES || count[RIG_LIST_GEARS] > RIG_UDP_NAMES ||
+      count[RIG_LIST_OUTPUTS] > RIG_UDP_MOST / 4 || count[RIG_LIST_TRANSDUCERS] > RIG_UDP_MOST / 4 ||
+      2u * count[RIG_LIST_OUTPUTS] + client->signals > RIG_UDP_MOST ||
+      (first->body.info.level != RIG_LEVEL_DUTY && first->body.info.level != RIG_LEVEL_CURRENT)) {
+    rig_udp_ignore(client, "a rig's INFO has an unknown level, or more names than fit into a frame");
+    free(names);
+    return;
+  }
   rig_udp_end(client);
   client->session = first->header.session;
   if (names && rig_udp_fetch(client, count, names)) {
@@ -270,7 +285,6 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
       client->running = 1;
       client->last = 0;
       client->told[0] = '\0';
-      rig_udp_count(client);
       rig_udp_ready(client);
     } else {
       info.message[sizeof info.message - 1] = '\0';
@@ -313,7 +327,7 @@ static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
       rig_controller_signal_values(client->instance, answer->body.answer.more + 2 * client->outputs, client->signals);
     answer->body.answer.status = (uint32_t)status;
     answer->body.answer.gear = out.gear;
-    answer->body.answer.shifting = out.shifting;
+    answer->body.answer.shifting = out.shifting != 0u;
     answer->body.answer.flags = out.flags;
     memcpy(answer->body.answer.message, out.message, sizeof out.message - 1);
     client->last = frame->header.frame;

@@ -11,6 +11,8 @@
  */
 #include "rig_record.h"
 
+#include <stdio.h>
+
 static const double FILL = 0.30, PLATEAU = 0.22, SLOPE = 1.2, HELD = 0.74; /* s, A, A/s, A */
 static const double OVERLAP = 0.35, RELEASE = 0.13; /* s during which both clutches are on; A of the old one after that */
 
@@ -31,7 +33,11 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
   double elapsed;
   (void)instance;
-  if (in->gear_request > RIG_OUTPUTS) return RIG_ERROR;
+  if (in->gear_request > RIG_OUTPUTS) {
+    snprintf(out->message, sizeof out->message, "gear %u has no output in this law, which gives output k to gear k",
+             (unsigned)in->gear_request);
+    return RIG_ERROR;
+  }
   if (in->gear_request != gear) {
     old = gear;
     gear = in->gear_request;

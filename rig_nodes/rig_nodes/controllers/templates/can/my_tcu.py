@@ -18,6 +18,7 @@ from rig_nodes.controllers.can_loopback import LoopbackBus
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
+GEARS = 3  # number of the last gear; gear k has output k
 
 DBC = Path(__file__).with_name("rig.dbc")
 if not DBC.is_file():
@@ -55,19 +56,25 @@ def send(bus: can.BusABC, name: str, values: dict[str, float]) -> None:
 
 
 def frames(bus: can.BusABC) -> Iterator[can.Message]:
-    """Frames from the bus; one that cannot be read is left out, and the first such one is reported."""
-    unread = 0
+    """Whole frames of the rig; others are left out, and the first one that cannot be read is reported."""
+    told = False
     while True:
+        why = ""
         try:
             frame = bus.recv()
         except can.CanOperationError as error:
-            unread += 1
-            if unread == 1:
-                print(f"my_tcu: {error}; it is left out, as are others like it", file=sys.stderr, flush=True)
+            why = str(error)
             sleep(0.001)
         else:
-            if frame is not None:  # another type of bus may return without one
+            if frame is None or frame.is_extended_id or frame.arbitration_id not in (rig_request.frame_id, rig_currents.frame_id):
+                continue
+            if len(frame.data) == 8 and not frame.is_remote_frame:
                 yield frame
+                continue
+            why = f"frame 0x{frame.arbitration_id:x} has {len(frame.data)} bytes instead of 8"
+        if not told:
+            told = True
+            print(f"my_tcu: {why}; it is left out, as are others like it", file=sys.stderr, flush=True)
 
 
 def answer(bus: can.BusABC) -> None:
@@ -76,19 +83,23 @@ def answer(bus: can.BusABC) -> None:
     for frame in frames(bus):
         if frame.arbitration_id == rig_request.frame_id:
             request = rig_request.decode(frame.data, decode_choices=False)["gear_request"]
-        elif frame.arbitration_id == rig_currents.frame_id:
-            sample = rig_currents.decode(frame.data)["sample"]
-            ahead = (sample - last) & 0xFFFF
-            if law is None or ahead > 1000:  # the counter jumped back: a new run, and the law begins anew
-                law, time, ahead = Law(), 0.0, 0
-            last, time = sample, time + 0.001 * ahead
+            continue
+        sample = rig_currents.decode(frame.data)["sample"]
+        ahead = (sample - last) & 0xFFFF
+        if law is None or ahead > 1000:  # the counter jumped back: a new run, and the law begins anew
+            law, time, ahead = Law(), 0.0, 0
+        last, time = sample, time + 0.001 * ahead
+        if request > GEARS:  # this law has no output for such a gear: the rig trips with status 2, an error
+            send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": 0, "flags": 0, "status": 2})
+            command = [0.0, 0.0, 0.0]
+        else:
             command, shifting = law.step(time, request)
             send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": int(shifting), "flags": 0, "status": 0})
-            send(
-                bus,
-                "CONTROL_COMMAND_CURRENT",
-                {"sample": sample, "command_1": command[0], "command_2": command[1], "command_3": command[2]},
-            )
+        send(
+            bus,
+            "CONTROL_COMMAND_CURRENT",
+            {"sample": sample, "command_1": command[0], "command_2": command[1], "command_3": command[2]},
+        )
 
 
 if __name__ == "__main__":

@@ -52,7 +52,11 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 
 // No exception may leave this function, because its caller is written in C.
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
-  if (in->gear_request > RIG_OUTPUTS) return RIG_ERROR;
+  if (in->gear_request > RIG_OUTPUTS) {
+    std::snprintf(out->message, sizeof out->message, "gear %u has no output in this law, which gives output k to gear k",
+                  (unsigned)in->gear_request);
+    return RIG_ERROR;
+  }
   try {
     static_cast<MyController *>(instance)->step(*in, *out);
     return RIG_OK;

@@ -19,14 +19,18 @@ class MyController:
     def initialize(self, info: SimpleNamespace) -> None:
         """A run begins."""
         self.gear, self.old, self.since = 0, 0, -10.0  # no shift is running
+        self.outputs = len(info.outputs)
         self.parameters = info.parameters  # e.g. info.parameters["t12"], SI
 
     def step(self, inputs: SimpleNamespace) -> SimpleNamespace:
         """The answer to one sample."""
+        if inputs.gear_request > self.outputs:
+            why = f"gear {inputs.gear_request} has no output in this law, which gives output k to gear k"
+            return SimpleNamespace(command=None, setpoint=None, gear=self.gear, shifting=False, flags=0, status=2, message=why)
         if inputs.gear_request != self.gear:
             self.old, self.gear, self.since = self.gear, inputs.gear_request, inputs.time
         elapsed = inputs.time - self.since
-        command = [0.0, 0.0, 0.0]
+        command = [0.0] * self.outputs
         if self.old and elapsed < OVERLAP + 0.2:
             command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
         if self.gear:

@@ -15,6 +15,7 @@ from pymodbus.exceptions import ModbusException
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
+READ, GEARS = 11, 3  # registers that the rig has to read; number of the last gear, where gear k has output k
 
 
 class Law:
@@ -38,15 +39,16 @@ class Law:
 
 def serve(client: ModbusTcpClient) -> None:
     """Until the rig goes, read a sample and write the answer to the one before with each request."""
-    law, heartbeat, command, shifting = Law(), 0, [0.0, 0.0, 0.0], False
+    law, heartbeat, command, shifting, status = Law(), 0, [0.0, 0.0, 0.0], False, 0
     while True:
         heartbeat = heartbeat % 65535 + 1
-        written = [heartbeat, *(round(ma / 0.02) for ma in command), law.gear, int(shifting), 0, 0]
-        answer = client.readwrite_registers(read_address=0, read_count=11, write_address=32, values=written)
-        if answer.isError():
+        written = [heartbeat, *(round(ma / 0.02) for ma in command), law.gear, int(shifting), 0, status]
+        answer = client.readwrite_registers(read_address=0, read_count=READ, write_address=32, values=written)
+        if answer.isError() or len(answer.registers) != READ:
             return
         sample, request = answer.registers[0] << 16 | answer.registers[1], answer.registers[2]
-        command, shifting = law.step(0.001 * sample, request)
+        status = 0 if request <= GEARS else 2  # of a gear without an output: an error, with which the rig trips
+        command, shifting = law.step(0.001 * sample, request) if status == 0 else ([0.0, 0.0, 0.0], False)
         time.sleep(0.001)
 
 

@@ -7,7 +7,7 @@ controller's wires carry.
 The old clutch is held until the new one is filled, and then released; the new one gets a plateau of current, then a ramp.
 """
 
-from rig_nodes.controllers import ControllerInfo, ControllerInputs, ControllerOutputs
+from rig_nodes.controllers import ControllerInfo, ControllerInputs, ControllerOutputs, Status
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 0.22, 1.2, 0.74  # s, A, A/s, A
 OVERLAP, RELEASE = 0.35, 0.13  # s in which both clutches are on; A of the old one while the new one takes over
@@ -21,14 +21,18 @@ class MyController:
     def initialize(self, info: ControllerInfo) -> None:
         """A run begins."""
         self.gear, self.old, self.since = 0, 0, -10.0  # no shift is running
+        self.outputs = len(info.outputs)
         self.parameters = info.parameters  # e.g. info.parameters["t12"], SI
 
     def step(self, inputs: ControllerInputs) -> ControllerOutputs:
         """The answer to one sample."""
+        if inputs.gear_request > self.outputs:
+            why = f"gear {inputs.gear_request} has no output in this law, which gives output k to gear k"
+            return ControllerOutputs(status=Status.ERROR, message=why)
         if inputs.gear_request != self.gear:
             self.old, self.gear, self.since = self.gear, inputs.gear_request, inputs.time
         elapsed = inputs.time - self.since
-        command = [0.0, 0.0, 0.0]
+        command = [0.0] * self.outputs
         if self.old and elapsed < OVERLAP + 0.2:
             command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
         if self.gear:

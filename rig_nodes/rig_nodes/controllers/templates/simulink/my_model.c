@@ -26,7 +26,7 @@ void my_model_initialize(void) {
 void my_model_step(void) {
   real_T wanted[2] = {0.0, 0.0};
   real_T elapsed;
-  if (rtU.gear_request != rtY.gear) {
+  if (rtU.gear_request <= 2U && rtU.gear_request != rtY.gear) { /* this model has outputs for two gears */
     old = rtY.gear;
     rtY.gear = rtU.gear_request;
     since = rtU.time;
