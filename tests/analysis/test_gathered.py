@@ -69,7 +69,7 @@ def runs(tmp_path_factory):
 def in_pieces(folder, size):
     with OpenedBags([folder]) as index:
         small = index.bag(["/rig/run_info", "/controller/events", "/sequencer/events", "/rig/events", "/instruments/channels"])
-    gathered = gathering(small, RUN)
+    gathered = gathering(folder, small, RUN)
     for piece in Bag.pieces(folder, size):
         gathered.add(piece)
     return gathered

@@ -40,7 +40,7 @@ class RunBag(FakeBag):
 
 @pytest.fixture
 def rig_report(monkeypatch):
-    monkeypatch.setattr(command, "open_bag", RunBag)
+    monkeypatch.setattr(command, "gather", lambda path, annex_a, recover: RunBag(path))
 
     def call(*arguments):
         parser = argparse.ArgumentParser()

@@ -31,6 +31,7 @@ DIP = 0.95
 MINIMUM_SEARCH = 20000  # samples after the start, downshift
 SETTLED_AFTER, SETTLED_FOR = 5000, 1000  # samples
 CLAMPED = 20.0  # bar, least pressure of the engaging clutch when the torque counts as settled
+AROUND = 1.2, 60.0  # s before and behind an order that are looked at: the rest begins 1 s before the start
 REST_BEFORE, REST_FOR, OPEN = 10000, 2000, 3.0  # samples, samples, bar
 VALVE_DELAY_UP, VALVE_DELAY_DOWN = 0.330576, 0.19516  # s added to t_c for the engaging valve
 
@@ -107,7 +108,7 @@ def shift_metrics_annex_a(
 
 
 class _Program:
-    """The channels in the program's units (bar, rpm, Nm); indices count from 0."""
+    """The channels in the program's units (bar, rpm, Nm); indices count from the first row held."""
 
     def __init__(
         self, recording: Recording, order: tuple[float, int, int], next_order_time: float | None, set_speed: float | None, row: dict
@@ -117,13 +118,13 @@ class _Program:
             if next_order_time is None
             else min(recording.rows, int(np.ceil((next_order_time - recording.t0) / PERIOD)))
         )
-        self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6))
+        self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6)) - recording.begin
         self.box, self.up, self.row, self.why = recording.transmission, order[2] > order[1], row, row["why"]
         # the program's gears I and II, and the pressures of their clutches
         self.first, self.second = sorted(self.box.ratios)
         moved = self.box.shift(order[1], order[2])
         self.old_name, self.new_name = moved.releasing[0].pressure, moved.engaging[0].pressure
-        cut = {name: np.asarray(values[:until], dtype=float) for name, values in recording.channels.items()}
+        cut = {name: recording.part(name, recording.begin, until) for name in self.box.channels}
         into, output = self.box.input, self.box.output
         self.old_p, self.new_p = cut[self.old_name] / BAR, cut[self.new_name] / BAR
         self.m_in, self.m_out = cut[into.torque], cut[output.torque]

@@ -22,17 +22,25 @@ from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, sprin
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
+    from .gathered import Gathered
 
 OF_A_RUN = "run"  # place of a result that does not belong to a single shift, device or model
 TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, at which the springs' line is given
 
 
-def bench_report(bag: Bag, record: Mapping, problems: list[str]) -> dict:
+def pressed_clutch(structure: Structure) -> tuple[Device, Device] | None:
+    """Return the press of a bench and the clutch that it presses; None on any other rig, whose results are its signals' ranges."""
+    press = next(iter(structure.of_role(parts.PRESS)), None)
+    clutch = next((one for one in structure.clutches if press is not None and one.wires.get("press") == press.name), None)
+    return None if press is None or clutch is None else (press, clutch)
+
+
+def bench_report(bag: Bag | Gathered, record: Mapping, problems: list[str]) -> dict:
     """Return the results of a run of a bench.
 
     Parameters
     ----------
-    bag : Bag
+    bag : Bag or Gathered
         The recording.
     record : mapping
         Record of the run's rig.
@@ -46,10 +54,10 @@ def bench_report(bag: Bag, record: Mapping, problems: list[str]) -> dict:
         without a clutch that is pressed to slip.
     """
     structure = structure_of(record["structure"])
-    press = next(iter(structure.of_role(parts.PRESS)), None)
-    clutch = next((one for one in structure.clutches if press is not None and one.wires.get("press") == press.name), None)
-    if clutch is None:
-        return {}  # no bench of a clutch; the ranges of its signals are its results
+    found = pressed_clutch(structure)
+    if found is None:
+        return {}
+    press, clutch = found
     try:
         logger = bag.logger(fill=True)
         logged = Logged(logger.t0, logger.period, _as_chapter_8(structure, press, clutch, logger.channels))

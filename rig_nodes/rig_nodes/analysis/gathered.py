@@ -1,34 +1,43 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sources of a report, gathered from the pieces of a bag, so that a long bag need not be in memory as a whole.
+"""A run of any length as a report needs it: gathered from the pieces of its bag, which is never in memory as a whole.
 
-`rig view` uses it for a run without a report. The logger's rows are 0.7 MB for each second of run; they are held around one
-order at a time, which is all that the metrics of a shift look at.
+Every verb that makes a report uses it. The logger's rows are 0.7 MB for each second of run; they are held around one order at a
+time, which is all that the metrics of a shift look at.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, floor
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.reader import Bag, Logger
+from ..bags.opened import OpenedBags
+from ..bags.reader import Bag, Logger, nothing_in, recovered
 from ..bags.sequence_numbers import Numbers
-from ..errors import RigError
+from ..errors import BagError, RigError
 from ..transmission import Transmission
 from . import energy, no_change
+from .annex_a import AROUND as ANNEX
+from .annex_a import BLOCK as ANNEX_BLOCK
+from .annex_a import shift_metrics_annex_a
+from .bench_report import pressed_clutch
 from .metrics import BEFORE, LONGEST, Recording, is_shift, shift_metrics, shifts, with_ends
+from .ranges import LOGGER, Ranges
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+    from ..catalogue import Catalogue
     from ..description.structure import Structure
 
 SPARE = 0.05  # s of rows more on both sides of a shift than its metrics use
-LOGGER = "/instruments/hmg4000"
+WHOLE = 300.0  # s; longest run whose results are looked for in all of its rows at once, 0.7 MB each
+STRETCH = 30_000_000_000  # ns of a topic that are read again at a time
+SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # types that are read of the whole run
 
 Order = tuple[float, int, int]
 
@@ -38,36 +47,60 @@ class Gathered:
 
     Attributes
     ----------
+    path : Path
+        The .mcap file, of several pieces the first.
+    counts, types : dict
+        Messages and message type per topic, as in Bag.
+    damage : list of str
+        One sentence per fault that recovery passed over.
+    last : int
+        Log time [ns] of the last message.
     began : bool
-        True, as for every bag that has a piece.
+        True when time has passed in the run, as in Bag.
+    ranges : Ranges
+        Lowest, mean, highest and last value of each signal of a rig without gears.
     """
 
-    began = True
-
-    def __init__(self, small: Bag, orders: Sequence[Order], box: Transmission) -> None:
+    def __init__(
+        self, source: Path | str, small: Bag, orders: Sequence[Order], box: Transmission | None, annex_a: float | None = None
+    ) -> None:
         """Prepare for the pieces.
 
         Parameters
         ----------
+        source : Path or str
+            The run's folder or file.
         small : Bag
-            Events and description of the whole run, with the names of all topics.
+            Events and description of the whole run, with the names of all topics (the types of SMALL).
         orders : sequence of (float, int, int)
             Time [s], gear before and gear ordered of each order of the run.
-        box : Transmission
-            Gears and clutches of the rig.
+        box : Transmission or None
+            Gears and clutches of the rig; None for a rig without gears.
+        annex_a : float, optional
+            Factor of Annex A's torque band, for its results too.
         """
-        self._small, self._orders, self._box = small, list(orders), box
-        # a run without a change between gears is measured as a whole
-        self._whole = not any(box.changes(before, after) for _, before, after in orders)
+        self._source, self._small, self._orders, self._factor = source, small, list(orders), annex_a
+        self._box = box
+        self.path, self.types, self.damage = small.path, small.types, small.damage
+        self.counts: Counter[str] = Counter(dict.fromkeys(small.types, 0))
+        self.last, self.began = 0, False
+        self.ranges = Ranges(small) if box is None else None
+        # a run without a change between gears, or of a bench of a clutch, is measured as a whole
+        self._whole = not any(box.changes(before, after) for _, before, after in orders) if box else pressed_clutch(small.structure)
         self._due = with_ends(orders)  # shifts whose rows have not all come
         self._rows: list[dict] = []
+        self._annex_a: list[dict] = []
+        self._no_annex_a: RigError | None = None
         self._parts: list[tuple[int, dict[str, np.ndarray]]] = []  # number of the first row, and channels
         self._last: Logger | None = None  # the newest rows
         self._t0, self._end = 0.0, 0  # time of row 0 [s], number of rows
         self._refused: RigError | None = None
         self._numbers = Numbers()
-        wanted = {topic: list(names.values()) for topic, names in energy.all_fields(small.structure, box).items()}
-        wanted |= no_change.FIELDS if self._whole else {}
+        self._not_counted: RigError | None = None
+        wanted: dict[str, list[str]] = {}
+        if box is not None:
+            wanted |= {topic: list(names.values()) for topic, names in energy.all_fields(small.structure, box).items()}
+            wanted |= no_change.FIELDS if self._whole else {}
         self._fields: dict[str, dict[str, list[np.ndarray]]] = {
             topic: {name: [] for name in ("", *names)} for topic, names in wanted.items()
         }  # times under the name ""
@@ -75,7 +108,13 @@ class Gathered:
 
     def add(self, piece: Bag) -> None:
         """Take what the report needs of the next piece."""
-        self._numbers.add(piece)
+        self.counts.update(piece.counts)
+        self.damage, self.last = piece.damage, max(self.last, piece.last)
+        self.began = self.began or piece.began
+        try:
+            self._numbers.add(piece)
+        except RigError as error:
+            self._not_counted = error
         for topic, columns in self._fields.items():
             if piece.counts.get(topic) and topic not in self._no_fields:
                 try:
@@ -85,49 +124,87 @@ class Gathered:
                     continue
                 for column, new in zip(columns.values(), (times, *values)):
                     column.append(new)
+        logger = None
         if piece.counts.get(LOGGER) and self._refused is None:
             try:
-                self._add_rows(piece.logger(LOGGER, fill=True, after=self._last))
+                logger = piece.logger(LOGGER, fill=True, after=self._last)
+                if self._whole or self._box is not None:
+                    self._add_rows(logger)
+                self._last = logger
             except RigError as error:
                 self._refused = error
+        if self.ranges is not None:
+            self.ranges.add(piece, logger)
 
     def _add_rows(self, logger: Logger) -> None:
         if self._last is None:
             self._t0 = logger.t0
         first = round((logger.t0 - self._t0) / logger.period)
         # copies, because the channels of a logger are views of all its columns
-        self._parts.append((first, {name: logger.channels[name].copy() for name in self._box.channels if name in logger.channels}))
+        names = logger.channels if self._box is None else [name for name in self._box.channels if name in logger.channels]
+        self._parts.append((first, {name: logger.channels[name].copy() for name in names}))
         self._last, self._end = logger, first + logger.rows
-        while not self._whole and self._due and self._window(self._due[0][0])[1] <= self._end:
+        if self._whole:
+            if (self._end - 1) * logger.period > WHOLE:
+                self._parts.clear()
+                raise RigError(
+                    f"a run of more than {WHOLE:g} s in which no gear is changed is not measured as a whole; cut a part out of it "
+                    "with ./rig bag cut"
+                )
+            return
+        while self._due and self._window(self._due[0])[1] <= self._end:
             self._close()
+        self._forget()
 
-    def _window(self, order: Order) -> tuple[int, int]:
+    def _window(self, due: tuple[Order, float | None]) -> tuple[int, int]:
         """Return the first row and the one after the last row that the metrics of a shift may look at."""
         period = self._last.period if self._last else 1.0
-        since = order[0] - self._t0
-        return floor((since - BEFORE - SPARE) / period), ceil((since + LONGEST + SPARE) / period)
+        (t, _, _), end = due
+        since, before, behind = t - self._t0, BEFORE, LONGEST
+        if self._factor is not None:  # the recipe searches up to the next order
+            before, behind = ANNEX[0], ANNEX[1] if end is None else min(ANNEX[1], max(LONGEST, end - t))
+        first = floor((since - before - SPARE) / period)
+        return first // ANNEX_BLOCK * ANNEX_BLOCK, ceil((since + behind + SPARE) / period)
 
     def _close(self) -> None:
-        """Compute the metrics of the next shift, and forget the rows that no later one needs."""
-        order, end = self._due.pop(0)
-        recording = self._recording(*self._window(order))
+        """Compute the metrics of the next shift."""
+        order, end = self._due[0]
+        recording = self._recording(*self._window(self._due.pop(0)))
         if is_shift(recording, order):
             self._rows.append(shift_metrics(recording, order, end))
-        begin = self._window(self._due[0][0])[0] if self._due else self._end
-        self._parts = [part for part in self._parts if part[0] + len(next(iter(part[1].values()))) > begin]
+            if self._factor is not None and self._no_annex_a is None:
+                try:
+                    self._annex_a.append(shift_metrics_annex_a(recording, order, end, a=self._factor, b=self._factor))
+                except RigError as error:
+                    self._no_annex_a = error
+
+    def _forget(self) -> None:
+        """Drop the rows that no later shift needs, but for the newest, which show what channels there are."""
+        begin = self._window(self._due[0])[0] if self._due else self._end
+        *older, newest = self._parts
+        self._parts = [part for part in older if part[0] + len(next(iter(part[1].values()))) > begin] + [newest]
 
     def _recording(self, first: int, last: int) -> Recording:
         """Return the rows of a window, as far as the run has them; NaN where rows are missing."""
         first = min(max(first, 0), self._end)
         last = min(max(last, first), self._end)
+        period = self._last.period if self._last else 1.0
+        return Recording(self._t0, period, self._channels(first, last), self._orders, self._box, first)
+
+    def _channels(self, first: int, last: int) -> dict[str, np.ndarray]:
         channels = {name: np.full(last - first, np.nan) for name in (self._parts[-1][1] if self._parts else self._box.channels)}
         for number, part in self._parts:
             for name, values in part.items():
                 start, stop = max(number, first), min(number + len(values), last)
                 if start < stop:
                     channels[name][start - first : stop - first] = values[start - number : stop - number]
-        period = self._last.period if self._last else 1.0
-        return Recording(self._t0, period, channels, self._orders, self._box, first)
+        return channels
+
+    def _check_rows(self) -> float:
+        """Return the period of the rows [s]; raise the error why there are none."""
+        if self._refused:
+            raise self._refused
+        return (self._last or self._small.logger(LOGGER)).period  # a bag without rows raises, with the reason
 
     def shifts(self) -> tuple[Recording, list[dict]]:
         """Return the recording and the metrics of all shifts, once, after the last piece.
@@ -139,10 +216,7 @@ class Gathered:
         RigError
             When the bag has no rows of the logger, or not the channels that the metrics need.
         """
-        if self._refused:
-            raise self._refused
-        if self._last is None:
-            self._small.logger(LOGGER)  # raises, with the reason
+        self._check_rows()
         if self._whole:
             recording = self._recording(0, self._end)
             self._parts.clear()
@@ -151,29 +225,74 @@ class Gathered:
             self._close()
         return self._recording(self._end, self._end), self._rows
 
+    def by_annex_a(self) -> list[dict] | None:
+        """Return the results by Annex A of each shift, after :meth:`shifts`; None where its recording has all rows.
+
+        Raises
+        ------
+        RigError
+            When the recipe cannot be used on the recording.
+        """
+        if self._no_annex_a:
+            raise self._no_annex_a
+        return None if self._whole else self._annex_a
+
+    def logger(self, fill: bool) -> Logger:
+        """Return all rows of the logger of a bench of a clutch; ``fill`` as for Bag.logger, and always True."""
+        return Logger(self._t0, self._check_rows(), self._channels(0, self._end))
+
     def fields(self, topic: str, names: list[str]) -> tuple[np.ndarray, list[np.ndarray]]:
         """Return what Bag.fields does, of the whole run."""
         if topic in self._no_fields:
             raise self._no_fields[topic]
         times, empty = self._small.fields(topic, names)
-        columns = self._fields[topic]
+        columns = self._fields.get(topic, {})
+        if not columns.keys() >= set(names):
+            columns = {name: [] for name in ("", *names)}
+            for part in self._again(topic):
+                for column, new in zip(columns.values(), (lambda t, values: (t, *values))(*part.fields(topic, names))):
+                    column.append(new)
         return np.concatenate([*columns[""], times]), [
             np.concatenate(columns[name]) if columns[name] else none for name, none in zip(names, empty)
         ]
 
+    def _again(self, topic: str) -> Iterator[Bag]:
+        """Yield a topic that was not foreseen, stretch by stretch."""
+        with OpenedBags([self._source]) as opened:
+            for begin in range(opened.first, opened.last + 1, STRETCH):
+                part = opened.bag([topic], begin, begin + STRETCH)
+                if part.counts[topic]:
+                    yield part
+
+    def check_began(self) -> None:
+        """Raise BagError when nothing was recorded or nothing of the recording is left."""
+        if not self.began:
+            raise BagError(f"{self.path}: {nothing_in(self.damage)}")
+
+    @property
+    def recovered(self) -> str:
+        """One sentence on what recovery saved; empty for a sound bag."""
+        return recovered(sum(self.counts.values()), self.last, self.damage)
+
     def gaps(self) -> dict[str, int]:
         """Return the number of lost messages by topic, as Bag.gaps does."""
+        if self._not_counted:
+            raise self._not_counted
         return self._numbers.gaps(self.recorded_from > 0.0)
+
+    def gap_of_last_life(self, topic: str) -> int:
+        """Return what Bag.gap_of_last_life does."""
+        return self._numbers.gap_of_last_life(topic)
+
+    def distinct(self, topic: str, last_life: bool = False) -> int:
+        """Return what Bag.distinct does."""
+        found = self._numbers.distinct(topic, last_life)
+        return self.counts.get(topic, 0) if found is None else found
 
     @property
     def recorded_from(self) -> float:
         """Time of the run [s] at which the recording begins, as in Bag."""
         return self._small.begin_by(self._numbers)
-
-    @property
-    def types(self) -> dict[str, str]:
-        """Message type per topic."""
-        return self._small.types
 
     @property
     def record(self) -> Mapping:
@@ -186,10 +305,19 @@ class Gathered:
         return self._small.structure
 
     @property
+    def catalogue(self) -> Catalogue:
+        """Topics and signals of the bag's rig."""
+        return self._small.catalogue
+
+    @property
     def transmission(self) -> Transmission:
         """Gears and clutches of the rig."""
-        return self._box
+        return self._small.transmission if self._box is None else self._box
 
     def run_info(self) -> dict:
         """Return the configuration that the run was made with."""
         return self._small.run_info()
+
+    def events(self) -> list[tuple[float, str, str, str, float]]:
+        """Return all events in order of time, as Bag.events does."""
+        return self._small.events()

@@ -18,6 +18,7 @@ from .metrics import RPM
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
+    from .gathered import Gathered
 
 # the message fields that are read
 GEARBOX, SHAFTS = "/gearbox/state", ("torque_in", "speed_in", "speed_out")
@@ -32,15 +33,15 @@ WHY_NOT = (
 States = dict[str, dict[str, np.ndarray]]
 
 
-def states_of(bag: Bag, transmission: Transmission | None = None) -> States | None:
+def states_of(bag: Bag | Gathered, transmission: Transmission | None = None) -> States | None:
     """Return the state topics of a bag as topic -> {t [s], fields}; None when it has no plant states (a real recording)."""
     found: States = {}
     box = transmission or bag.transmission
     for topic, names in {GEARBOX: SHAFTS, **{clutch.state: CLUTCH for clutch in box.clutches}}.items():
-        rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names)) for stamp, message in bag.messages(topic)]
-        if not rows:
+        t, columns = bag.fields(topic, list(names))
+        if not len(t):
             return None
-        found[topic] = dict(zip(("t", *names), np.asarray(rows).T))
+        found[topic] = {"t": t, **dict(zip(names, columns))}
     return found
 
 

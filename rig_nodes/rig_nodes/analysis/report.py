@@ -19,6 +19,8 @@ import numpy as np
 
 from ..atomic_write import atomic_write
 from ..bags import limits
+from ..bags.opened import OpenedBags
+from ..bags.pieces import PIECE
 from ..bags.reader import NOTHING, UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
 from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
@@ -28,7 +30,7 @@ from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .definitions import reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
-from .gathered import Gathered
+from .gathered import SMALL, Gathered
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
@@ -79,7 +81,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     Parameters
     ----------
     bag : Bag or Gathered
-        The bag, or what :func:`gathering` gathered of its pieces, without ``annex_a`` and ``truth``.
+        The bag in memory, or what :func:`gather` gathered of its pieces, with the same ``annex_a``.
     run : dict
         Facts that only the runner has (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
         of an undamaged bag.
@@ -108,7 +110,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         found = bench_report(bag, record, problems)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
             "bench": plain(found),
-            "signals": plain(signal_ranges(bag)),
+            "signals": plain(bag.ranges.rows() if isinstance(bag, Gathered) else signal_ranges(bag)),
         }
     recording, rows = None, []
     try:
@@ -119,7 +121,8 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         recording, rows = bag.shifts() if isinstance(bag, Gathered) else _with_shifts(recording_of(bag, box))
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, rows, instruments, annex_a, problems, None if imported else bag)
+    gathered = bag if isinstance(bag, Gathered) else None
+    metrics = _metrics(recording, rows, instruments, annex_a, problems, None if imported else bag, gathered)
     metrics["basis"] = basis_of(record, box, instruments)
     if isinstance(imported, dict):
         metrics["basis"]["named_by"] = f"named by {imported.get('rig_named_by')} for the file {imported.get('file')}"
@@ -141,20 +144,19 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
-def gathering(small: Bag, run: dict) -> Gathered | None:
-    """Return what gathers the sources of build_report from the pieces of a long bag.
+def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None = None) -> Gathered:
+    """Return what gathers the sources of build_report from the pieces of a bag.
 
     Parameters
     ----------
+    source : Path or str
+        The run's folder or file.
     small : Bag
         Events and description of the whole run, with the names of all topics (OpenedBags.bag).
     run : dict
         As in :func:`build_report`.
-
-    Returns
-    -------
-    Gathered or None
-        None for a rig without gears, whose results need the whole bag.
+    annex_a : float, optional
+        As in :func:`build_report`.
 
     Raises
     ------
@@ -163,9 +165,39 @@ def gathering(small: Bag, run: dict) -> Gathered | None:
     """
     record = _record_of(small, run)
     try:
-        return Gathered(small, orders_in(small.events()), transmission_of(record)) if record["structure"]["gears"] else None
+        box = transmission_of(record) if record["structure"]["gears"] else None
+        return Gathered(source, small, orders_in(small.events()), box, annex_a)
     except UNREADABLE as error:
         raise _no_rig(error) from None
+
+
+def gather(source: Path | str, run: dict | None = None, annex_a: float | None = None, recover: bool = False) -> Gathered:
+    """Return what build_report needs of a bag of any length, which is read piece by piece.
+
+    Parameters
+    ----------
+    source : Path or str
+        The run's folder or file.
+    run : dict, optional
+        As in :func:`build_report`; by default what the bag records.
+    annex_a : float, optional
+        As in :func:`build_report`.
+    recover : bool
+        True to read the undamaged part of a cut or damaged bag.
+
+    Raises
+    ------
+    BagError
+        When the bag is damaged or missing.
+    RigError
+        When its record of its rig is invalid.
+    """
+    with OpenedBags([source]) as opened:
+        small = opened.bag([topic for topic, ros_type in opened.types.items() if ros_type in SMALL])
+    found = gathering(source, small, run or info_of(small), annex_a)
+    for piece in Bag.pieces(source, PIECE, recover):
+        found.add(piece)
+    return found
 
 
 def _with_shifts(recording: Recording) -> tuple[Recording, list[dict]]:
@@ -195,7 +227,7 @@ def info_of(bag: Bag | Gathered) -> dict:
     return info if "configuration" in info else {"configuration": info or None}
 
 
-def is_of(bag: Bag, run: dict) -> bool:
+def is_of(bag: Bag | Gathered, run: dict) -> bool:
     """Return True when the run part of a report and the bag are of the same run, as far as both identify it."""
     return all(value is None or run.get(key) in (None, value) for key, value in plain(info_of(bag)).items())
 
@@ -253,6 +285,7 @@ def _metrics(
     annex_a: float | None,
     problems: list[str],
     bag: Bag | Gathered | None = None,
+    gathered: Gathered | None = None,
 ) -> dict:
     """Return everything that comes from the logger's channels; a run without a change of gear also needs the bag's commands."""
     found: dict[str, Any] = {
@@ -264,12 +297,18 @@ def _metrics(
     }
     if annex_a is not None and recording is not None:
         try:
-            found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, a=annex_a, b=annex_a)}
+            found["annex_a"] = {"factor": annex_a, "shifts": _by_annex_a(recording, annex_a, gathered)}
         except RigError as error:
             problems.append(f"no results by Annex A: {error}")
     if recording is not None and not any(recording.transmission.changes(row["from_gear"], row["to_gear"]) for row in rows):
         found["measured"] = measured(recording, instruments, bag)
     return found
+
+
+def _by_annex_a(recording: Recording, factor: float, gathered: Gathered | None) -> list[dict]:
+    """Return the results by Annex A, which were gathered where the recording does not hold all rows."""
+    rows = None if gathered is None else gathered.by_annex_a()
+    return shifts_annex_a(recording, a=factor, b=factor) if rows is None else rows
 
 
 def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrument]) -> dict:
@@ -284,7 +323,7 @@ def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrume
     }
 
 
-def _truth(bag: Bag, rows: list[dict], box: Transmission) -> list[dict | None]:
+def _truth(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> list[dict | None]:
     states = states_of(bag, box)
     ends = [row["t_order_s"] for row in rows[1:]] + [None]
     return [None if states is None else metrics_of_states(states, row, end, box) for row, end in zip(rows, ends)]

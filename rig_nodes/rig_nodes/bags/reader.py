@@ -568,22 +568,26 @@ class Bag:
         """
         hashes = {}
         for topic in sorted(self._streams if topics is None else topics):
-            stream = self._stream(topic)
-            definition = self._definition(stream)
-            if definition.counted:
-                head = self._heads(stream)
-                order = np.argsort(head["seq"], kind="stable")
-                seqs, stamps = head["seq"], _stamps(head)
-            else:
-                order = seqs = np.arange(len(stream.times))
-                stamps = np.array(stream.times, dtype=np.int64)
-            digest = hashlib.sha256(f"{topic} {stream.ros_type}\n".encode())
-            for i in order.tolist():
-                data = self._exact(definition, stream.payloads[i], topic)
-                digest.update(struct.pack("<QqQ", seqs[i], stamps[i], len(data)) + data)
+            digest = hashlib.sha256(f"{topic} {self._stream(topic).ros_type}\n".encode())
+            for seq, stamp, data in self.entries(topic):
+                digest.update(struct.pack("<QqQ", seq, stamp, len(data)) + data)
             hashes[topic] = digest.hexdigest()
         text = "".join(f"{topic} {value}\n" for topic, value in hashes.items())
         return {**hashes, "all": hashlib.sha256(text.encode()).hexdigest()}
+
+    def entries(self, topic: str, before: int = 0) -> Iterator[tuple[int, int, bytes]]:
+        """Yield number, stamp [ns] and bytes of each message of a topic by its number; where there is none, from ``before`` on."""
+        stream = self._stream(topic)
+        definition = self._definition(stream)
+        if definition.counted:
+            head = self._heads(stream)
+            order = np.argsort(head["seq"], kind="stable")
+            seqs, stamps = head["seq"], _stamps(head)
+        else:
+            order = np.arange(len(stream.times))
+            seqs, stamps = order + before, np.array(stream.times, dtype=np.int64)
+        for i in order.tolist():
+            yield int(seqs[i]), int(stamps[i]), self._exact(definition, stream.payloads[i], topic)
 
     def _stream(self, topic: str) -> Stream:
         if topic not in self._streams:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sequence numbers of messages, whose holes are the messages that a recorder lost; used by bags.reader.
+"""Sequence numbers of messages, whose holes are the messages that a recorder lost; used by bags.reader and analysis.gathered.
 
 A number counts the messages of a topic from 0, and its high bits the earlier starts of the publisher.
 """
@@ -23,6 +23,8 @@ LIFE_BITS = 32  # low bits count messages; the bits above count earlier starts o
 class Numbers:
     """Sequence numbers and first stamps of the topics of a bag, gathered piece by piece.
 
+    Numbers that follow each other are kept as one span, so that a long bag takes no more memory than a short one.
+
     Attributes
     ----------
     firsts : dict of str to int
@@ -31,23 +33,65 @@ class Numbers:
 
     def __init__(self) -> None:
         self.firsts: dict[str, int] = {}
-        self._seqs: dict[str, list[np.ndarray]] = {}
+        self._spans: dict[str, list[np.ndarray]] = {}  # rows (first number, number after the last one)
 
     def add(self, piece: Bag) -> None:
         """Take those of the next piece, or of a whole bag."""
         for topic, stamps, seqs in piece.counted():
-            self._seqs.setdefault(topic, []).append(seqs)
+            spans, known = _spans_of(seqs), self._spans.setdefault(topic, [])
+            if known and known[-1][-1, 1] == spans[0, 0] and spans[0, 0] % (1 << LIFE_BITS):
+                known[-1][-1, 1] = spans[0, 1]
+                spans = spans[1:]
+            if len(spans):
+                known.append(spans)
             self.firsts[topic] = min(self.firsts.get(topic, limits.LAST), int(stamps.min()))
 
     def gaps(self, begun_late: bool) -> dict[str, int]:
         """Return what Bag.gaps does; ``begun_late`` is True for a bag that begins later than its run."""
         found = {}
-        for topic, seqs in self._seqs.items():
-            lives = lives_of(np.concatenate(seqs))
-            lost = sum(holes(life) for life in lives) - (int(lives[0].min()) if begun_late else 0)
+        for topic in self._spans:
+            lives = self._lives(topic)
+            lost = sum(_holes(life) for life in lives) - (int(lives[0][0, 0]) if begun_late else 0)
             if lost:
                 found[topic] = lost
         return found
+
+    def gap_of_last_life(self, topic: str) -> int:
+        """Return what Bag.gap_of_last_life does; 0 for a topic without counted messages."""
+        return _holes(self._lives(topic)[-1]) if topic in self._spans else 0
+
+    def distinct(self, topic: str, last_life: bool) -> int | None:
+        """Return what Bag.distinct does; None for a topic without counted messages."""
+        if topic not in self._spans:
+            return None
+        return sum(_held(life) for life in self._lives(topic)[-1 if last_life else 0 :])
+
+    def _lives(self, topic: str) -> list[np.ndarray]:
+        """Return the spans of each start of a publisher, counted from 0 on, in order and without overlap."""
+        spans = np.concatenate(self._spans[topic])
+        spans = spans[np.argsort(spans[:, 0], kind="stable")]
+        reached = np.maximum.accumulate(spans[:, 1])
+        begins = np.concatenate([[True], spans[1:, 0] > reached[:-1]])
+        ends = np.concatenate([begins[1:], [True]])
+        joined = np.stack([spans[begins, 0], reached[ends]], axis=1)
+        life = joined[:, 0] >> LIFE_BITS
+        return [joined[life == number] - (number << LIFE_BITS) for number in np.unique(life)]
+
+
+def _spans_of(seqs: np.ndarray) -> np.ndarray:
+    """Return the spans of numbers that follow each other within one start of the publisher."""
+    breaks = (seqs[1:] != seqs[:-1] + 1) | (seqs[1:] & ((1 << LIFE_BITS) - 1) == 0)
+    return np.stack([seqs[np.concatenate([[True], breaks])], seqs[np.concatenate([breaks, [True]])] + 1], axis=1)
+
+
+def _held(spans: np.ndarray) -> int:
+    """Count the numbers in spans that do not overlap."""
+    return int((spans[:, 1] - spans[:, 0]).sum())
+
+
+def _holes(spans: np.ndarray) -> int:
+    """Count the numbers from 0 to the highest that are in none of the spans."""
+    return int(spans[-1, 1]) - _held(spans)
 
 
 def lives_of(seqs: np.ndarray) -> list[np.ndarray]:

@@ -65,8 +65,7 @@ def main(args: argparse.Namespace) -> int:
     import os
     import shutil
 
-    from ..analysis.report import build_report, format_report, info_of, write_report
-    from ..bags.reader import Bag
+    from ..analysis.report import build_report, format_report, gather, info_of, write_report
     from ..config.names import DEFAULT_RIG
     from ..exchange.imported import read_measurement, sequence_name, write_bag
     from ..testbench.configuration import load_rig
@@ -91,7 +90,7 @@ def main(args: argparse.Namespace) -> int:
     with unless_empty(folder):
         try:
             write_bag(found, part, name)
-            bag = Bag(part)
+            bag = gather(part)
             run = {**info_of(bag), "mode": "import", "end": {"state": "ended", "reason": f"the file {Path(args.file).name} ended"}}
             report = build_report(bag, run)
             write_report(part, report)

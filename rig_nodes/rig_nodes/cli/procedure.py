@@ -37,9 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
-    from ..analysis.report import build_report, format_report, write_report
+    from ..analysis.report import build_report, format_report, gather, write_report
     from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
-    from ..bags.reader import Bag
     from ..controllers.load import embedded_line
     from ..errors import interrupted_code, printable
     from ..testbench.folders import parse_settings, run_folder
@@ -66,7 +65,7 @@ def main(args: argparse.Namespace) -> int:
             print(f"series {series.label}, run {repeat + 1} of {series.repeats}", flush=True)
             with waiting("computing the run"):
                 run = simulate(config, sequence, run_into, series.first_seed + repeat)
-            report = build_report(Bag(run_into), run)
+            report = build_report(gather(run_into, run), run)
             write_report(run_into, report)
             print(format_report(report), end="\n\n", flush=True)
             members.append(member_of(series.label, run_into.name, report))

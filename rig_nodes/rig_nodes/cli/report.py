@@ -17,20 +17,20 @@ from typing import TYPE_CHECKING
 
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
-from ..analysis.report import REPORT_FILE, build_report, format_report, info_of, is_of, read_report, write_report
+from ..analysis.report import REPORT_FILE, build_report, format_report, gather, info_of, is_of, read_report, write_report
 from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
 from ..config import load_yaml
 from ..errors import RigError, printable
 from ..exchange.kinds import is_loggers_file
-from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
+from ..graph.result import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
 from .report_folder import is_folder_of_runs, report_folder, write_pages
 
 if TYPE_CHECKING:
     import argparse
 
-    from ..bags.reader import Bag
+    from ..analysis.gathered import Gathered
 
 HELP = "print the results of a run and rewrite its report.json, or make a page of them"
 METADATA = "metadata.yaml"
@@ -92,7 +92,8 @@ def _show(report: dict, as_json: bool) -> None:
     print("\n".join([format_report(report), *map(printable, limit_lines(report.get("limits", ())))]), flush=True)
 
 
-def _page_of_bag(bag: Bag, report: dict, warnings: list[str]) -> str:
+def _page_of_bag(path: str, bag: Gathered, report: dict, warnings: list[str]) -> str:
+    from ..bags.canonical import canonical_hash
     from ..bags.rig_record import rig_record
     from ..description.settings import CHANGED
     from ..testbench.changed_settings import changed_settings
@@ -103,13 +104,13 @@ def _page_of_bag(bag: Bag, report: dict, warnings: list[str]) -> str:
     record = rig_record(report["run"].get("configuration") or bag.record, bag.types)
     settings, note = changed_settings(record)
     changes = [(t, text) for t, _, name, text, _ in bag.events() if name == CHANGED]
-    source = [("bag", bag.path.name), ("canonical hash", bag.canonical_hash()["all"])]
+    source = [("bag", bag.path.name), ("canonical hash", canonical_hash(path, recover=True)["all"])]
     facts = Facts(source, True, settings, note, changes, warnings)
-    return report_page(report, facts, plots_of_bag(bag.path, Pages(record), report["shifts"], 0.0, bag.last / 1e9))
+    return report_page(report, facts, plots_of_bag(path, Pages(record), report["shifts"], 0.0, bag.last / 1e9))
 
 
 def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) -> int:
-    bag = open_bag(args.run)
+    bag = gather(args.run, annex_a=annex, recover=True)
     bag.check_began()
     path = Path(args.run)
     folder = path if path.is_dir() else path.parent
@@ -135,11 +136,11 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
     lost = what_was_lost(run)
     if not bag.recovered and lost:
         print(f"rig: lost: {lost}", file=sys.stderr)
-    write_pages(args, lambda: _page_of_bag(bag, report, [f"Lost: {lost}."] if lost else []))
+    write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Lost: {lost}."] if lost else []))
     return 1 if bag.recovered else 0
 
 
-def _run_of(bag: Bag, folder: Path, facts: dict[str, dict]) -> dict:
+def _run_of(bag: Gathered, folder: Path, facts: dict[str, dict]) -> dict:
     """Return what bag and logs contain about a run without a report: one of a launch file, or with a killed supervisor."""
     known = info_of(bag)
     if facts:
@@ -147,7 +148,7 @@ def _run_of(bag: Bag, folder: Path, facts: dict[str, dict]) -> dict:
     return {**known, "end": {"reason": "the run left no report"}}
 
 
-def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
+def _run_of_the_rest(bag: Gathered, folder: Path, run: dict, reported: bool) -> dict:
     """Return the run part for a bag that was damaged after it was written.
 
     Its lost messages are counted anew and its end is not known. ``reported`` is True when ``run`` is of a report of the whole bag.
@@ -165,7 +166,7 @@ def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
     return rest
 
 
-def _written(bag: Bag, folder: Path) -> dict[str, int]:
+def _written(bag: Gathered, folder: Path) -> dict[str, int]:
     """Return the messages per topic when the bag was closed; empty without complete metadata of this bag in the folder."""
     path = folder / METADATA
     if not path.is_file():

@@ -166,13 +166,13 @@ def live_view(domain: int) -> Iterator[None]:
 
 def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
     """Write and print the report of an ended run; return its exit code."""
-    from ..analysis.report import build_report, format_report, write_report
-    from ..graph.result import join_pieces, open_bag, run_part, what_was_lost
+    from ..analysis.report import build_report, format_report, gather, write_report
+    from ..graph.result import join_pieces, run_part, what_was_lost
 
     last = [] if end.state == "ended" else [end.reason]
     try:
         join_pieces(folder)
-        bag = open_bag(folder)
+        bag = gather(folder, recover=True)
         report = build_report(bag, run_part(bag, folder, record, end, restarts))
     except BagError as error:
         return _say([f"there is no report: {error}", *last], 1)

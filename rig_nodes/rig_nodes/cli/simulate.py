@@ -49,8 +49,7 @@ def controller_log(folder: Path) -> Iterator[None]:
 
 def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
-    from ..analysis.report import build_report, format_report, write_report
-    from ..bags.reader import Bag
+    from ..analysis.report import build_report, format_report, gather, write_report
     from ..controllers.load import embedded_line, level_line, load_controller
     from ..errors import interrupted_code
     from ..testbench.configuration import load_rig
@@ -87,7 +86,7 @@ def main(args: argparse.Namespace) -> int:
     with controller_log(folder), unless_empty(folder), starting:
         starting.enter_context(waiting(STARTING))
         run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
-    report = build_report(Bag(folder), run)
+    report = build_report(gather(folder, run), run)
     print(format_report(report))
     write_report(folder, report)
     print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)

@@ -78,8 +78,7 @@ class Recording:
 
     def close(self) -> None:
         """End the bag and write report.json beside it."""
-        from ..analysis.report import build_report, write_report
-        from ..bags.reader import Bag
+        from ..analysis.report import build_report, gather, write_report
         from ..clocks import TICK_SAMPLES
         from ..testbench.rig_base import RigStatus
 
@@ -102,7 +101,7 @@ class Recording:
             "lateness_ms": None,
             "end": end,
         }
-        write_report(self.folder, build_report(Bag(self.folder), run))
+        write_report(self.folder, build_report(gather(self.folder, run), run))
 
 
 class RigModel:

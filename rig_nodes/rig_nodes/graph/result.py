@@ -12,8 +12,9 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
-from ..bags.metadata import read_profile
+from ..bags.opened import OpenedBags, class_of
 from ..bags.pieces import files_of_run, read_metadata
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
@@ -21,7 +22,26 @@ from ..catalogue import Topic, catalogue, installed_topics
 from ..errors import RigError
 from .supervisor import MODULES, End, processes_of
 
+RUN_INFO = "rig_msgs/msg/RunInfo"
 NAMED = 4  # topics that a sentence names
+
+
+class RecordedRun(Protocol):
+    """What is asked of a run's bag: a Bag in memory, or what was gathered of its pieces."""
+
+    recovered: str
+
+    def gaps(self) -> dict[str, int]:
+        """As Bag.gaps."""
+
+    def gap_of_last_life(self, topic: str) -> int:
+        """As Bag.gap_of_last_life."""
+
+    def distinct(self, topic: str, last_life: bool = False) -> int:
+        """As Bag.distinct."""
+
+    def run_info(self) -> dict:
+        """As Bag.run_info."""
 
 
 def facts_of(folder: Path) -> dict[str, dict]:
@@ -49,18 +69,19 @@ def join_pieces(folder: Path) -> None:
         return
     joined = folder / "joined"
     sent: set[tuple[str, bytes]] = set()  # messages on latched topics
-    of_rig = Bag(pieces[0], recover=True).catalogue.all_topics
+    with OpenedBags(pieces[:1]) as first:
+        of_rig = first.bag([topic for topic, ros_type in first.types.items() if ros_type == RUN_INFO]).catalogue.all_topics
     with BagWriter(joined, pieces[0].stem.rpartition("_")[0], topics=of_rig) as writer:
         for piece in pieces:
-            bag = Bag(piece, recover=True)
-            classes = {topic: _class_of(bag, topic) for topic in bag.counts}
-            for time, topic, data in bag.timeline():
-                # a latched message that was sent again to a later subscriber is already there
-                if classes[topic] == "latched":
-                    if (topic, data) in sent:
-                        continue
-                    sent.add((topic, data))
-                writer.write(topic, bag.types[topic], data, time, classes[topic])
+            with OpenedBags([piece]) as bag:
+                classes = {topic: class_of(bag.channel(topic)[2]) for topic in bag.types}
+                for time, (topic, data) in bag.timeline(bag.types):
+                    # a latched message that was sent again to a later subscriber is already there
+                    if classes[topic] == "latched":
+                        if (topic, data) in sent:
+                            continue
+                        sent.add((topic, data))
+                    writer.write(topic, bag.types[topic], data, time, classes[topic])
     for piece in pieces:
         piece.unlink()
     for path in joined.iterdir():
@@ -74,12 +95,6 @@ def _listed(folder: Path) -> list[str]:
         return read_metadata(folder).files
     except RigError:
         return []
-
-
-def _class_of(bag: Bag, topic: str) -> str:
-    """Return the class of catalogue.QOS in which a topic of a bag was offered."""
-    offered = read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
-    return "latched" if offered.latched else "measurement" if offered.reliable else "best_effort"
 
 
 def end_of(facts: dict[str, dict], shifts: bool) -> End:
@@ -116,7 +131,7 @@ def open_bag(folder: Path) -> Bag:
     return Bag(folder, recover=True)
 
 
-def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
+def lost_messages(bag: RecordedRun, facts: dict[str, dict]) -> dict[str, int]:
     """Return the number of messages that were published but are not in the bag, by topic; topics without losses are left out.
 
     What the recorder left out on purpose (pauses, the time before the kept seconds, topics that were not chosen) is not lost.
@@ -146,7 +161,7 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
     return lost | {topic: count for topic, count in overflow.items() if topic not in own}
 
 
-def _topics_of(bag: Bag) -> dict[str, Topic]:
+def _topics_of(bag: RecordedRun) -> dict[str, Topic]:
     """Return the topics of a bag's rig; when the bag does not name its rig, those of all installed rigs."""
     try:
         return catalogue(bag.run_info()["configuration"]).all_topics
@@ -181,12 +196,12 @@ def _named(counts: dict[str, int]) -> str:
     return ", ".join(f"{topic} {count}" for topic, count in most[:NAMED]) + more
 
 
-def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: Sequence[dict] = ()) -> dict:
+def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: Sequence[dict] = ()) -> dict:
     """Return the ``run`` part of the report.
 
     Parameters
     ----------
-    bag : Bag
+    bag : RecordedRun
         The run's bag.
     folder : Path
         The run's folder.

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..analysis.metrics import Recording, shifts
-from ..analysis.report import build_report, plain, write_report
+from ..analysis.report import build_report, gather, plain, write_report
 from ..bags.reader import Bag
 from ..compiled import sources_key
 from ..config.names import find_of_rigs
@@ -201,7 +201,7 @@ def _into_bag(
         shutil.rmtree(old, ignore_errors=True)  # left by a run that was killed before it was recorded
     temporary.mkdir(parents=True)
     run = simulate(config, sequence, temporary, member.seed, controller=controller, delay=delay)
-    report = build_report(Bag(temporary), run)
+    report = build_report(gather(temporary, run), run)
     write_report(temporary, report)
     table = wanted.table(config, of_bag(Bag(temporary))) if wanted and run["end"]["state"] == "ended" else None
     os.replace(temporary, folder)

@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
+from ..analysis.gathered import SMALL
 from ..analysis.metrics import with_ends
-from ..analysis.report import REPORT_FILE, build_report, gathering, is_of, orders_in, read_report
+from ..analysis.report import REPORT_FILE, build_report, gather, gathering, is_of, orders_in, read_report
 from ..bags.opened import OpenedBags
+from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
 from ..config.names import unknown
 from ..errors import BagError, RigError
@@ -39,10 +41,8 @@ if TYPE_CHECKING:
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
-PIECE = 1 << 23  # bytes of messages in memory at a time, some 8 s of a run
 LONG = 60.0  # s; the viewer cannot hold every row of the loggers of a longer stretch
 EARLY = 0.1  # s; a bag that holds the beginning of its run has messages before this time
-SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # message types that are read of the whole run
 
 
 @dataclass(frozen=True)
@@ -293,7 +293,7 @@ class _Source:
         """Return the results of a run without a change of gear; without a report beside the bag one is made."""
         if self.report is None:
             try:
-                self.report = build_report(Bag(self.bag, recover=True), self.run)
+                self.report = build_report(gather(self.bag, self.run, recover=True), self.run)
             except RigError:
                 return {}  # the curves report the error
         return self.report.get("measured") or {}
@@ -339,7 +339,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
             rec.flush()
         notes += index.damage
     if source.span is None or report is None:
-        gathered = gathering(source.small, source.run) if report is None else None
+        gathered = gathering(source.bag, source.small, source.run) if report is None else None
         held = last = 0
         for piece in Bag.pieces(source.bag, PIECE, recover=True):
             if source.span is None:
@@ -350,7 +350,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
             held, last = held + sum(piece.counts.values()), max(last, piece.last)
         notes = [recovered(held, last, piece.damage)] if piece.damage else []
         if report is None:
-            report = build_report(Bag(source.bag, recover=True) if gathered is None else gathered, source.run)
+            report = build_report(gathered, source.run)
     curves.finish()
     if not index.counts.get(LOGGER_TOPIC):
         notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")

@@ -17,6 +17,7 @@ import numpy as np
 from ..analysis.phases import FILL, INERTIA, TORQUE, moments_of, phases_of, times_of
 from ..analysis.ranges import LOGGER
 from ..analysis.report import shift_name
+from ..bags.pieces import PIECE
 from ..bags.reader import Bag
 from ..errors import RigError
 from .html_page import COLOURS, Axis, Curve, Envelope, Stretch, captioned, legend, on_white
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 MOST_SHIFTS = 12  # largest number of shifts whose plots are on a page
 BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order, after the settled torque, and after an order without an end
-PIECE = 1 << 23  # bytes of messages in memory at a time
 PHASES = {FILL: "#4a90d9", TORQUE: "#e0a020", INERTIA: "#58a05a"}
 ENDS = {FILL: "fill, to the kiss point", TORQUE: "torque phase", INERTIA: "inertia phase, to lock-up"}
 TIME = "#666"
