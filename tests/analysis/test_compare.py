@@ -4,6 +4,7 @@
 """Recordings on different clocks are aligned, and each difference appears in the rows of its quantity."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +12,15 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.alignment import CORRELATION, EVENTS, align
+from rig_nodes.analysis.compare_tables import metric_tables, reasons, short_names
 from rig_nodes.analysis.report import recording_of
 from rig_nodes.analysis.side_by_side import Source, compare
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.record import record
+from rig_nodes.testbench.sequence import load_sequence
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 OFFSET, DRIFT = 0.73, 50e-6
@@ -24,6 +30,12 @@ OFFSET, DRIFT = 0.73, 50e-6
 def recording():
     bag = Bag(SAMPLE)
     return recording_of(bag, bag.transmission)
+
+
+@pytest.fixture(scope="module")
+def demo():
+    """Two shifts under load."""
+    return record(load_rig(), load_sequence("demo")).recording
 
 
 def on_other_clock(recording, noise=0.0, orders=True):
@@ -67,7 +79,8 @@ def test_a_measurement_over_a_run_shows_what_differs_in_the_rows_concerned(recor
     written(on_other_clock(recording), path, Bag(SAMPLE).catalogue, torque=5.0)
     page = tmp_path / "out.html"
     assert main(["compare", str(SAMPLE), str(path), "--json", str(out), "--html", str(page)]) == 0
-    assert "offset +730." in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "offset +730." in shown
     content = json.loads(out.read_text())
     assert content["offset_s"] == pytest.approx([0.0, OFFSET], abs=1e-3)
     torque = recording.transmission.output.torque
@@ -95,10 +108,94 @@ def test_a_file_that_begins_after_the_first_order_has_the_shifts_that_it_holds(r
     late = replace(
         other, t0=other.t0 + begin * other.period, channels={name: values[begin:] for name, values in other.channels.items()}
     )
-    record = Bag(SAMPLE).record
-    found = compare([Source("run", recording, record), Source("file", late, record)])
+    rig = Bag(SAMPLE).record
+    found = compare([Source("run", recording, rig), Source("file", late, rig)])
     rows = [row for row in found.metrics if row["metric"] == "t_c_s"]
     assert len(recording.orders) == 2 and [row["shift"] for row in rows] == [1] and abs(rows[0]["difference"]) < 1e-3
+
+
+def test_later_shifts_are_compared_from_their_own_orders(demo):
+    """The second order comes 0.2 s later in the other run, which is else the same."""
+    gap = round((demo.orders[2][0] - 0.5) / demo.period)
+    spare = round(0.2 / demo.period)
+    held = {name: np.concatenate([v[:gap], np.full(spare, v[gap]), v[gap:]]) for name, v in demo.channels.items()}
+    *before, last = demo.orders
+    other = replace(demo, channels=held, orders=[*before, (last[0] + 0.2, *last[1:])])
+    rig = Bag(SAMPLE).record
+    found = compare([Source("a", demo, rig), Source("b", other, rig)])
+    assert found.clocks[1].rest == pytest.approx(0.2, abs=1e-6)
+    after = last[0] - 0.15
+    for curve in found.curves:
+        mine, its = (values[curve.time > after] for values in curve.values)
+        assert np.nanmax(np.abs(mine - its)) < 1e-6 * max(1.0, np.nanmax(np.abs(mine))), curve.name
+    assert {row["difference"] for row in found.metrics} == {0.0}
+
+
+def spoiled(recording, **changed):
+    return replace(recording, channels={**recording.channels, **changed})
+
+
+def test_a_burst_of_wrong_values_does_not_move_the_clock(demo):
+    other = on_other_clock(demo, orders=False)
+    name = other.transmission.input.torque
+    values = other.channels[name].copy()
+    at = round((demo.orders[1][0] + 0.4 + OFFSET - other.t0) / other.period)
+    values[at : at + 800] = 9999.0
+    clock = align(demo, spoiled(other, **{name: values}))
+    assert clock.offset == pytest.approx(OFFSET, abs=1e-3) and clock.drift == pytest.approx(DRIFT, abs=20e-6)
+
+
+def test_rows_that_are_missing_on_the_other_clock_are_named_and_the_shift_is_compared_from_its_own_order(demo):
+    other = on_other_clock(demo, orders=False)
+    at, lost = round((demo.orders[2][0] - 1.0 + OFFSET - other.t0) / other.period), 366
+    shorter = {name: np.delete(values, np.s_[at : at + lost]) for name, values in other.channels.items()}
+    clock = align(demo, replace(other, channels=shorter))
+    _, first, second = (at for at, *_ in demo.orders)
+    moved = [float(clock.of_first(np.array(at))) - at for at in (first, second)]
+    assert moved[1] - moved[0] == pytest.approx(-lost * other.period, abs=2e-3)
+    assert len(clock.notes) == 1 and "rows are missing" in clock.notes[0] and f"{second:.2f} s" in clock.notes[0]
+    assert "ppm" not in clock.notes[0]
+
+
+def test_signals_that_show_something_else_are_named(demo):
+    other = on_other_clock(demo, orders=False)
+    draw = np.random.default_rng(7)
+    torque = other.transmission.input.torque
+    clock = align(demo, spoiled(other, **{torque: draw.standard_normal(other.rows)}))
+    assert clock.offset == pytest.approx(OFFSET, abs=2e-3) and any(torque in note for note in clock.notes)
+    noise = {name: draw.standard_normal(other.rows) for name in other.channels}
+    with pytest.raises(RigError, match=f"do not show the same shifts.*{torque}.*check the orders, columns and units") as refusal:
+        align(demo, spoiled(other, **noise))
+    assert "ppm" not in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_every_empty_cell_has_its_reason_with_its_place(demo):
+    at = round((demo.orders[2][0] + 0.3 - demo.t0) / demo.period)
+    channels = {name: values.copy() for name, values in demo.channels.items()}
+    for values in channels.values():
+        values[at : at + 350] = np.nan
+    rig = Bag(SAMPLE).record
+    found = compare([Source("runs/a", demo, rig), Source("runs/b", replace(demo, channels=channels), rig)])
+    assert all(row["reason"] for row in found.metrics if None in (row["first"], row["other"]))
+    lines = reasons(found, demo.transmission)
+    place = f"shift 2: no n_wej, M_wyj, t_d, .*: b: the file has no rows for 35 ms at {demo.orders[2][0] + 0.3:.2f} s"
+    assert any(re.match(place, line) for line in lines), lines
+
+
+def test_what_rounding_leaves_of_equal_values_is_no_difference(recording):
+    almost = {name: values * (1.0 + 3e-16) for name, values in recording.channels.items()}
+    rig = Bag(SAMPLE).record
+    found = compare([Source("runs/a", recording, rig), Source("runs/b", replace(recording, channels=almost), rig)])
+    assert {row["rms"] for row in found.signals} == {0.0}
+    assert all(row["difference"] == 0.0 for row in found.metrics if row["difference"] is not None)
+    head, rows = metric_tables(found, recording.transmission)[0]
+    assert head[2:4] == ["a", "b"] and not any("e-" in cell for row in rows for cell in row)
+
+
+def test_recordings_are_named_by_as_much_of_their_paths_as_tells_them_apart():
+    assert short_names(["runs/demo-1", "runs/demo-2"]) == ["demo-1", "demo-2"]
+    assert short_names(["a/demo", "b/demo"]) == ["a/demo", "b/demo"]
+    assert short_names(["a/demo", "a/demo"]) == ["a/demo (1)", "a/demo (2)"]
 
 
 def test_one_run_alone_and_other_orders_are_refused(recording, capsys):

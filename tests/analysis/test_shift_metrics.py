@@ -251,7 +251,15 @@ def test_nan_is_a_reason_not_a_crash():
     channels = UP.channels()
     channels["M_wej"][12000] = np.nan
     row = shift_metrics(Recording(0.0, PERIOD, channels), (1.0, 1, 2))
-    assert not row["valid"] and row["why"] == ["M_wej has values that are no numbers"]
+    assert not row["valid"] and row["why"] == ["M_wej has no values for 0.1 ms at 1.20 s"]
+
+
+def test_missing_rows_are_named_with_their_place_and_the_longest_of_several_gaps():
+    channels = {name: values.copy() for name, values in UP.channels().items()}
+    for values in channels.values():
+        values[12000:12350] = values[14000:14010] = np.nan
+    row = shift_metrics(Recording(0.0, PERIOD, channels), (1.0, 1, 2))
+    assert row["why"] == ["the file has no rows for in 2 gaps, the longest 35 ms at 1.20 s"]
 
 
 def test_missing_channel_is_one_sentence():

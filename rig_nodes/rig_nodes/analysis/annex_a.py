@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import RigError
 from .definitions import withhold
 from .edges import first_true
+from .lacking import what_is_missing
 from .metrics import KEYS, RPM, Recording, orders_of
 
 PERIOD = 1e-4  # s; the program counts samples of 10 kHz
@@ -125,6 +126,7 @@ class _Program:
         moved = self.box.shift(order[1], order[2])
         self.old_name, self.new_name = moved.releasing[0].pressure, moved.engaging[0].pressure
         cut = {name: recording.part(name, recording.begin, until) for name in self.box.channels}
+        self.missing = what_is_missing({name: cut[name] for name in self.box.channels}, recording.t0, recording.period)
         into, output = self.box.input, self.box.output
         self.old_p, self.new_p = cut[self.old_name] / BAR, cut[self.new_name] / BAR
         self.m_in, self.m_out = cut[into.torque], cut[output.torque]
@@ -138,9 +140,8 @@ class _Program:
         if self.order <= 0 or self.order >= self.n_in.size:
             self.why.append(f"the recording does not cover the order at {row['t_order_s']:.3f} s")
             return
-        used = (self.old_p, self.new_p, self.m_in, self.m_out, self.n_in, self.n_out)
-        if not all(np.all(np.isfinite(channel)) for channel in used):
-            self.why.append("a channel has values that are no numbers")
+        if self.missing:
+            self.why.append(self.missing)
             return
         row["input_speed_rpm"], row["output_torque_nm"] = float(np.mean(self.n_in[before])), float(np.mean(self.m_out[before]))
         if self.set_speed is None:

@@ -127,7 +127,8 @@ def _torque(t: np.ndarray, torque: float | Floats, before: np.ndarray) -> float:
         raise RigError("the recording starts with the coast-down; the torque before it must be given as a number")
     mean = float(np.mean(torque[before]))
     if not np.isfinite(mean):
-        raise RigError("the torque before the drive is cut off has values that are no numbers")
+        at = t[before][~np.isfinite(torque[before])][0]
+        raise RigError(f"the torque before the drive is cut off has values that are no numbers, the first at {at:.2f} s")
     return mean
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..transmission import Clutch, Transmission
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .hum import QUIET, without_hum
+from .lacking import what_is_missing
 from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, Recording, smoothed
 from .uncertainty import TORQUE_CLEAR, Instrument, instruments_of
 
@@ -202,9 +203,8 @@ class _Engagement:
             why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
             return None
         raw = {name: recording.part(name, first, last) for name in box.channels}
-        bad = [name for name in box.channels if not np.all(np.isfinite(raw[name]))]
-        if bad:
-            why.append(f"{', '.join(bad)} has values that are no numbers")
+        if missing := what_is_missing(raw, recording.t0 + first * recording.period, recording.period):
+            why.append(missing)
             return None
         if (at - first) * recording.period >= QUIET - 1e-9:
             # removed as for the valves' response, because hum would hide a level stretch

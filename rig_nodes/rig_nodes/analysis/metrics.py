@@ -32,6 +32,7 @@ import numpy as np
 from ..transmission import Clutch, Shift, Transmission, transmission_of
 from .definitions import undefined_on, withhold
 from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
+from .lacking import what_is_missing
 from .logged import Logged
 
 KEYS = (
@@ -242,9 +243,8 @@ class _Shift:
             return None
         box = recording.transmission
         raw = {name: recording.part(name, first, last) for name in box.channels}
-        bad = [name for name in box.channels if not np.all(np.isfinite(raw[name]))]
-        if bad:
-            why.append(f"{', '.join(bad)} has values that are no numbers")
+        if missing := what_is_missing(raw, recording.t0 + first * recording.period, recording.period):
+            why.append(missing)
             return None
         shift = cls(
             box,

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from .definitions import reasons_in
 from .metrics import KEYS
 from .report import columns_of, shift_name, shown_transmission
 
+REST = 1e-9  # share of two numbers below which their difference is one of rounding
 NOT_MEASURED = ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined")
 
 
@@ -28,7 +30,8 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
     -------
     list of dict
         For each metric of each shift of both: ``shift`` (number from 1), ``metric``, ``first``, ``other``, ``difference``, the
-        larger ``error`` of both, and ``in_errors``, the difference over that error; None for what is not known.
+        larger ``error`` of both, and ``in_errors``, the difference over that error; None for what is not known. ``reason`` is why
+        ``first``, ``other`` or both are None, empty when both are numbers.
     """
     rows = []
     errors = first.get("uncertainty", []), other.get("uncertainty", [])
@@ -38,7 +41,7 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
         for key in (key for key in KEYS if key not in NOT_MEASURED):
             known = [side[i][key] for side in errors if i < len(side) and side[i].get(key) is not None]
             error = max(known, default=None)
-            difference = None if a[key] is None or b[key] is None else b[key] - a[key]
+            difference = None if a[key] is None or b[key] is None else without_rest(b[key] - a[key], a[key], b[key])
             in_errors = None if difference is None or not error else difference / error
             rows.append(
                 {
@@ -49,9 +52,27 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
                     "difference": difference,
                     "error": error,
                     "in_errors": in_errors,
+                    "reason": _reason(a, b, key),
                 }
             )
     return rows
+
+
+def without_rest(difference: float, *of: float) -> float:
+    """Return a difference of numbers; 0 when it is what rounding leaves of equal ones."""
+    return 0.0 if abs(difference) <= REST * max(map(abs, of), default=0.0) else difference
+
+
+def _reason(a: Mapping, b: Mapping, key: str) -> str:
+    """Return why a metric is missing in one row or both; empty when it is in both."""
+    reasons = {
+        name: reasons_in(row).get(key) or "; ".join(row["why"]) or "it does not belong to such a shift"
+        for name, row in (("first", a), ("other", b))
+        if row[key] is None
+    }
+    if len(reasons) == 2 and reasons["first"] == reasons["other"]:
+        return f"both: {reasons['first']}"
+    return "; ".join(f"{name}: {text}" for name, text in reasons.items())
 
 
 def moved_lines(first: Mapping, other: Mapping) -> list[str]:

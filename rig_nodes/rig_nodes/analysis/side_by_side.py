@@ -16,7 +16,7 @@ import numpy as np
 from ..transmission import Transmission
 from .alignment import Clock, align
 from .metrics import Recording
-from .moved import differences
+from .moved import REST, differences
 from .report import plain, report_of_recording
 from .uncertainty import instruments_of
 
@@ -69,6 +69,7 @@ class Comparison:
                 "offset_s": [clock.offset for clock in self.clocks],
                 "drift_ppm": [clock.drift * 1e6 for clock in self.clocks],
                 "aligned_by": [clock.by for clock in self.clocks],
+                "notes": [list(clock.notes) for clock in self.clocks],
                 "metrics": self.metrics,
                 "signals": self.signals,
             }
@@ -121,7 +122,8 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
         t = first.recording.t0 + first.recording.period * np.arange(len(first.recording.channels[name]))
         values = [first.recording.channels[name], *(_on(t, one, clock, name) for one, clock in zip(recordings[1:], clocks[1:]))]
         for n, other in enumerate(values[1:], 1):
-            signals.append({"run": n, "signal": name, **_difference(other - values[0], errors[0].get(name), errors[n].get(name))})
+            found = _difference(values[0], other, errors[0].get(name), errors[n].get(name))
+            signals.append({"run": n, "signal": name, **found})
         every = max(1, len(t) // POINTS)
         curves.append(Curve(name, t[::every], [one[::every] for one in values]))
     return Comparison([one.name for one in sources], clocks, metrics, signals, curves)
@@ -147,12 +149,19 @@ def _errors(record: Mapping, box: Transmission) -> dict[str, float]:
     return out | {end.speed: use["speed"].error for end in (box.input, box.output)}
 
 
-def _difference(rest: np.ndarray, *errors: float | None) -> dict:
-    """Return mean, root mean square and largest difference [SI], the larger error, and the root mean square over it."""
+def _difference(first: np.ndarray, other: np.ndarray, *errors: float | None) -> dict:
+    """Return mean, root mean square and largest difference [SI], the larger error, the root mean square over it, and reasons.
+
+    ``reason`` is why there is no difference or no error; empty where both are there.
+    """
+    rest = other - first
     rest = rest[np.isfinite(rest)]
     error = max((one for one in errors if one), default=None)
     if not len(rest):
-        return dict.fromkeys(("mean", "rms", "largest", "in_errors")) | {"error": error}
+        return dict.fromkeys(("mean", "rms", "largest", "in_errors")) | {"error": error, "reason": "no time has a value of both"}
+    if np.abs(rest).max() <= REST * np.nanmax(np.abs(first)):
+        rest = np.zeros(1)
+    reason = "" if error else "no measuring error of it is known"
     rms = float(np.sqrt(np.mean(rest**2)))
     return {
         "mean": float(rest.mean()),
@@ -160,4 +169,5 @@ def _difference(rest: np.ndarray, *errors: float | None) -> dict:
         "largest": float(np.abs(rest).max()),
         "error": error,
         "in_errors": rms / error if error else None,
+        "reason": reason,
     }

@@ -94,7 +94,8 @@ def _period(t: Floats, coil: Floats, pressure: Floats) -> float:
         )
     for name, values in (("time", t), ("coil signal", coil), ("pressure", pressure)):
         if not np.all(np.isfinite(values)):
-            raise RigError(f"the {name} of the valve response has values that are no numbers")
+            at = f", the first at {t[~np.isfinite(values)][0]:.2f} s" if name != "time" else ""
+            raise RigError(f"the {name} of the valve response has values that are no numbers{at}")
     period = (t[-1] - t[0]) / (t.size - 1)
     if period <= 0.0 or np.max(np.abs(np.diff(t) - period)) > 0.5 * period:
         raise RigError("the times of a valve response must grow in equal steps")

@@ -119,28 +119,13 @@ def _sources(args: argparse.Namespace) -> list[Source]:
 
 
 def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) -> list[str]:
-    from ..analysis.report import columns_of
+    from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
+    from ..analysis.runs_table import table_lines
     from ..errors import printable
 
-    lines = []
-    for name, clock in list(zip(found.names, found.clocks))[1:]:
-        lines.append(f"{name}: offset {clock.offset * 1e3:+z.2f} ms, drift {clock.drift * 1e6:+z.1f} ppm, by {clock.by}")
-        if clock.rest > 1e-3:
-            lines.append(f"  the times between orders differ by up to {clock.rest * 1e3:.1f} ms, by which later shifts lie apart")
-    shown = {key: (heading, factor) for heading, key, factor, _ in columns_of(box)}
-    lines += ["", "shift  metric            first       other  difference   in errors  recording"]
-    for row in found.metrics:
-        if row["metric"] in shown:
-            heading, factor = shown[row["metric"]]
-            cells = [_cell(row[key], factor) for key in ("first", "other", "difference")] + [_cell(row["in_errors"])]
-            lines.append(f"{row['shift']:>5}  {heading:<14}" + "".join(f"{cell:>12}" for cell in cells) + f"  {row['run'] + 1}")
-    lines += ["", "signal                 rms   in errors  recording"]
-    for row in found.signals:
-        if one := signals.get(row["signal"]):
-            name = f"{one.name} {one.display_unit}"
-            lines.append(f"{name:<14}{_cell(row['rms'], one.scale):>12}{_cell(row['in_errors']):>12}  {row['run'] + 1}")
+    lines = clock_lines(found)
+    for head, rows in (*metric_tables(found, box), *signal_tables(found, signals)):
+        lines += ["", *table_lines(head, rows)] if rows else []
+    if why := reasons(found, box):
+        lines += ["", *(f"-: {one}" for one in why)]
     return [printable(line) for line in lines]
-
-
-def _cell(value: float | None, factor: float = 1.0) -> str:
-    return "-" if value is None else f"{value * factor:z.4g}"

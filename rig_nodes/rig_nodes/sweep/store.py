@@ -222,7 +222,9 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
 
 def _text_of(value: list[str] | Mapping[str, str] | None) -> str | None:
     """Return reasons as one text; those of a map have its keys in front."""
-    return "; ".join(f"{key}: {text}" for key, text in value.items()) if isinstance(value, Mapping) else value and "; ".join(value)
+    if value is None:
+        return None
+    return "; ".join(f"{key}: {text}" for key, text in value.items()) if isinstance(value, Mapping) else "; ".join(value)
 
 
 def column_of(name: str) -> str:

@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 
 import numpy as np
 
-from ..analysis.report import columns_of
+from ..analysis.compare_tables import clock_lines, metric_tables, reasons, short_names, signal_tables
 from ..analysis.side_by_side import Comparison, Curve
 from ..catalogue import Signal
 from ..transmission import Transmission
@@ -29,15 +30,14 @@ def compare_page(found: Comparison, signals: Mapping[str, Signal], box: Transmis
     box : Transmission
         Its transmission, for the names of metrics.
     """
+    names = short_names(found.names)
     parts = [table(["recording", "offset ms", "drift ppm", "aligned by"], _clock_rows(found))]
-    parts += ["<h2>Metrics of shifts</h2>", table(METRICS, _metric_rows(found, box))]
-    parts += ["<h2>Signals</h2>", table(SIGNALS, _signal_rows(found, signals))]
-    parts += [_figure(curve, found.names, signals[curve.name]) for curve in found.curves if curve.name in signals]
+    parts += [f"<p>{escape(line.strip())}</p>" for line in clock_lines(found) if line.startswith("  ")]
+    parts += ["<h2>Metrics of shifts</h2>", *(table(head, rows) for head, rows in metric_tables(found, box) if rows)]
+    parts += ["<h2>Signals</h2>", *(table(head, rows) for head, rows in signal_tables(found, signals))]
+    parts += [f'<p class="note">-: {escape(line)}</p>' for line in reasons(found, box)]
+    parts += [_figure(curve, names, signals[curve.name]) for curve in found.curves if curve.name in signals]
     return page("Comparison", parts)
-
-
-METRICS = ["shift", "metric", "first", "other", "difference", "error", "in errors", "recording"]
-SIGNALS = ["signal", "mean difference", "rms", "largest", "error", "rms in errors", "recording"]
 
 
 def _clock_rows(found: Comparison) -> list[list[str]]:
@@ -45,30 +45,6 @@ def _clock_rows(found: Comparison) -> list[list[str]]:
         [name, f"{clock.offset * 1e3:z.2f}", f"{clock.drift * 1e6:z.1f}", clock.by if n else "the first clock"]
         for n, (name, clock) in enumerate(zip(found.names, found.clocks))
     ]
-
-
-def _metric_rows(found: Comparison, box: Transmission) -> list[list[str]]:
-    shown = {key: (heading, factor) for heading, key, factor, _ in columns_of(box)}
-    rows = []
-    for row in found.metrics:
-        if row["metric"] in shown:
-            heading, factor = shown[row["metric"]]
-            values = [_number(row[key], factor) for key in ("first", "other", "difference", "error")]
-            rows.append([str(row["shift"]), heading, *values, _number(row["in_errors"]), found.names[row["run"]]])
-    return rows
-
-
-def _signal_rows(found: Comparison, signals: Mapping[str, Signal]) -> list[list[str]]:
-    rows = []
-    for row in found.signals:
-        if one := signals.get(row["signal"]):
-            values = [_number(row[key], one.scale) for key in ("mean", "rms", "largest", "error")]
-            rows.append([f"{one.name} {one.display_unit}", *values, _number(row["in_errors"]), found.names[row["run"]]])
-    return rows
-
-
-def _number(value: float | None, factor: float = 1.0) -> str:
-    return "-" if value is None else f"{value * factor:z.4g}"
 
 
 def _figure(curve: Curve, names: list[str], signal: Signal) -> str:
