@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.alignment import CORRELATION, EVENTS, align
-from rig_nodes.analysis.compare_tables import metric_tables, reasons, short_names
+from rig_nodes.analysis.compare_tables import metric_tables, reasons
 from rig_nodes.analysis.report import recording_of
-from rig_nodes.analysis.side_by_side import Source, compare
+from rig_nodes.analysis.side_by_side import Source, compare, short_names
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError

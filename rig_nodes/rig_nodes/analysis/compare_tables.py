@@ -9,30 +9,19 @@ Numbers have one digit more than a report prints, and those of signals end at a 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from collections.abc import Mapping
 
 from ..catalogue import Signal
 from ..transmission import Transmission
 from .report import columns_of
-from .side_by_side import Comparison
+from .side_by_side import Comparison, short_names
 
 Table = tuple[list[str], list[list[str]]]  # heads and rows
 DIGITS = 4  # significant ones of a difference without a known error
 
 
-def short_names(names: Sequence[str]) -> list[str]:
-    """Return the last parts of the recordings' paths by which they can be told apart."""
-    parts = [PurePath(name).parts or (name,) for name in names]
-    for count in range(1, max(map(len, parts)) + 1):
-        short = ["/".join(one[-count:]) for one in parts]
-        if len(set(short)) == len(short):
-            return short
-    return [f"{name} ({number})" for number, name in enumerate(names, 1)]
-
-
 def clock_lines(found: Comparison) -> list[str]:
-    """Return offset and drift of each recording after the first, and what does not fit."""
+    """Return offset and drift of each recording after the first, what does not fit, and which shifts began differently."""
     lines = []
     for name, clock in list(zip(short_names(found.names), found.clocks))[1:]:
         lines.append(f"{name}: offset {clock.offset * 1e3:+z.2f} ms, drift {clock.drift * 1e6:+z.1f} ppm, by {clock.by}")
@@ -40,7 +29,7 @@ def clock_lines(found: Comparison) -> list[str]:
             apart = f"the times between orders differ by up to {clock.rest * 1e3:.1f} ms"
             lines.append(f"  {apart}; each shift is compared from its own order on")
         lines += [f"  {note}" for note in clock.notes]
-    return lines
+    return lines + [f"  {line}" for line in found.starts]
 
 
 def metric_tables(found: Comparison, box: Transmission) -> list[Table]:

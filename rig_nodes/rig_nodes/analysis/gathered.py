@@ -22,7 +22,7 @@ from ..bags.reader import Bag, Logger, nothing_in, recovered
 from ..bags.sequence_numbers import Numbers
 from ..errors import BagError, RigError
 from ..transmission import Transmission
-from . import energy, no_change
+from . import energy, no_change, state_at_order
 from .annex_a import AROUND as ANNEX
 from .annex_a import BLOCK as ANNEX_BLOCK
 from .annex_a import shift_metrics_annex_a
@@ -101,6 +101,8 @@ class Gathered:
         if box is not None:
             wanted |= {topic: list(names.values()) for topic, names in energy.all_fields(small.structure, box).items()}
             wanted |= no_change.FIELDS if self._whole else {}
+            for topic, names in state_at_order.fields(small.structure).items():
+                wanted[topic] = list(dict.fromkeys([*wanted.get(topic, ()), *names]))
         self._fields: dict[str, dict[str, list[np.ndarray]]] = {
             topic: {name: [] for name in ("", *names)} for topic, names in wanted.items()
         }  # times under the name ""

@@ -39,6 +39,7 @@ KEYS = (
     "from_gear",
     "to_gear",
     "input_speed_rpm",
+    "input_speed_change_rpm",
     "output_torque_nm",
     "t_dt_s",
     "t_p_s",
@@ -265,6 +266,11 @@ class _Shift:
         """Return the mean of a channel before the order."""
         return float(np.mean(self.raw[name][: self.order]))
 
+    def change_before(self, name: str) -> float:
+        """Return by how much a channel changed in BEFORE ahead of the order, by the line through it."""
+        rows = np.arange(self.order) - 0.5 * (self.order - 1)
+        return float(np.dot(rows, self.raw[name][: self.order]) / np.dot(rows, rows)) * self.samples(BEFORE)
+
     def samples(self, seconds: float) -> int:
         """Return the number of samples in a time [s], at least one."""
         return max(1, int(round(seconds / self.period)))
@@ -296,6 +302,7 @@ class _Shift:
     def fill(self, row: dict) -> None:
         """Put every metric that can be found into ``row``, and a reason for every other one."""
         row["input_speed_rpm"] = self.before(self.box.input.speed) * RPM
+        row["input_speed_change_rpm"] = self.change_before(self.box.input.speed) * RPM
         row["output_torque_nm"] = self.before(self.box.output.torque)
         if self.was_in():
             return

@@ -36,6 +36,7 @@ from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
 from .quality import quality_of, sentence_of
 from .ranges import range_lines, signal_ranges
+from .state_at_order import begun_lines, put_states
 from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
@@ -121,6 +122,8 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         recording, rows = bag.shifts() if isinstance(bag, Gathered) else _with_shifts(recording_of(bag, box))
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
+    if not imported:
+        put_states(bag, record, box, rows)
     gathered = bag if isinstance(bag, Gathered) else None
     metrics = _metrics(recording, rows, instruments, annex_a, problems, None if imported else bag, gathered)
     metrics["basis"] = basis_of(record, box, instruments)
@@ -447,6 +450,7 @@ def format_report(report: dict) -> str:
         lines += [f"  {name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         lines += [f"  {name}, is not valid: {reason}" for reason in row["why"]]
     lines += [f"  {line}" for line in undefined_lines(names, rows, columns_of(box))]
+    lines += [f"  {line}" for line in begun_lines(names, rows, errors, box)]
     lines += [WHERE_DEFINED] if rows else []
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     if "annex_a" in report:

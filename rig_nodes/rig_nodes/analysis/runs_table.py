@@ -16,11 +16,13 @@ from pathlib import Path
 
 from ..atomic_write import atomic_write
 from ..errors import RigError
+from ..transmission import Transmission
 from .limits import Limit, Verdict, judged
 from .metrics import KEYS
 from .quality import GRADES
-from .report import REPORT_FILE, plain, read_report, verdicts_in
+from .report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
 from .results import ENDS, Result, number, results_of, spread
+from .state_at_order import unlike
 
 PROCEDURE_FILE = "procedure.json"
 SHORT = ("t_dt_s", "t_c_s", "input_torque_max_nm", "k", "e_loss_j")  # metrics of a shift that the table has
@@ -30,13 +32,19 @@ _REPEAT = re.compile(r"-\d+$")
 
 @dataclass
 class Member:
-    """One run: the label of its series, its name, its results, the grades of its shifts, and why it did not end as planned."""
+    """One run.
+
+    It has the label of its series, its name, its results, the grades of its shifts, why it did not end as planned, and for the
+    states at the orders the name, metrics and errors of each shift with their transmission.
+    """
 
     label: str
     name: str
     results: list[Result]
     grades: list[str] = field(default_factory=list)
     failed: str = ""
+    shifts: list[tuple[str, Mapping, Mapping]] = field(default_factory=list)
+    box: Transmission | None = None
 
 
 def member_of(label: str, name: str, report: Mapping) -> Member:
@@ -44,7 +52,15 @@ def member_of(label: str, name: str, report: Mapping) -> Member:
     end = report["run"].get("end")
     bad = isinstance(end, Mapping) and end.get("state") not in (None, "ended")
     grades = [one["grade"] for one in verdicts_in(report) if one and one["grade"]]
-    return Member(label, name, results_of(report), grades, str(end.get("reason")) if bad else "")
+    box = shown_transmission(report) if report["shifts"] else None
+    return Member(label, name, results_of(report), grades, str(end.get("reason")) if bad else "", named_shifts(name, report), box)
+
+
+def named_shifts(name: str, report: Mapping) -> list[tuple[str, Mapping, Mapping]]:
+    """Return each shift of a run with a name that tells it from those of other runs, its metrics and their errors."""
+    rows, errors = report["shifts"], report.get("uncertainty", [])
+    names = [f"{name} shift {k}" if len(rows) > 1 else name for k in range(1, len(rows) + 1)]
+    return [(one, row, errors[k] if k < len(errors) else {}) for k, (one, row) in enumerate(zip(names, rows))]
 
 
 def members_in(folder: Path) -> list[Member]:
@@ -157,10 +173,12 @@ def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]
 
 
 def warnings_of(members: Sequence[Member]) -> list[str]:
-    """Return sentences on the runs that did not end as planned."""
+    """Return sentences on the runs that did not end as planned, and on shifts of one way that began in different states."""
     bad = [member for member in members if member.failed]
     sentences = [f"{member.name} did not end as planned: {member.failed}" for member in bad[:MOST_NAMED]]
-    return sentences + ([f"{len(bad) - MOST_NAMED} more runs did not end as planned"] if len(bad) > MOST_NAMED else [])
+    sentences += [f"{len(bad) - MOST_NAMED} more runs did not end as planned"] if len(bad) > MOST_NAMED else []
+    box = next((member.box for member in members if member.box), None)
+    return sentences + (unlike([one for member in members for one in member.shifts], box) if box else [])
 
 
 def judged_members(members: Sequence[Member], limits: Sequence[Limit]) -> list[Verdict]:

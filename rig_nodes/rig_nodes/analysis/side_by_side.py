@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,18 +20,23 @@ from .alignment import Clock, align
 from .metrics import Recording
 from .moved import REST, differences
 from .report import plain, report_of_recording
+from .state_at_order import put_states, unlike
 from .uncertainty import instruments_of
+
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
 
 POINTS = 4000  # at most, of a drawn curve
 
 
 @dataclass(frozen=True)
 class Source:
-    """A recording to compare: its name for people, its rows and orders, and the record of its rig."""
+    """A recording to compare: its name for people, its rows and orders, the record of its rig, and its bag if it was simulated."""
 
     name: str
     recording: Recording
     record: Mapping
+    bag: Bag | None = None
 
 
 @dataclass(frozen=True)
@@ -53,13 +60,14 @@ class Curve:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result: names, clocks, the rows of metrics and of signals, and curves to draw."""
+    """The result: names, clocks, the rows of metrics and of signals, curves to draw, and which shifts began differently."""
 
     names: list[str]
     clocks: list[Clock]
     metrics: list[dict]
     signals: list[dict]
     curves: list[Curve]
+    starts: list[str]
 
     def as_dict(self) -> dict:
         """Return plain values for JSON; ``offset_s`` and ``drift_ppm`` are in the order of the recordings."""
@@ -72,6 +80,7 @@ class Comparison:
                 "notes": [list(clock.notes) for clock in self.clocks],
                 "metrics": self.metrics,
                 "signals": self.signals,
+                "starts": self.starts,
             }
         )
 
@@ -107,13 +116,18 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
         report_of_recording(recording, None, one.record) if recording.orders else {"shifts": []}
         for recording, one in zip(recordings, sources)
     ]
+    for one, report in zip(sources, reports):
+        if one.bag is not None and report["shifts"]:
+            put_states(one.bag, one.record, one.recording.transmission, report["shifts"])
     metrics = []
+    shifts_of = [_numbered(reports[0], range(len(reports[0]["shifts"])))]
     for n, (one, clock, report) in enumerate(zip(sources[1:], clocks[1:], reports[1:]), 1):
         numbers = list(range(len(reports[0]["shifts"])))
         if not one.recording.orders:  # it has the orders of the first one, of which it may not hold all
             times = [float(clock.of_first(np.array(row["t_order_s"]))) for row in reports[0]["shifts"]]
             numbers = [i for i in numbers if _covers(one.recording, times[i])]
         mine = {key: [reports[0][key][i] for i in numbers] for key in ("shifts", "uncertainty") if key in reports[0]}
+        shifts_of.append(_numbered(report, numbers))
         metrics += [{"run": n, **row, "shift": numbers[row["shift"] - 1] + 1} for row in differences(mine, report)]
     errors = [_errors(one.record, one.recording.transmission) for one in sources]
     names = [name for name in first.recording.channels if all(name in one.channels for one in recordings[1:])]
@@ -126,7 +140,38 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
             signals.append({"run": n, "signal": name, **found})
         every = max(1, len(t) // POINTS)
         curves.append(Curve(name, t[::every], [one[::every] for one in values]))
-    return Comparison([one.name for one in sources], clocks, metrics, signals, curves)
+    return Comparison([one.name for one in sources], clocks, metrics, signals, curves, _starts(sources, shifts_of))
+
+
+def _starts(sources: Sequence[Source], shifts_of: Sequence[Mapping[int, tuple[dict, dict]]]) -> list[str]:
+    """Return sentences on the shifts that began differently in the recordings.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The recordings.
+    shifts_of : sequence of mapping of int to (dict, dict)
+        Of each one, metrics and their errors by the shift's place among those of the first one.
+    """
+    names, lines = short_names([one.name for one in sources]), []
+    for number in shifts_of[0]:
+        same = [(name, *found[number]) for name, found in zip(names, shifts_of) if number in found]
+        lines += unlike(same, sources[0].recording.transmission, f"shift {number + 1},")
+    return lines
+
+
+def _numbered(report: Mapping, numbers: Sequence[int]) -> dict[int, tuple[dict, dict]]:
+    return {number: (row, errors) for number, row, errors in zip(numbers, report["shifts"], report.get("uncertainty", []))}
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Return the last parts of the recordings' paths by which they can be told apart."""
+    parts = [PurePath(name).parts or (name,) for name in names]
+    for count in range(1, max(map(len, parts)) + 1):
+        short = ["/".join(one[-count:]) for one in parts]
+        if len(set(short)) == len(short):
+            return short
+    return [f"{name} ({number})" for number, name in enumerate(names, 1)]
 
 
 def _covers(recording: Recording, t: float) -> bool:

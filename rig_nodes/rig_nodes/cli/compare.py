@@ -70,7 +70,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _sources(args: argparse.Namespace) -> list[Source]:
     """Return what is to be compared; a file without a rig of its own has that of the first run, which a line states."""
-    from ..analysis.report import recording_of
+    from ..analysis.report import info_of, recording_of
     from ..analysis.side_by_side import Source
     from ..bags.reader import Bag
     from ..bags.rig_record import rig_record
@@ -102,7 +102,9 @@ def _sources(args: argparse.Namespace) -> list[Source]:
     sources = []
     for run in args.runs:
         if run in bags:
-            sources.append(Source(run, recording_of(bags[run], bags[run].transmission), bags[run].record))
+            bag = bags[run]
+            simulated = None if info_of(bag).get("imported") else bag
+            sources.append(Source(run, recording_of(bag, bag.transmission), bag.record, simulated))
             continue
         found = read_measurement(run, profile, record, named_by, args.orders)
         if found is None:

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING
 
 from ..analysis.limits import MET, limit_lines
 from ..analysis.results import spread, spread_lines
-from ..analysis.runs_table import Member, judged_members, members_in, read_procedure, table_lines, table_of, warnings_of
+from ..analysis.runs_table import (
+    Member,
+    judged_members,
+    members_in,
+    named_shifts,
+    read_procedure,
+    table_lines,
+    table_of,
+    warnings_of,
+)
 from ..atomic_write import atomic_write
 from ..errors import RigError, printable
 
@@ -116,7 +125,8 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
                 for (name, unit), cell in zip(columns, row)
                 if unit and cell is not None
             ]
-        members.append(Member(label, f"member {entry['member']}", results, grades, entry["end"]["reason"] if failed else ""))
+        name, reason = f"member {entry['member']}", entry["end"]["reason"] if failed else ""
+        members.append(Member(label, name, results, grades, reason, named_shifts(name, entry), box))
     if not members:
         raise RigError(f"{folder}: no member of this sweep is finished; go on with it: ./rig sweep {folder}")
     about = [f"{len(members)} members of a sweep of rig {config.name} over {', '.join(one.name for one in plan.varied)}."]

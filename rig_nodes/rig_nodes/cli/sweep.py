@@ -236,12 +236,17 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     """Return ends, reasons and the spread of the metrics of the finished members."""
     import numpy as np
 
+    from ..analysis.state_at_order import unlike
+    from ..analysis.uncertainty import instruments_of, uncertainty
+
     box = config.transmission if config.structure.gears else None  # without gears there are no shifts
     ends: dict[str, int] = {}
     reasons: dict[str, int] = {}
     values: dict[str, dict[str, list[float]]] = {}
     table: dict[str, list[float]] = {}
     shifts = valid = 0
+    starts: list[tuple[str, dict, dict]] = []
+    instruments = instruments_of(config.as_dict()) if box else None
     for entry in entries:
         for row in entry.get("table", {}).get("rows", ()):
             for (name, unit), cell in zip(entry["table"]["columns"].items(), row):
@@ -251,7 +256,9 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
         ends[state] = ends.get(state, 0) + 1
         if state != "ended":
             reasons[reason] = reasons.get(reason, 0) + 1
-        for row in entry["shifts"]:
+        for number, row in enumerate(entry["shifts"], 1):
+            name = f"member {entry['member']}" + (f" shift {number}" if len(entry["shifts"]) > 1 else "")
+            starts.append((name, row, uncertainty(row, instruments, box) if row["input_speed_rpm"] else {}))
             shifts, valid = shifts + 1, valid + row["valid"]
             if not row["valid"] or not box.changes(row["from_gear"], row["to_gear"]):
                 continue
@@ -263,7 +270,15 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
         way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()} for way, of in values.items()
     }
     summed = {name: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for name, x in table.items()}
-    return {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid, "spread": spread, "table": summed}
+    return {
+        "ends": ends,
+        "reasons": reasons,
+        "shifts": shifts,
+        "valid_shifts": valid,
+        "spread": spread,
+        "table": summed,
+        "starts": unlike(starts, box, "shifts") if box else [],
+    }
 
 
 def _text(summary: dict) -> str:
@@ -282,6 +297,7 @@ def _text(summary: dict) -> str:
         for key, name, factor, digits in SHOWN:
             if key in of:
                 lines.append(f"  {name:<13}" + "".join(f"{value * factor:>z10.{digits}f}" for value in of[key]))
+    lines += summary["starts"]
     if summary["table"]:
         width = max(map(len, summary["table"]))
         lines.append("all rows of the calculation: lowest, median, highest")

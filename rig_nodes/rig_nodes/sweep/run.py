@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 from .. import __version__
 from ..analysis.metrics import Recording, shifts
 from ..analysis.report import build_report, gather, plain, write_report
+from ..analysis.state_at_order import put_known
 from ..bags.reader import Bag
 from ..compiled import sources_key
 from ..config.names import find_of_rigs
@@ -159,6 +160,8 @@ def run_member(setup: bytes, member: Member) -> dict:
             run = record(config, sequence, member.seed, controller=plug, delay=delay)
             end = run.end
             metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
+            if metrics:
+                put_known(config.as_dict(), config.transmission, metrics, run.at_orders)
     except RigError as error:
         if plug is not None:
             plug.close()  # the run did not begin: the controller's process would stay with the worker

@@ -14,11 +14,12 @@ import fcntl
 import json
 import os
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis.metrics import KEYS, UNITS
+from ..analysis.state_at_order import flat, unit_of
 from ..atomic_write import atomic_write
 from ..errors import RigError, no_pyarrow
 from .plan import Plan, Varied
@@ -93,7 +94,9 @@ class Store:
         """
         pa, pq = parquet()
         entries = sorted(self.entries(), key=lambda entry: entry["member"])
-        schema = schema_of(plan, self.manifest, next((one["table"]["columns"] for one in entries if "table" in one), {}))
+        table = next((one["table"]["columns"] for one in entries if "table" in one), {})
+        states = dict.fromkeys(name for one in entries for row in one["shifts"] for name in flat(row))
+        schema = schema_of(plan, self.manifest, table, sorted(states))
         rows = [dict.fromkeys(schema.names) | row for entry in entries for row in rows_of(plan, entry)]
         columns = {name: [row[name] for row in rows] for name in schema.names}
         path = self.folder / RESULTS
@@ -216,7 +219,7 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
         for key in KEYS:
             value = None if metrics is None else metrics.get(key)
             row[key] = _text_of(value) if KINDS.get(key) == "string" else value
-        out.append(row)
+        out.append(row | flat(metrics or {}))
     return out
 
 
@@ -232,8 +235,8 @@ def column_of(name: str) -> str:
     return f"table.{name}"
 
 
-def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str]) -> pyarrow.Schema:
-    """Return the columns with their units, among them those of the calculation's table, and the manifest as metadata."""
+def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str], states: Iterable[str]) -> pyarrow.Schema:
+    """Return the columns with their units, also of the calculation's table and of states, and the manifest as metadata."""
     pa, _ = parquet()
 
     def column(name: str, kind: pyarrow.DataType, unit: str | None = None, about: str | None = None) -> pyarrow.Field:
@@ -253,6 +256,7 @@ def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str]) -> pyarrow.S
         )
     for key in KEYS if not plan.calculation else ():
         columns.append(column(key, getattr(pa, KINDS.get(key, "float64"))(), UNITS.get(key.rpartition("_")[2])))
+    columns += [column(name, pa.float64(), unit_of(name), "of the rig when the shift was ordered") for name in states]
     columns += [column("end", pa.string(), about="how the run ended"), column("reason", pa.string())]
     return pa.schema(columns, metadata={METADATA: json.dumps(manifest, ensure_ascii=False).encode()})
 

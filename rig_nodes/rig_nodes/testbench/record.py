@@ -16,10 +16,12 @@ import numpy as np
 
 from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
+from ..analysis.state_at_order import Moment
 from ..clocks import ROW, SAMPLE, TICK_SAMPLES
 from ..controllers.plug import Plug
 from ..description.signals import CONTROLLER_COMMAND, SHIFT_ORDERED
 from ..errors import RigError
+from ..parts import part as parts
 from .configuration import RigConfig
 from .rig import Rig
 from .rig_base import RigStatus
@@ -48,12 +50,15 @@ class Run:
     plant_states : dict of str to (rows,) array
         By signal, its true values on the rows of the recording [SI]. They are taken once a controller sample, so all rows of
         that millisecond have the same value.
+    at_orders : dict of float to Moment
+        How the rig stood at each order of a gear, by its time [s].
     """
 
     recording: Recording | Logged
     end: dict
     events: list[tuple[float, str, str, float]] = field(default_factory=list)
     plant_states: dict[str, np.ndarray] = field(default_factory=dict)
+    at_orders: dict[float, Moment] = field(default_factory=dict)
 
 
 class PlantStates:
@@ -111,6 +116,7 @@ class Listener:
     ) -> None:
         """Find the topics of the signals; the class describes the parameters."""
         self.rig, self.plant_states, self.controller, self.events, self.orders = rig, plant_states, controller, [], []
+        self.at_orders: dict[float, Moment] = {}
         self._states, self._readings = States(rig), Readings(rig.config.catalogue)
         topics = {self._readings.topic(name) for name in signals}
         self._command = CONTROLLER_COMMAND in topics
@@ -166,9 +172,23 @@ class Listener:
         if name == SHIFT_ORDERED:
             before = self.orders[-1][2] if self.orders else 0
             self.orders.append((now, before, int(value)))
+            self.at_orders[now] = moment_of(self.rig)
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
         """Ignore a setpoint that the rig has taken, because it has no other listener here."""
+
+
+def moment_of(rig: Rig) -> Moment:
+    """Return how a rig stands now, for the state at an order of its report."""
+    structure = rig.config.structure
+    oils = [float(rig.device(one.name)["oil_temperature"]) for one in structure.of_role(parts.OIL)]
+    found: dict[str, dict[str, float]] = {"piston": {}, "temperature": {}}
+    for clutch in structure.clutches:
+        device = rig.device(clutch.name)
+        for name, values in found.items():
+            if name in (device.dtype.names or ()):
+                values[clutch.called] = float(device[name])
+    return Moment(oils[0] if oils else None, found["piston"], found["temperature"])
 
 
 @cache
@@ -321,7 +341,7 @@ def _record(
         else Logged(0.0, period, channels)
     )
     on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
-    return Run(recording, end, listener.events, on_rows)
+    return Run(recording, end, listener.events, on_rows, listener.at_orders)
 
 
 def signals_of(sequence: Sequence) -> list[str]:

@@ -18,11 +18,13 @@ from ..alfa46.settings import Alfa46Config
 from ..analysis.definitions import K_MOST
 from ..analysis.edges import odd_width, running_mean
 from ..analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, Recording, shift_metrics
+from ..analysis.state_at_order import Moment, put_known
 from ..clocks import ROW, SAMPLE
 from ..errors import RigError
 from ..parts import part as parts
 from ..parts.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
+from ..testbench.record import moment_of
 from ..testbench.rig import Rig
 from ..testbench.rig_base import Tripped
 from ..transmission import NEUTRAL, Transmission
@@ -141,6 +143,7 @@ class Bench:
         self._new = self._rig.snapshot()
         self._standing: dict[int, tuple] = {}  # gear -> snapshot at standstill with the oil on
         self._points: dict[Point, tuple | NotHeld | Tripped] = {}
+        self._starts: dict[Point, Moment] = {}
 
     def check_held(self, point: Point) -> None:
         """Check that the rig comes to rest in an operating point.
@@ -155,6 +158,13 @@ class Bench:
         found = self._at(point)
         if isinstance(found, RigError):
             raise found
+
+    def started(self, point: Point) -> dict:
+        """Return gears and state of the rig before the order in a point that it holds, as a row of metrics has them."""
+        before, after = self.gears[point.way]
+        row = {"from_gear": before, "to_gear": after, "t_order_s": 0.0}
+        put_known(self.config.as_dict(), self.transmission, [row], {0.0: self._starts[point]})
+        return row
 
     def shift(self, point: Point, settings: Alfa46Config) -> Shift:
         """Make one shift from an operating point.
@@ -249,6 +259,7 @@ class Bench:
             if abs(miss) < LOAD_WITHIN and abs(speed - point.speed) < SPEED_WITHIN:
                 self._go(LEAD)
                 before = round(BEFORE / ROW)
+                self._starts[point] = moment_of(rig)
                 return rig.snapshot(), rig.rows_at(ROW, round(rig.time / ROW) - before, before)
             torque += miss
         raise NotHeld(f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.output_torque - miss:.0f} Nm")

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..alfa46.settings import Alfa46Config
+from ..analysis.state_at_order import unlike
 from ..testbench.configuration import RigConfig
 from .bench import Bench, NotHeld, Point, Shift
 
@@ -192,7 +193,7 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
     points : list of Point
         The points that the rig holds, each once.
     notes : list of str
-        A sentence for each point that was changed.
+        A sentence for each point that was changed, and for points of one way in which the rig is not in the same state.
 
     Raises
     ------
@@ -216,7 +217,7 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
             notes.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
         if chosen not in out:
             out.append(chosen)
-    return out, notes
+    return out, notes + unlike([(one.text(), bench.started(one), {}) for one in out], bench.transmission)
 
 
 def share(name: str, shift: Shift, compared: Shift) -> float:

@@ -10,8 +10,8 @@ from html import escape
 
 import numpy as np
 
-from ..analysis.compare_tables import clock_lines, metric_tables, reasons, short_names, signal_tables
-from ..analysis.side_by_side import Comparison, Curve
+from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
+from ..analysis.side_by_side import Comparison, Curve, short_names
 from ..catalogue import Signal
 from ..transmission import Transmission
 from .html_page import COLOURS, Axis, Envelope, captioned, legend, page, table

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..analysis.plate_heat import above_the_oil
 from ..bags.reader import Bag
 from ..catalogue import Signal
 from ..errors import RigError
@@ -210,22 +211,14 @@ class Curves:
         self._send(layout.entity(signal), t, signal.shown(values))
 
     def _send_plates(self, name: str, plates: Plates, t: np.ndarray, heat: np.ndarray) -> None:
-        """Send the temperature of plates: the exact solution for heat at a constant rate between two messages."""
+        """Send the temperature of plates."""
         if not len(t):
             return
-        before = self._plates.get(name, (float(t[0]), float(heat[0]), 0.0))
-        steps = np.diff(t, prepend=before[0])
-        spent = steps * plates.cooling / plates.capacity
-        left = np.exp(-spent)
-        rise = np.divide(-np.expm1(-spent), spent, out=np.ones_like(spent), where=spent > 0.0) / plates.capacity
-        over, values = before[2], []
-        for share, more in zip(left.tolist(), (np.diff(heat, prepend=before[1]) * rise).tolist()):
-            over = over * share + more
-            values.append(over)
-        self._plates[name] = float(t[-1]), float(heat[-1]), over
+        values = above_the_oil(t, heat, plates.capacity, plates.cooling, self._plates.get(name))
+        self._plates[name] = float(t[-1]), float(heat[-1]), float(values[-1])
         if self._first(name):
             log_style(self._rr, self._rec, self._pages, plates.signal)
-        self._send(layout.entity(plates.signal), t, plates.oil + np.array(values))
+        self._send(layout.entity(plates.signal), t, plates.oil + values)
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send one row for each state that has ended; the last one is held, because its bar's width is not known."""

@@ -19,6 +19,7 @@ from ..analysis.no_change import measured_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
 from ..analysis.report import columns_of, shown_transmission, verdicts_in
 from ..analysis.results import ENDS, Result, name_and_unit, number, results_of
+from ..analysis.state_at_order import begun_lines
 from ..transmission import Transmission
 from .html_page import Cell, page, table
 from .report_plots import MOST_SHIFTS, Plots, heading_of
@@ -199,6 +200,7 @@ def _shifts(report: Mapping, box: Transmission) -> list[str]:
         parts.append(table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], lines))
     names = [heading_of(i + 1, row, box) for i, row in enumerate(rows)]
     parts += [_words([f"{line}."], "note") for line in undefined_lines(names, rows, columns_of(box))]
+    parts += [_words([f"{line}."], "note") for line in begun_lines(names, rows, report.get("uncertainty") or [], box)]
     if len(rows) > MOST_IN_TABLES:
         parts.append(_words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note"))
     notes = [

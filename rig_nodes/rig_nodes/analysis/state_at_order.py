@@ -1,0 +1,284 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How a simulated rig stood when a shift was ordered: pistons, plates, oil, speed; and which shifts began differently.
+
+Reports, sweeps, comparisons and the tuner use it. What differs counts from the effect on that its results have beyond their error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..description.structure import Structure, structure_of
+from ..errors import RigError
+from ..parts import part as parts
+from ..transmission import Transmission
+from .plate_heat import above_the_oil
+from .uncertainty import temperature_error
+
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
+    from .gathered import Gathered
+
+CLUTCH_FIELDS, OIL_FIELDS = ["piston_position", "heat"], ["temperature"]
+LEAST_TIME, LEAST_FRICTION, LEAST_SPEED = 1e-3, 0.01, 1.0  # s, share, rpm: least effects that count where a result has no error
+MOST_NAMED, MOST_GROUPS = 6, 3  # shifts and groups of them that are named in a sentence
+FILL = 0.4  # s, a usual fill, for a shift whose own is not known
+UNITS = {"m": "m", "m3": "m3", "degc": "degC"}  # unit of a value by the last word of its key
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is noted of a rig at an order: temperature of the oil [degC]; by clutch, travel of the piston [m], plates [degC]."""
+
+    oil: float | None
+    pistons: Mapping[str, float]
+    plates: Mapping[str, float]
+
+
+def fields(structure: Structure) -> dict[str, list[str]]:
+    """Return the message fields that are read, by topic."""
+    clutches = {f"/{one.name}/state": CLUTCH_FIELDS for one in structure.clutches if parts.part(one.part).message == "ClutchState"}
+    return clutches | {f"/{one.name}/state": OIL_FIELDS for one in structure.of_role(parts.OIL)}
+
+
+def put_states(bag: Bag | Gathered, record: Mapping, box: Transmission, rows: Iterable[dict]) -> None:
+    """Put the state at its order into each row of metrics of a simulated run, under ``at_order``.
+
+    Parameters
+    ----------
+    bag : Bag or Gathered
+        The run, with the true states of its plant; what it does not hold is left out.
+    record : mapping
+        Record of the rig.
+    box : Transmission
+        Its transmission.
+    rows : iterable of dict
+        Rows of metrics.shift_metrics.
+    """
+    structure = structure_of(record["structure"])
+    series: dict[str, tuple[np.ndarray, list[np.ndarray]]] = {}
+    for topic, names in fields(structure).items():
+        try:
+            series[topic] = bag.fields(topic, names)
+        except RigError:
+            continue  # not recorded, or a bag of another version
+
+    def last(topic: str, column: int, t: float) -> float | None:
+        times, values = series.get(topic, (np.empty(0), []))
+        at = int(np.searchsorted(times, t + 1e-9, side="right")) - 1
+        return float(values[column][at]) if at >= 0 else None
+
+    over = {}
+    for clutch in box.clutches:
+        pack = _pack(structure, record, clutch.instance)
+        if clutch.state in series and pack.get("heat_capacity") and (record.get("effects") or {}).get("plate_heat"):
+            times, (_, heat) = series[clutch.state]
+            over[clutch.state] = times, [above_the_oil(times, heat, pack["heat_capacity"], pack["cooling"])]
+    oil_topics = [f"/{one.name}/state" for one in structure.of_role(parts.OIL)]
+    for row in rows:
+        t = row["t_order_s"]
+        oil = next((found for topic in oil_topics if (found := last(topic, 0, t)) is not None), None)
+        pistons, plates = {}, {}
+        for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging:
+            pistons[clutch.name] = last(clutch.state, 0, t)
+            if clutch.state in over and oil is not None:
+                times, (values,) = over[clutch.state]
+                at = int(np.searchsorted(times, t + 1e-9, side="right")) - 1
+                plates[clutch.name] = oil + float(values[at]) if at >= 0 else None
+        row["at_order"] = state(record, box, oil, pistons, plates)
+
+
+def put_known(record: Mapping, box: Transmission, rows: Iterable[dict], known: Mapping[float, Moment]) -> None:
+    """Put the states that were noted at the orders into rows of metrics, as :func:`put_states` does from a bag.
+
+    Parameters
+    ----------
+    record, box, rows
+        As of :func:`put_states`.
+    known : mapping of float to Moment
+        What was noted, by the time of the order [s].
+    """
+    for row in rows:
+        if (moment := known.get(row["t_order_s"])) is not None:
+            engaging = [clutch.name for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging]
+            pistons, plates = ({name: one.get(name) for name in engaging} for one in (moment.pistons, moment.plates))
+            row["at_order"] = state(record, box, moment.oil, pistons, plates)
+
+
+def state(
+    record: Mapping, box: Transmission, oil: float | None, pistons: Mapping[str, float | None], plates: Mapping[str, float | None]
+) -> dict[str, Any]:
+    """Return the state at an order as plain values, without what is not known.
+
+    Parameters
+    ----------
+    record : mapping
+        Record of the rig.
+    box : Transmission
+        Its transmission.
+    oil : float or None
+        Temperature of the oil [degC].
+    pistons, plates : mapping of str to float or None
+        Travel of the pistons off their stops [m] and temperature of the plates [degC] of the engaging clutches, by name.
+
+    Returns
+    -------
+    dict
+        ``oil_degc``, and ``clutches`` by name: ``piston_m``, ``filled_m3`` (volume that the piston holds), ``fill_done`` (share of
+        the travel to the kiss point), ``plates_degc`` and ``friction_change`` (share by which the plates' heat changes their
+        friction from that at the oil's temperature).
+    """
+    structure, found = structure_of(record["structure"]), {}
+    for clutch in box.clutches:
+        one: dict[str, float] = {}
+        values, pack = record[clutch.instance], _pack(structure, record, clutch.instance)
+        piston, warm = pistons.get(clutch.name), plates.get(clutch.name)
+        if piston is not None and "clearance" in values:
+            one |= {
+                "piston_m": piston,
+                "filled_m3": piston * float(values["piston_area"]),
+                "fill_done": piston / float(values["clearance"]),
+            }
+        if warm is not None and oil is not None:
+            one |= {"plates_degc": warm, "friction_change": float(pack.get("friction_per_kelvin", 0.0)) * (warm - oil)}
+        if one:
+            found[clutch.name] = one
+    return ({} if oil is None else {"oil_degc": oil}) | {"clutches": found}
+
+
+def _pack(structure: Structure, record: Mapping, clutch: str) -> Mapping:
+    """Return the values of a clutch's plates; empty for one without."""
+    return record.get(str(structure.device(clutch).wires.get("plates")), {})
+
+
+def flat(row: Mapping) -> dict[str, float]:
+    """Return the values of a row's state at its order by names such as ``at_order.S2.piston_m``."""
+    found = row.get("at_order") or {}
+    named = {f"at_order.{key}": value for key, value in found.items() if key != "clutches"}
+    return named | {
+        f"at_order.{name}.{key}": value for name, one in found.get("clutches", {}).items() for key, value in one.items()
+    }
+
+
+def unit_of(name: str) -> str | None:
+    """Return the unit of a value of :func:`flat` by its name; None for a share."""
+    return UNITS.get(name.rpartition("_")[2])
+
+
+# ---- in words
+
+
+def _saved(row: Mapping, clutch: Mapping) -> float:
+    """Return the time by which a piston off its stop shortens the fill of a shift [s], by its kiss point or that of a usual one."""
+    done = min(max(clutch.get("fill_done", 0.0), 0.0), 0.9)
+    filled = row.get("kiss_s") or row.get("t_c_s") or FILL
+    return filled * done / (1.0 - done)
+
+
+def _least(rows: Iterable[tuple[Mapping, Mapping]]) -> tuple[float, float, float]:
+    """Return the least time [s], share of friction and change of speed [rpm] that count, by the errors of some rows."""
+    times, shares, speeds = [LEAST_TIME], [LEAST_FRICTION], [LEAST_SPEED]
+    for row, errors in rows:
+        times.append(errors.get("t_c_s", 0.0))
+        speeds.append(errors.get("input_speed_rpm", 0.0))
+        if peak := row.get("input_torque_max_nm"):
+            shares.append(errors.get("input_torque_max_nm", 0.0) / abs(peak))
+    return max(times), max(shares), max(speeds)
+
+
+def begun(row: Mapping, errors: Mapping[str, float], box: Transmission) -> str:
+    """Return what was not at rest when a shift was ordered; empty when nothing was that its results show.
+
+    Parameters
+    ----------
+    row : mapping
+        Its metrics, with the state at its order.
+    errors : mapping of str to float
+        Largest errors of its metrics.
+    box : Transmission
+        The transmission.
+    """
+    time, share, speed = _least([(row, errors)])
+    parts_of = []
+    for name, one in (row.get("at_order") or {}).get("clutches", {}).items():
+        if _saved(row, one) > time:
+            way = f"{100.0 * one['fill_done']:.0f} % of the way to its kiss point"
+            parts_of.append(f"piston of {name} {1e3 * one['piston_m']:.1f} mm off its stop, {way}")
+        if abs(one.get("friction_change", 0.0)) > share:
+            parts_of.append(f"plates of {name} at {one['plates_degc']:.0f} degC, friction {100.0 * one['friction_change']:+.1f} %")
+    change = row.get("input_speed_change_rpm")
+    if change is not None and abs(change) > speed:
+        parts_of.append(f"{box.input.speed} changed by {change:+.1f} rpm in the 0.2 s before")
+    return "; ".join(parts_of)
+
+
+def begun_lines(names: Sequence[str], rows: Sequence[Mapping], errors: Sequence[Mapping], box: Transmission) -> list[str]:
+    """Return a line for each shift of a run that did not begin at rest, and for shifts of one way that began differently."""
+    known = [errors[i] if i < len(errors) else {} for i in range(len(rows))]
+    lines = [f"{name} did not begin at rest: {text}" for name, row, of in zip(names, rows, known) if (text := begun(row, of, box))]
+    return lines + unlike([(str(number), row, of) for number, (row, of) in enumerate(zip(rows, known), 1)], box)
+
+
+def unlike(shifts: Iterable[tuple[str, Mapping, Mapping]], box: Transmission, what: str = "shifts") -> list[str]:
+    """Return a sentence for each state in which shifts of one way differed at their orders, by more than their results' errors.
+
+    Parameters
+    ----------
+    shifts : iterable of (str, mapping, mapping)
+        What each shift is called in a sentence, its metrics, and their largest errors.
+    box : Transmission
+        The transmission.
+    what : str
+        What the names are of, in the plural.
+    """
+    ways: dict[tuple[int, int], list[tuple[str, Mapping, Mapping]]] = {}
+    for one in shifts:
+        ways.setdefault((one[1]["from_gear"], one[1]["to_gear"]), []).append(one)
+    lines = []
+    for way, members in ways.items():
+        time, share, _ = _least([(row, errors) for _, row, errors in members])
+        found: list[str] = []
+        for clutch in box.shift(*way).engaging:
+            states = [(name, row, (row.get("at_order") or {}).get("clutches", {}).get(clutch.name, {})) for name, row, _ in members]
+            pistons = [(name, _saved(row, one), 1e3 * one["piston_m"]) for name, row, one in states if "piston_m" in one]
+            found += _apart(f"travel of the piston of {clutch.name}", pistons, time, "mm", 1, "t_c and E_loss depend on it")
+            plates = [(name, one["friction_change"], one["plates_degc"]) for name, _, one in states if "plates_degc" in one]
+            found += _apart(f"plates of {clutch.name}", plates, share, "degC", 0, "their friction depends on it")
+        advice = ["pause longer before the order"] if found else []
+        oils = [(name, row["at_order"]["oil_degc"]) for name, row, _ in members if "oil_degc" in (row.get("at_order") or {})]
+        least = 2.0 * temperature_error(max((value for _, value in oils), default=0.0))
+        found += _apart("oil", [(name, value, value) for name, value in oils], least, "degC", 0, "fill and drag depend on it")
+        if found:
+            lines.append(f"{what} {box.way(*way)} began in different states: {'; '.join([*found, *advice])}")
+    return lines
+
+
+def _apart(subject: str, states: Sequence[tuple[str, float, float]], least: float, unit: str, digits: int, why: str) -> list[str]:
+    """Return the clause on a state (name, effect, shown value) of some shifts, when their effects differ by more than ``least``."""
+    effects = [effect for _, effect, _ in states]
+    if not effects or max(effects) - min(effects) <= least:
+        return []
+    groups: list[list[int]] = []  # places of states, with gaps of more than that between the groups
+    for k in sorted(range(len(states)), key=lambda k: effects[k]):
+        if not groups or effects[k] - effects[groups[-1][-1]] > least:
+            groups.append([])
+        groups[-1].append(k)
+    if not 1 < len(groups) <= MOST_GROUPS:
+        ends = [groups[0][0], groups[-1][-1]]
+        return [f"{subject} {' to '.join(f'{states[k][2]:z.{digits}f} {unit} (in {states[k][0]})' for k in ends)}, and {why}"]
+    clauses = []
+    for group in groups:
+        values = list(dict.fromkeys(f"{states[k][2]:z.{digits}f}" for k in (group[0], group[-1])))
+        clauses.append(f"{' to '.join(values)} {unit} in {_names([states[k][0] for k in sorted(group)])}")
+    return [f"{subject} {', '.join(clauses)}, and {why}"]
+
+
+def _names(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:MOST_NAMED])
+    return f"{shown} and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else shown
