@@ -158,12 +158,16 @@ def _pack(structure: Structure, record: Mapping, clutch: str) -> Mapping:
 
 
 def flat(row: Mapping) -> dict[str, float]:
-    """Return the values of a row's state at its order by names such as ``at_order.S2.piston_m``."""
+    """Return the values of a row's state at its order by names such as ``at_order.S2.piston_m``, for a table.
+
+    The plates' temperature is rounded to 0.1 K, within which that by their heat in a bag is that of the plant.
+    """
     found = row.get("at_order") or {}
     named = {f"at_order.{key}": value for key, value in found.items() if key != "clutches"}
-    return named | {
-        f"at_order.{name}.{key}": value for name, one in found.get("clutches", {}).items() for key, value in one.items()
-    }
+    for name, one in found.get("clutches", {}).items():
+        known = one | ({"plates_degc": round(one["plates_degc"], 1)} if "plates_degc" in one else {})
+        named |= {f"at_order.{name}.{key}": value for key, value in known.items() if key != "friction_change"}
+    return named
 
 
 def unit_of(name: str) -> str | None:
