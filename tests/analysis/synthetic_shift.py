@@ -14,6 +14,7 @@ import numpy as np
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.description.structure import structure_of
+from rig_nodes.errors import RigError
 from rig_nodes.transmission import transmission_of
 
 I1, I2 = 47 / 34, 41 / 40
@@ -112,6 +113,8 @@ class FakeBag:
 
     def fields(self, topic, names):
         held = self._messages.get(topic, [])
+        if held and (unknown := [name for name in names if not hasattr(held[0][1], name)]):
+            raise RigError(f"{topic} has no field '{unknown[0]}'")
         return np.array([t * 1e-9 for t, _ in held]), [np.array([getattr(m, n) for _, m in held]) for n in names]
 
     def gaps(self):

@@ -98,7 +98,7 @@ def test_a_folder_of_runs_has_a_table_and_its_spread(written, tmp_path, capsys):
     for n in (1, 2):
         (tmp_path / f"series-{n}").mkdir()
         shutil.copy(written / "report.json", tmp_path / f"series-{n}")
-    assert main(["report", str(tmp_path), "--html", str(tmp_path / "page.html"), "--limit", "k=1.5 .."]) == 0
+    assert main(["report", str(tmp_path), "--html", str(tmp_path / "page.html"), "--limit", "t_c=.. 100 ms"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"^series +2 ", out, re.MULTILINE) and "spread over all runs" in out and "limit missed: series-1, " in out
     made = (tmp_path / "page.html").read_text(encoding="utf-8")

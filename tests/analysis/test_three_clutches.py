@@ -56,7 +56,11 @@ def test_a_shift_is_measured_on_the_clutches_that_it_moves(old, new, releasing, 
     assert row["overlap_s"] == pytest.approx(case.both(KISS[releasing], KISS[engaging]), abs=1e-3)
     assert row["k"] == pytest.approx(1.0, abs=2e-3)  # relative to the slower of both gears
     assert row["output_speed_min_rpm"] == pytest.approx(1500.0 / max(RATIOS[old], RATIOS[new]), abs=3.0)
-    assert row["e_loss_j"] == pytest.approx(loss_by_hand(case), rel=4e-3, abs=8.0)  # slip ends 1 ms early
+    by_hand = loss_by_hand(case)
+    if by_hand < 0.0:  # the torques of this case are not those of a gearbox
+        assert row["e_loss_j"] is None and "no loss is negative" in row["undefined"]["e_loss_j"]
+    else:
+        assert row["e_loss_j"] == pytest.approx(by_hand, rel=4e-3, abs=8.0)  # slip ends 1 ms early
 
 
 def loss_by_hand(case: ThreeSpeedShift) -> float:

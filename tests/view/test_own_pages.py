@@ -4,6 +4,7 @@
 """Pages of the view from a rig's folder: they replace those that are made from its parts, or are added to them."""
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -116,3 +117,66 @@ def test_no_rig_and_no_signal_of_a_rig_is_named_in_the_view():
     allowed = {"rig_state", "gear_ordered", "loss_in", "loss_out", "relief_setting", "motor_work", "load_work"}
     for path in Path(pages_module.__file__).parent.glob("*.py"):
         assert set(words.findall(path.read_text())) <= allowed, path.name
+
+
+INSTALLED = {name: Pages(load_rig(name).as_dict()) for name in installed("rigs")}
+
+
+def plots_of(pages):
+    moments = (pages.shift_plots, pages.valve_plots, pages.coast_plots) if pages.box else ()
+    groups = (*moments, pages.run_left, pages.run_right, pages.other_plots)
+    return [(title, tuple(names)) for plots in (*groups, *pages.more_pages.values()) for title, names in plots]
+
+
+@pytest.mark.parametrize("rig", INSTALLED)
+def test_no_two_curves_of_a_plot_have_the_same_colour(rig):
+    pages = INSTALLED[rig]
+    alike = {title: names for title, names in plots_of(pages) if len({pages.colour(name) for name in names}) < len(names)}
+    assert alike == {}
+
+
+@pytest.mark.parametrize("rig", INSTALLED)
+def test_a_title_names_what_is_in_its_plot(rig):
+    pages = INSTALLED[rig]
+    ends = {"Clamp force": "_clamp", "Valve duty": "_duty", "Work since time 0": "_work"}
+    for title, names in plots_of(pages):
+        assert all(name.endswith(ends.get(title, "")) for name in names), (title, names)
+        assert title != "Gearbox losses" or {pages.signal(name).topic for name in names} == {"/gearbox/state"}
+        assert len({pages.signal(name).display_unit for name in names}) == 1, (title, names)
+
+
+@pytest.mark.parametrize(
+    ("rig", "first"),
+    [("frame_saw", "Frame saw"), ("chain_saw", "Saw"), ("ural2", "Shafts"), ("clutch_bench", "Run"), ("hydmag_engine", "Run")],
+)
+def test_a_rig_without_shifts_opens_on_its_own_page(rig, first):
+    pytest.importorskip("rerun")
+    shown = layout.blueprint(INSTALLED[rig], set(INSTALLED[rig].known.signals), (0.0, 1.0)).root_container
+    assert shown.contents[shown.active_tab].name == first
+    assert titles(layout.live_blueprint(INSTALLED[rig], 5.0))[0] == first
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        (-280.0, 432.0),
+        (-450.0, 432.0),
+        (0.0, 745.0),
+        (0.0, 2.4),
+        (40.0, 40.1),
+        (99.0, 101.0),
+        (0.0, 9.4),
+        (3.0, 3.0),
+        (-1e-4, 2e-6),
+    ],
+    ids=str,
+)
+def test_an_axis_has_at_least_two_numbers_that_the_viewer_shows(ends):
+    low, high = layout.height(*ends)
+    assert low < ends[0] and high > ends[1]
+    shown = []
+    for power in range(-8, 6):  # the viewer writes a step's numbers when they are not too close
+        step = 10.0**power
+        if (high - low) / step <= 9.1:
+            shown.append(math.floor(high / step) - math.ceil(low / step) + 1)
+    assert max(shown) >= 2

@@ -36,6 +36,7 @@ NUMBERS = 45.0  # px; width of the numbers at the left of a plot
 SHORTEST = 0.01  # s; a bag may hold one instant only
 MOST_ROOM = 1.5  # largest room for legends, as a share of the window
 MARGIN = 0.06  # share of a plot's height left free above and below its curves
+STEPS = 8.5  # most steps of a power of ten of whose numbers the viewer shows all in a plot of five in a column
 NUMBER = 0.032  # half the height of a number at the left of a plot, as a share of the plot's height
 
 TABS = ("shifts", "valve", "coast_down", "run", "other", "controller")  # names on the command line
@@ -150,11 +151,19 @@ def window_of(pages: Pages, present: Collection[str], span: tuple[float, float],
 
 
 def height(low: float, high: float) -> tuple[float, float]:
-    """Return the range of a plot that shows values from ``low`` to ``high`` with a margin and cuts off no number at its edges."""
+    """Return the range of a plot that shows values from ``low`` to ``high`` with a margin and at least two numbers at its axis.
+
+    The viewer's steps are powers of ten, and it leaves out those of which more than STEPS would share the height of a plot.
+    """
     margin = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
     low, high = low - margin, high + margin
-    step, number = 10.0 ** math.floor(math.log10(high - low)), NUMBER * (high - low)  # the viewer's steps are powers of ten
-    return min(low, step * math.ceil(low / step) - number), max(high, step * math.floor(high / step) + number)
+    step = 10.0 ** math.floor(math.log10(high - low))
+    step *= 10.0 if (high - low) / step > STEPS else 1.0
+    first, last = math.ceil(low / step), math.floor(high / step)
+    while last - first < 1:  # the nearer of both next numbers
+        first, last = (first - 1, last) if low - step * (first - 1) < step * (last + 1) - high else (first, last + 1)
+    number = NUMBER * max(high - low, step * (last - first))
+    return min(low, step * first - number), max(high, step * last + number)
 
 
 def choose(shifts: list[Shift]) -> list[Shift]:
@@ -252,7 +261,7 @@ def blueprint(
     close : sequence of MomentCurves
         Curves that the first tabs show close up.
     run_first : bool
-        True to open with the tab of the run in place of the first one.
+        True to open with the first tab of the whole run in place of the close ones.
 
     Returns
     -------
@@ -274,8 +283,11 @@ def blueprint(
         axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))
         columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
         tabs[one.page.key] = _tab(one.page.name, columns)
+    own_tabs = {name: rrb.Grid(*views, name=name) for name, views in more.items()}
+    if pages.opens_with_own:
+        tabs |= own_tabs
     tabs["run"] = _tab("Run", run, "/run")
-    tabs |= {name: rrb.Grid(*views, name=name) for name, views in more.items()}
+    tabs |= own_tabs
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
     if own:
@@ -309,7 +321,8 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
     for view in [view for column in (*run, *more.values()) for view in column] + rest:
         if isinstance(view, rrb.TimeSeriesView):
             view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
-    tabs = [_tab("Run", run), *(rrb.Grid(*views, name=name) for name, views in more.items()), rrb.Grid(*rest, name="Other signals")]
+    own, rest_of = [rrb.Grid(*views, name=name) for name, views in more.items()], rrb.Grid(*rest, name="Other signals")
+    tabs = [*own, _tab("Run", run), rest_of] if pages.opens_with_own else [_tab("Run", run), *own, rest_of]
     return whole(rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
 
 
@@ -380,8 +393,11 @@ def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], axis: rrb
 
 
 def _run_columns(pages: Pages, present: set[str], axis: rrb.TimeAxis) -> list[list]:
-    left = _states(pages, present, "States", pages.states, axis) + _plots(pages, present, pages.run_left, axis)
-    return [left, _plots(pages, present, pages.run_right, axis)]
+    left, right = (_plots(pages, present, plots, axis) for plots in (pages.run_left, pages.run_right))
+    if pages.box is None:  # what drives and what presses may have any number of plots; a single one would fill its column
+        views = left + right
+        left, right = views[: (len(views) + 1) // 2], views[(len(views) + 1) // 2 :]
+    return [_states(pages, present, "States", pages.states, axis) + left, right]
 
 
 def _states(pages: Pages, present: set[str], title: str, names: Iterable[str], axis: rrb.TimeAxis) -> list:

@@ -48,15 +48,19 @@ STATE_COLOURS = {
     "running": INPUT,
     "tripped": ALARM,
 }
-# titles of the plots of the other signals, which are grouped by quantity; plots of several quantities come last
-OTHER_TITLES = {
-    "pressure": "Load pressure",
-    "temperature": "Oil temperature",
-    "energy": "Work since time 0",
-    "torque": "Gearbox losses",
-    "force": "Clamp force",
-    "ratio": "Valve duty",
-}
+# for two curves of one plot that would have the same colour
+SPARE = (
+    *(bright for bright, _ in HUES),
+    OUTPUT,
+    INPUT,
+    SUPPLY,
+    (0x3F, 0xC1, 0xD6),
+    (0xE5, 0x57, 0x62),
+    (0xB6, 0xD9, 0x4C),
+    (0xB0, 0x7D, 0x54),
+    OTHER,
+    *PALE,
+)
 OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston", "heat")  # quantities of clutches that are shown in the clutch's hue
 _OF_VALVE = ("duty", "flow")
@@ -275,7 +279,8 @@ class Pages:
                         for one in pressing
                     ),
                     *((f"Travel of the {one.called}", self.measured(f"{one.name}.travel")) for one in pressing),
-                    ("Clamp force", (*self.each(structure.clutches, "clamp"), *self.measured(types=("force",)))),
+                    ("Clamp force", self.each(structure.clutches, "clamp")),
+                    ("Force", self.measured(types=("force",))),
                 )
             )
         into, out = self.box.input, self.box.output
@@ -310,6 +315,11 @@ class Pages:
         return {name: plots for name, plots in self._own.items() if name not in OWN}
 
     @property
+    def opens_with_own(self) -> bool:
+        """True when the view opens with a page of the rig's folder: without shifts, that of the run says least about the rig."""
+        return self.box is None and bool(self.more_pages)
+
+    @property
     def _more(self) -> Plots:
         return tuple(plot for plots in self.more_pages.values() for plot in plots)
 
@@ -323,8 +333,32 @@ class Pages:
         for signal in self.known.signals.values():
             if signal.name not in shown and not signal.states:
                 groups.setdefault(signal.quantity, []).append(signal.name)
-        order = [*(quantity for quantity in OTHER_TITLES if quantity in groups), *groups]
-        return [(OTHER_TITLES.get(quantity, quantity.capitalize()), groups[quantity]) for quantity in dict.fromkeys(order)]
+        plots: dict[str, list[str]] = {}
+        for quantity, names in groups.items():
+            special = {title: [name for name in names if name in of] for title, of in self._kinds.items()}
+            rest = [name for name in names if not any(name in of for of in special.values())]
+            for title, of in (*special.items(), (quantity.capitalize(), rest)):
+                plots.setdefault(title, []).extend(of)
+        order = [*(title for title in self._kinds if plots.get(title)), *(title for title in plots if plots[title])]
+        return [(title, plots[title]) for title in dict.fromkeys(order)]
+
+    @cached_property
+    def _kinds(self) -> dict[str, set[str]]:
+        """Signals of the devices that give a plot of other signals its title; all others are named by their quantity."""
+        structure = self.structure
+        sources, loads = structure.of_role(parts.SOURCE), structure.of_role(parts.LOAD)
+        lost = {one.name for one in self.known.signals.values() if one.topic == "/gearbox/state" and one.quantity == "torque"}
+        return {
+            "Load pressure": {*(name for one in loads for name in self.measured(at=one.name, types=("pressure",)))}
+            | set(self.each(loads, "relief_setting", "setting")),
+            "Oil temperature": {
+                name for one in structure.of_role(parts.OIL) for name in self.measured(at=one.name, types=("temperature",))
+            },
+            "Work since time 0": {*self.each((*sources, *loads), "work")},
+            "Gearbox losses": lost,
+            "Clamp force": {*self.each(structure.clutches, "clamp")},
+            "Valve duty": {*self.each(structure.valves, "duty")},
+        }
 
     def _there(self, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(name for name in names if name in self.known.signals)
@@ -367,7 +401,22 @@ class Pages:
                 names += self.measured(at=press, types=("pressure", "travel"))
                 asked += self.own(structure.device(press), "setting")
             found |= dict.fromkeys(names, bright) | dict.fromkeys(asked, pale)
-        return found | dict.fromkeys(self.measured(types=("force",)), SECOND)
+        return self._told_apart(found | dict.fromkeys(self.measured(types=("force",)), SECOND))
+
+    def _told_apart(self, given: Mapping[str, Colour]) -> dict[str, Colour]:
+        """Return the colours with others where two curves of a plot would be alike; the first one of them keeps its own."""
+        plots = (self.shift_plots, self.valve_plots, self.coast_plots, self.run_left, self.run_right, self._more, self.other_plots)
+        shown = [tuple(names) for group in plots for _, names in group]
+        beside: dict[str, set[str]] = {}
+        for names in shown:
+            for name in names:
+                beside.setdefault(name, set()).update(names)
+        found: dict[str, Colour] = {}
+        for name in [*(one for one in beside if one in given), *(one for one in beside if one not in given)]:
+            taken = {found[other] for other in beside[name] if other in found}
+            wanted = given.get(name, OTHER)
+            found[name] = wanted if wanted not in taken else next((one for one in SPARE if one not in taken), wanted)
+        return {**given, **{name: colour for name, colour in found.items() if name in given or colour != OTHER}}
 
     @cached_property
     def _locked(self) -> dict[str, Colour]:
