@@ -415,7 +415,8 @@ class Pages:
         for name in [*(one for one in beside if one in given), *(one for one in beside if one not in given)]:
             taken = {found[other] for other in beside[name] if other in found}
             wanted = given.get(name, OTHER)
-            found[name] = wanted if wanted not in taken else next((one for one in SPARE if one not in taken), wanted)
+            spare = (*PALE, *SPARE) if wanted in PALE else SPARE  # wide curves stay pale
+            found[name] = wanted if wanted not in taken else next((one for one in spare if one not in taken), wanted)
         return {**given, **{name: colour for name, colour in found.items() if name in given or colour != OTHER}}
 
     @cached_property
