@@ -16,6 +16,7 @@ import secrets
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from ..config import package_file
@@ -42,6 +43,16 @@ def busy_domains() -> set[int]:
             if BASE_PORT <= port < BASE_PORT + PORTS * (HIGHEST + 1):
                 busy.add((port - BASE_PORT) // PORTS)
     return busy
+
+
+def participants(number: int) -> int:
+    """Return how many DDS participants of this host are in a domain: each has a port of its own (RTPS 9.6.1.1)."""
+    ports = set()
+    for table in ("/proc/net/udp", "/proc/net/udp6"):
+        with suppress(OSError):
+            ports |= {int(line.split()[1].rpartition(":")[2], 16) for line in Path(table).read_text().splitlines()[1:]}
+    first = BASE_PORT + PORTS * number + 10
+    return len(ports & set(range(first, first + PORTS - 10, 2)))
 
 
 class Domain:

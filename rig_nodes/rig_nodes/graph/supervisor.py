@@ -23,7 +23,7 @@ from pathlib import Path
 
 from ..config.names import DEFAULT_RIG
 from .child import Child
-from .domain import Domain, environment
+from .domain import Domain, environment, participants
 from .link import pair
 from .tap import tap_pair
 
@@ -130,6 +130,7 @@ class Supervisor:
         self.running = threading.Event()  # set once simulated time passes
         self.ended = threading.Event()
         self.end: End | None = None
+        self._others = 0  # DDS participants of other programs that were in the domain before this run
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
         self._end_at = math.inf
         self._lock = threading.Lock()  # protects the wake pipe
@@ -176,6 +177,7 @@ class Supervisor:
         number = self.domain.number
         self.say(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
         (self.folder / "logs").mkdir(exist_ok=True)
+        self._others = participants(number)
         links = self._links() if self.order.speed is not None else {}
         for name in self.order.processes:
             self._begin(name, links.get(name))
@@ -185,7 +187,7 @@ class Supervisor:
 
     def _begin(self, name: str, links: dict[str, socket.socket] | None = None, life: int = 1) -> Child:
         """Start one of the processes, for the first time or again."""
-        arguments = [*self.order.arguments(name), "--recorded"]
+        arguments = [*self.order.arguments(name), "--recorded", "--others", str(self._others)]
         if name == "recorder":
             bag = Path(self.order.sequence or self.folder.name).stem
             arguments += ["--out", str(self.folder), "--name", bag, "--piece", str(life - 1)]
@@ -236,6 +238,8 @@ class Supervisor:
             self._on_state(message)
         elif kind == "step":
             self.say(message["t"], f"step {message['step']} of {message['steps']}: {message['text']}")
+        elif kind == "told":
+            self.say(message.get("t"), message["text"])
         elif kind == "waiting":
             self._awaited = message["awaited"]
             self.say(None, message["text"])
@@ -314,6 +318,8 @@ class Supervisor:
                 for message in child.messages():
                     if message["kind"] == "state":
                         self._on_state(message)
+                    elif message["kind"] in ("told", "waiting"):
+                        self.say(message.get("t"), message["text"])
                     elif message["kind"] == "failed":
                         self._end_badly(f"{child.name}: {message['text']}")
                 if child.exit_code:

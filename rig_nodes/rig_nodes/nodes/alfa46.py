@@ -33,9 +33,9 @@ from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Lin
 from ..testbench.rig_base import RigStatus
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
-from .device import publishers_of, sender
+from .device import own_nodes, publishers_of, sender
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
-from .matching import silent
+from .matching import meet, silent
 from .process import RIG_OPTIONS, Process, gearbox_rig_config, run
 from .qos import stream_profile
 from .realtime import MESSAGES, prefer, prefer_process, take_core
@@ -520,6 +520,7 @@ def work(process: Process) -> None:
     wanted = dict.fromkeys(node.outputs, recorder) | {CONTROLLER_COMMAND: recorder if link else {"rig"} | recorder}
     while not process.stopping and silent(node, node.outputs, wanted):
         process.spin(0.02)
+    meet(process, node, node.outputs, own_nodes(config))
     if link is not None:
         node.box.wait(process.arguments.come_timeout)
         answer_in_lockstep(process, node, link)

@@ -136,6 +136,12 @@ def device_names(config: RigConfig) -> list[str]:
     return list(dict.fromkeys([*publish, *(one.node for one in setpoints_taken(config))]))
 
 
+def own_nodes(config: RigConfig) -> set[str]:
+    """Return the names of all nodes of a run of this rig; others are users' nodes."""
+    devices = device_names(config)
+    return {"recorder", *OF_THE_WHOLE, *devices, *(f"{name}_device" for name in devices)}
+
+
 def pace_of(config: RigConfig) -> Topic:
     """Return the topic whose messages bring simulated time to the other processes."""
     drive = config.structure.of_role(parts.SOURCE)[0].name

@@ -99,6 +99,7 @@ class Process:
         """Set up signals, arguments and the connection to the supervisor; the class describes the parameters."""
         self.name, self.stopping, self.interrupted = name, False, False
         self.executor = None
+        self.ros_began = 0.0  # time.monotonic() when it joined ROS
         self.failure: RigError | None = None  # what ended one of its threads
         threading.excepthook = self._on_thread_death
         self._last_text = ""
@@ -119,6 +120,7 @@ class Process:
             parser.add_argument(flag, **keywords)
         parser.add_argument("--recorded", action="store_true", help="wait until a recorder listens to every topic")
         parser.add_argument("--logs", type=Path, help="folder for the counts that this process leaves")
+        parser.add_argument("--others", type=int, help=argparse.SUPPRESS)
         parser.add_argument("--life", type=int, default=1, help=argparse.SUPPRESS)
         parser.add_argument("--status-fd", type=int, help=argparse.SUPPRESS)
         parser.add_argument("--link", action="append", default=[], dest="links", help=argparse.SUPPRESS)
@@ -194,12 +196,16 @@ class Process:
         with suppress(BlockingIOError, BrokenPipeError):
             os.write(self.arguments.status_fd, line.encode())
 
+    def tell(self, text: str, t: float | None = None) -> None:
+        """Have a sentence printed for the person at the terminal, at simulated time t [s] when it is given."""
+        self.status("told", text=text, **({} if t is None else {"t": t}))
+
     def _tell(self, kind: str, fields: dict) -> None:
         """Log a status line when its text differs from the one before."""
         text = ""
         if kind == "running":
             text = "all nodes are connected, time starts"
-        elif kind == "done":
+        elif kind in ("done", "told"):
             text = fields["text"]
         elif kind == "state":
             reason = f": {fields['reason']}" if fields["reason"] else ""
@@ -221,6 +227,7 @@ class Process:
         """Initialise rclpy without its signal handlers; return the executor, which is also kept as ``executor``."""
         use_own_transports()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self.ros_began = time.monotonic()
         self.executor = events_executor()
         return self.executor
 

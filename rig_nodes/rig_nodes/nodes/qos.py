@@ -8,12 +8,13 @@ Every node uses them; description.signals sets the class of a topic, and catalog
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
 from ..catalogue import QOS
 from ..config import load_yaml
@@ -76,6 +77,28 @@ def recorder_profile(qos: str) -> QoSProfile:
     profile = publisher_profile(qos)
     profile.deadline = Duration()
     return profile
+
+
+def beyond(offered: QoSProfile, asked: QoSProfile) -> str:
+    """Return what a subscription asks for beyond what a publisher offers, in words; empty when the two are connected."""
+    found = []
+    if asked.reliability == ReliabilityPolicy.RELIABLE and offered.reliability == ReliabilityPolicy.BEST_EFFORT:
+        found.append("reliable messages")
+    if asked.durability == DurabilityPolicy.TRANSIENT_LOCAL and offered.durability == DurabilityPolicy.VOLATILE:
+        found.append("messages from before it came (transient local)")
+    if _seconds(asked.deadline) < _seconds(offered.deadline):
+        found.append(f"a deadline of {_seconds(asked.deadline):g} s")
+    if asked.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC and offered.liveliness != LivelinessPolicy.MANUAL_BY_TOPIC:
+        found.append("manual liveliness")
+    if _seconds(asked.liveliness_lease_duration) < _seconds(offered.liveliness_lease_duration):
+        found.append(f"liveliness within {_seconds(asked.liveliness_lease_duration):g} s")
+    return " and ".join(found)
+
+
+def _seconds(duration: Duration) -> float:
+    """Return a duration of a profile [s]; 0 is none, and what DDS writes for none is above 60 years."""
+    seconds = duration.nanoseconds * 1e-9
+    return seconds if 0.0 < seconds < 2e9 else math.inf
 
 
 WORDS = {"history": HistoryPolicy, "reliability": ReliabilityPolicy, "durability": DurabilityPolicy}

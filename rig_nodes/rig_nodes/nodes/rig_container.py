@@ -15,6 +15,7 @@ import time
 import traceback
 from typing import TYPE_CHECKING
 
+from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
@@ -29,19 +30,22 @@ from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
-from .device import DeviceNode, device_names, pace_of, sender
+from .device import DeviceNode, device_names, own_nodes, pace_of, sender
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
-from .matching import silent
+from .matching import meet, silent
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, run
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
 
 if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
+
     from ..testbench.configuration import RigConfig
 
 GATE_TIMEOUT = 30.0  # s in which the other processes must be connected
+FIRST = 1.0  # s in which users' nodes must confirm the messages of time 0
 LAST_TICKS = 4  # ticks recorded after an early end, so that the bag shows the safe state
 CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
@@ -94,6 +98,7 @@ class Container:
         # not in the catalogue and not recorded, because the replay of a bag publishes its own clock
         self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
         self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands), lambda: self.rig.time_ns)
+        self._first_to: list[Publisher] = []  # publishers whose first message users' nodes must have before time goes on
         self._seen = None
         self._failure = None
         self._last_ticks = None
@@ -130,6 +135,9 @@ class Container:
             self.process.spin(0.02)
         if self.nodes[0].count_publishers("/rig/state") > 1:
             raise RigError("another rig is in this ROS domain: end it, or give this one a domain of its own with ROS_DOMAIN_ID")
+        # alfa46 and the sequencer do so for their own topics before they take part
+        everything = {**self.publishers, "/clock": self._clock_out}
+        self._first_to = [everything[topic] for topic in meet(self.process, self.nodes[0], everything, own_nodes(self.rig.config))]
         return not self.process.stopping
 
     def missing(self) -> list[str]:
@@ -186,6 +194,15 @@ class Container:
             sent.append((topic, data))
         if self.tap is not None:
             self.tap.put(sent)
+        if self._first_to:
+            self._confirm_first()
+
+    def _confirm_first(self) -> None:
+        """Wait until users' nodes have the messages of time 0: a reader may know a writer later than the writer knows it."""
+        until = time.monotonic() + FIRST
+        for publisher in self._first_to:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until - time.monotonic())))
+        self._first_to = []
 
     def is_dropped(self, topic: str, name: str, number: int) -> bool:
         """Return whether this is the one message that must not be sent."""

@@ -23,9 +23,9 @@ from ..parts.load_pump import LoadConfig, relief_setting_for
 from ..testbench.sequence import Sequence, load_sequence
 from ..testbench.sequence_runner import SequenceFailed, SequenceRunner
 from .action_server import GoalServer, finish
-from .device import pace_of, setpoints_taken
+from .device import own_nodes, pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health
-from .matching import silent
+from .matching import meet, silent
 from .message_class import message_class
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, rig_name, run
 from .qos import recorder_profile
@@ -239,6 +239,7 @@ def work(process: Process) -> None:
     wanted = {one.topic: {one.node} | recorder for one in setpoints_taken(config)} | {EVENTS: recorder}
     while not process.stopping and silent(node, node.bench.outputs, wanted):
         process.spin(0.02)
+    meet(process, node, node.bench.outputs, own_nodes(config))
     if node.link is not None:
         serve_in_lockstep(process, node, node.link)
     elif not process.stopping:
