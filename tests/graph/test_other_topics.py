@@ -3,10 +3,12 @@
 
 """Topics beyond the rig's own, of users' nodes, /rosout and /diagnostics, in the bag as they appear or chosen by pattern."""
 
+from collections import Counter
 from unittest.mock import MagicMock
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rig_msgs.msg import Setpoint
 from running_graph import Client, Graph
 from std_msgs.msg import Float64, String, UInt64
 
@@ -14,7 +16,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import load_yaml
 from rig_nodes.graph.recording_options import TopicChoice
-from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.graph.result import facts_of, lost_messages, what_was_lost
 from rig_nodes.nodes.other_topics import OtherTopics
 from rig_nodes.nodes.replay import obstacle, offered
 from rig_nodes.view.convert import make_view
@@ -25,6 +27,24 @@ FAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 def until_recorded(user, publisher) -> None:
     user.until(publisher.get_subscription_count, f"the recorder on {publisher.topic_name}")
+
+
+def mixed_in_quality(user) -> None:
+    """One topic in four qualities, each offered when the recorder listens to those before; and an order of the rig's."""
+    senders = []
+    for number, profile in enumerate((LATCHED, QoSProfile(depth=10), FAST, QoSProfile(depth=5, durability=LATCHED.durability))):
+        sender = user.node.create_publisher(String, "/user/mixed", profile)
+        if sender.qos_profile.durability == LATCHED.durability:
+            sender.publish(String(data=f"{number} at once"))
+        until_recorded(user, sender)
+        senders.append(sender)
+    for repeated in range(3):
+        for number, sender in enumerate(senders):
+            sender.publish(String(data=f"{number} {repeated}"))
+            sender.publish(String(data="the same"))
+    order = user.node.create_publisher(Setpoint, "/motor/command", FAST)
+    until_recorded(user, order)
+    order.publish(Setpoint(value=12.5))
 
 
 @pytest.fixture(
@@ -50,6 +70,7 @@ def bag(request, tmp_path_factory):
         later = user.node.create_publisher(Float64, "/user/later", 10)  # appears when the others are recorded already
         until_recorded(user, later)
         later.publish(Float64(data=2.5))
+        mixed_in_quality(user)
         user.node.declare_parameter("of_the_users_own", 1)
         user.node.get_logger().info("a line of the user's own")  # a rig without faults logs no line itself
         seen = len(states)
@@ -74,6 +95,15 @@ def test_every_topic_of_the_domain_is_in_the_bag_at_the_time_at_which_it_came(ba
     assert all(at - 0.1 < time * 1e-9 < at + 5.0 for time, _ in fast)
     assert bag.counts["/diagnostics"] > 2 and bag.counts["/rosout"] >= 1 and bag.counts["/parameter_events"] >= 1
     assert not {"/clock", "/secret/note", "/user/_hidden"} & set(bag.counts)
+
+
+def test_a_topic_in_several_qualities_of_service_is_recorded_in_full_and_not_twice(bag):
+    """What is offered best effort may get lost on its way; DDS on this machine loses none of a few messages."""
+    stored = Counter(message.data for _, message in bag.messages("/user/mixed"))
+    assert stored == {"the same": 12, "0 at once": 1, "3 at once": 1} | {f"{n} {k}": 1 for n in range(4) for k in range(3)}
+    assert [message.value for _, message in bag.messages("/motor/command")] == [12.5]
+    (why,) = [text for _, topic, name, text, _ in bag.events() if name == "command_refused"]
+    assert "/motor/command: a publisher offers a weaker quality of service (reliability) than the device needs" in why
 
 
 def test_rosbag2_is_told_their_types_and_offers_and_no_loss_is_claimed_for_them(bag):
@@ -102,14 +132,38 @@ def test_a_type_that_cannot_be_loaded_is_named_once():
         ("/odd/one", ["no_such_package/msg/Thing"]),
         ("/odd/two", ["std_msgs/msg/String", "std_msgs/msg/Bool"]),
     ]
-    others = OtherTopics(node, {"/motor/state"}, TopicChoice(), MagicMock())
+    others = OtherTopics(node, {"/motor/state": None}, TopicChoice(), MagicMock())
     for _ in range(3):
-        others._look_at = 0.0
+        others.look_soon()
         others.look()
     assert set(others.unrecorded) == {"/odd/one", "/odd/two"}
     assert "no_such_package" in others.unrecorded["/odd/one"]
     assert "several types" in others.unrecorded["/odd/two"]
     assert node.get_logger().warning.call_count == 2 and not node.create_subscription.called
+
+
+def test_what_comes_later_on_a_topic_and_cannot_be_received_is_named_and_is_a_loss():
+    """A second type, and another node on a topic of the rig that the recorder gets beside DDS."""
+    node = MagicMock()
+    one, other = MagicMock(node_name="rig", qos_profile=FAST), MagicMock(node_name="stranger", qos_profile=FAST)
+    types = {"/mine": ["std_msgs/msg/String"], "/motor/state": ["rig_msgs/msg/MotorState"]}
+    offers = {name: [one] for name in types}
+    node.get_topic_names_and_types.side_effect = lambda: list(types.items())
+    node.get_publishers_info_by_topic.side_effect = offers.get
+    others = OtherTopics(node, {"/motor/state": None}, TopicChoice(), MagicMock())
+    others.look()
+    assert others.unrecorded == {}
+    types["/mine"], offers["/motor/state"] = ["std_msgs/msg/Bool", "std_msgs/msg/String"], [one, other]
+    others.look_soon()
+    others.look()
+    assert others.unrecorded == {
+        "/mine": "it is sent with the type std_msgs/msg/Bool too; only messages of type std_msgs/msg/String are recorded",
+        "/motor/state": "it is sent by rig, stranger; in lockstep only the messages of the rig's own node are recorded",
+    }
+    lost = what_was_lost({"unrecorded_topics": others.unrecorded})
+    assert lost.startswith(
+        "not recorded in full (--exclude leaves a topic out): /mine: it is sent with the type std_msgs/msg/Bool too"
+    )
 
 
 @pytest.mark.parametrize(

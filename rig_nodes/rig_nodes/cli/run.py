@@ -185,8 +185,6 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
         print(f"speed: {report['run']['speed_factor']:.2f} times real time")
     look = f"; look at it with: ./rig view {folder}" if bag.began else ""
     print(f"written to {folder}{look}", flush=True)
-    for topic, why in report["run"]["unrecorded_topics"].items():
-        print(f"rig: warning: {topic} is not in the bag: {why}", file=sys.stderr)
     lost = what_was_lost(report["run"])
     if lost:
         last.insert(0, f"warning: {lost}" if allow_loss else f"lost: {lost}")

@@ -177,6 +177,10 @@ def what_was_lost(run: dict) -> str:
         losses.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
     if unreadable := run.get("unreadable"):
         losses.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
+    if unrecorded := run.get("unrecorded_topics"):
+        named = [f"{topic}: {why}" for topic, why in list(unrecorded.items())[:NAMED]]
+        more = f"; and {len(unrecorded) - NAMED} topics more" if len(unrecorded) > NAMED else ""
+        losses.append(f"not recorded in full (--exclude leaves a topic out): {'; '.join(named)}{more}")
     if run.get("recovered"):
         losses.append(f"the bag is damaged: {run['recovered']}")
     behind = run.get("behind")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     import numpy as np
+    from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
     from rclpy.subscription import Subscription
@@ -120,8 +122,23 @@ def receive(
             return
         callback(message)
 
+    def on_unfit(unfit: QoSRequestedIncompatibleQoSInfo) -> None:
+        if refuse is None:
+            return
+        # the recorder receives such a publisher, so the bag must tell why its orders have no effect
+        policy = unfit.last_policy_kind.name.rpartition("_")[2].lower()
+        refuse(
+            topic.name,
+            f"a publisher offers a weaker quality of service ({policy}) than the device needs; its messages have no effect",
+        )
+
     return node.create_subscription(
-        message_class(topic.ros_type), topic.name, on_bytes, profile or receiver_profile(topic.qos), raw=True
+        message_class(topic.ros_type),
+        topic.name,
+        on_bytes,
+        profile or receiver_profile(topic.qos),
+        raw=True,
+        event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_unfit),
     )
 
 

@@ -33,11 +33,11 @@ from ..graph.recording_options import TopicChoice, layout
 from ..graph.tap import TapReader
 from .answering import answering
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
-from .message_class import message_class
 from .other_topics import OtherTopics
 from .process import Process, rig_config, run
 from .qos import recorder_profile
 from .realtime import RECORDING, prefer_process, stand_back
+from .receivers import Receivers
 
 if TYPE_CHECKING:
     import argparse
@@ -133,18 +133,18 @@ class Recorder(Node):
         self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
         self._timing = {name for name, topic in topics.items() if carries_time(topic)}
         tapped = {name for tap in taps for name in tap.topics or ()}
-        self.inputs = [
-            self.create_subscription(
-                message_class(topic.ros_type), topic.name, self._enqueue(topic), recorder_profile(topic.qos), raw=True
+        self._own = {
+            topic.name: Receivers(
+                self, topic.name, topic.ros_type, self._enqueue(topic), self._look_soon, recorder_profile(topic.qos)
             )
             for topic in topics.values()
             if topic.name in wanted and topic.name not in tapped
-        ]
+        }
         for name, data in early:
             self._queue.append((name, self._types[name], data))
         self.received += len(early)
         self._thread.start()
-        self.others = OtherTopics(self, wanted | tapped, choice, self._enqueue_other)
+        self.others = OtherTopics(self, self._own | dict.fromkeys(tapped), choice, self._enqueue_other)
         self.others.look()
         for kind, name, answer in (
             (Pause, "pause", lambda _: self._order(self._pause, True)),
@@ -156,6 +156,9 @@ class Recorder(Node):
             self.create_service(kind, f"~/{name}", answering(answer))
         self._losing, self._misdating = Growing(), Growing()
         self.diagnostics = Diagnostics(self, self.health, lambda: self._newest or 0)
+
+    def _look_soon(self) -> None:
+        self.others.look_soon()
 
     def _order(self, action: Callable[..., None], *arguments: object) -> None:
         """Have the writer's thread do something between the messages that came before and those that come after."""
@@ -328,7 +331,7 @@ class Recorder(Node):
 
     def connected_publishers(self) -> int:
         """Return how many publishers of the rig's own topics are still connected."""
-        return sum(subscription.get_publisher_count() for subscription in self.inputs)
+        return sum(receivers.publishers() for receivers in self._own.values())
 
     def close(self) -> None:
         """Write the queued messages and the end of the bag."""
