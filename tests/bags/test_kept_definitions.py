@@ -3,6 +3,8 @@
 
 """Definitions of installed messages are read once and kept between processes, as long as their files are the same."""
 
+import json
+
 import pytest
 
 import rig_nodes.kept
@@ -18,7 +20,7 @@ def another_process(tmp_path, monkeypatch):
     monkeypatch.setattr(rig_nodes.kept, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def forget():
-        for function in (definitions.installed, definitions._kept, definitions.parse, definitions._fields_of):
+        for function in (definitions.installed, definitions._kept, definitions.parse, definitions._described):
             function.cache_clear()
 
     forget()
@@ -56,6 +58,10 @@ def test_an_edited_message_is_read_anew(another_process, tmp_path, monkeypatch):
     monkeypatch.setattr(definitions, "_share", lambda package: str(share) if package == "mine" else real(package))
     for text, names in (("float64 a\n", ["a"]), ("float64 a\nfloat64 bb\n", ["a", "bb"])):
         (share / "msg" / "Own.msg").write_text(text)
-        for function in (definitions.installed, definitions._kept):
+        fields = [{"name": name, "type": {"nested_type_name": ""}} for name in names]
+        described = {"type_description_msg": {"type_description": {"fields": fields}}}
+        described["type_hashes"] = [{"type_name": "mine/msg/Own", "hash_string": f"RIHS01_{len(names)}"}]
+        (share / "msg" / "Own.json").write_text(json.dumps(described))
+        for function in (definitions.installed, definitions._kept, definitions._described):
             function.cache_clear()
         assert [name for name, _ in installed("mine/msg/Own").tree.fields] == names

@@ -3,11 +3,13 @@
 
 """Message definitions: their source, and the place of each field in an encoded message.
 
-Publishers use the definitions of the installed packages; the reader uses those that a bag carries.
+Publishers use the definitions of the installed packages, whose types and hashes are those of rosidl's own description (the .json
+beside a .msg); the reader uses those that a bag carries.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 from dataclasses import dataclass, field
@@ -26,7 +28,7 @@ from ..versions import version_of
 from . import limits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from rosbags.typesys.store import Typestore
 
@@ -262,7 +264,8 @@ def _read(ros_type: str) -> dict:
     for name, part in texts.items():
         if name != ros_type:
             text += f"{separator}\nMSG: {_short(name)}\n{part.rstrip()}\n"
-    tree, type_hash, _ = _parsed(ros_type, text)
+    tree, _, _ = _parsed(ros_type, text)
+    type_hash = next(one["hash_string"] for one in _described(ros_type)["type_hashes"] if one["type_name"] == ros_type)
     return {"files": {name: _about(name) for name in texts}, "text": text, "tree": _as_lists(tree), "hash": type_hash}
 
 
@@ -277,6 +280,8 @@ def _file_of(ros_type: str) -> Path:
         raise RigError(f"the message package '{package}' is not installed; './rig doctor' lists what is") from None
     if not path.is_file():
         raise RigError(f"the package '{package}' has no message '{short}'")
+    if not path.with_suffix(".json").is_file():
+        raise RigError(f"the package '{package}' has no description of '{short}' ({short}.json); build it with ROS 2 Jazzy")
     return path
 
 
@@ -284,10 +289,16 @@ _share = lru_cache(maxsize=64)(get_package_share_directory)
 
 
 def _about(ros_type: str) -> list:
-    """Path, size and time of change of the file of an installed type, by which a changed file is recognised."""
+    """Path, size and time of change of the files of an installed type, by which a changed file is recognised."""
     path = _file_of(ros_type)
-    about = path.stat()
-    return [str(path), about.st_size, about.st_mtime_ns]
+    files = [one.stat() for one in (path, path.with_suffix(".json"))]
+    return [str(path), *(number for about in files for number in (about.st_size, about.st_mtime_ns))]
+
+
+@lru_cache(maxsize=256)
+def _described(ros_type: str) -> dict:
+    """Return rosidl's description of an installed type: its fields with the full names of their types, and its hash."""
+    return json.loads(_file_of(ros_type).with_suffix(".json").read_text(encoding="utf-8"))
 
 
 def _as_lists(node: Node) -> list:
@@ -362,7 +373,7 @@ def _stripped(ros_type: str, text: str) -> str:
             f"the definition of {ros_type} has {len(lines)} lines of up to {longest} characters; at most "
             f"{limits.LINES} lines of {limits.LINE} are read"
         )
-    return "\n".join(lines) + "\n"
+    return "\n".join(_qualified(ros_type, lines)) + "\n"
 
 
 class _Size:
@@ -409,18 +420,21 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
     if ros_type in texts:
         return
     texts[ros_type] = _file_of(ros_type).read_text(encoding="utf-8")
-    for _, description in _fields_of(ros_type, texts[ros_type]):
-        form, value = description
-        if form in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            form, value = value[0]
-        if form == Nodetype.NAME:
-            _collect(value, texts)
+    for part in _described(ros_type)["type_description_msg"]["type_description"]["fields"]:
+        if nested := part["type"]["nested_type_name"]:
+            _collect(nested, texts)
 
 
-@lru_cache(maxsize=256)
-def _fields_of(ros_type: str, text: str) -> Sequence[tuple[str, tuple[Nodetype, Any]]]:
-    """Return the fields in the form of rosbags; a time is part of every message."""
-    return get_types_from_msg(text, ros_type)[ros_type][1]
+def _qualified(ros_type: str, lines: list[str]) -> list[str]:
+    """Write out the package of a field of the type Header where it is the package's own: the parser takes std_msgs's for it."""
+    package, out = ros_type.partition("/")[0], []
+    known = {line[4:].strip().replace("/msg/", "/") for line in lines if line.startswith("MSG:")}
+    for line in lines:
+        if line.startswith("MSG:"):
+            package = line[4:].strip().partition("/")[0]
+        own = f"{package}/Header" in known and re.match(r"\s*Header[\s\[]", line)
+        out.append(f"{package}/{line.lstrip()}" if own else line)
+    return out
 
 
 def _short(ros_type: str) -> str:
