@@ -14,7 +14,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from ..config.names import unknown
 from ..errors import RigError
 from .ignored import Ignored
 from .record import controller_info, record_of
-from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked
+from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked, own_values
 
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
@@ -319,7 +319,8 @@ class Plug(ABC):
                 command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
                 if not self._doubted and command == setpoint and self.level == "duty" and any(command):
                     self._doubt(sample)
-                self.signal_values = self._own(getattr(outputs, "signals", None))
+                self.signal_values = own_values(getattr(outputs, "signals", None), self.signals)
+                self._count_signals()
                 return Answer(command, setpoint)
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
@@ -340,28 +341,14 @@ class Plug(ABC):
             "current, choose --level current"
         )
 
-    def _own(self, given: Any) -> tuple[float, ...]:
-        """Return the values of the controller's own signals; RigError when one is missing, is too many or is no number.
-
-        A NaN or an infinite value stays, because a signal may have no value at times; it is counted.
-        """
-        if not self.signals and not given:
-            return ()
-        try:
-            values = tuple(float(given[name]) for name in self.signals)
-            surplus = [name for name in given if name not in self.signals]
-        except (TypeError, KeyError, ValueError):
-            raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
-        if surplus:
-            declared = ", ".join(self.signals) or "none"
-            raise RigError(f"signals has '{surplus[0]}', which is none of the signals that it has declared: {declared}")
-        for name, value in zip(self.signals, values, strict=True):
+    def _count_signals(self) -> None:
+        """Count values of its own signals that are no finite numbers: they stay, because a signal may have no value at times."""
+        for name, value in zip(self.signals, self.signal_values, strict=True):
             if not math.isfinite(value):
                 self.ignored.add(
                     f"a value of its signal {name} is no finite number",
                     f"controller {self.name}: its signal {name} is {value:g}; it is recorded as it is, as are others like it",
                 )
-        return values
 
     def check_value(self, name: str, value: float) -> None:
         """Check that the controller has a setting of its own with this name, and that it can take the value.

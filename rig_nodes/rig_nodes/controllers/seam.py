@@ -204,3 +204,36 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
     if bits != flags or not 0 <= bits < 1 << count:
         raise RigError(f"flags is {flags!r}, expected 0 to {(1 << count) - 1}: one bit for each output")
     return command, setpoint, int(gear), bool(shifting), bits
+
+
+def own_values(given: Any, signals: Collection[str]) -> tuple[float, ...]:
+    """Return the values of a controller's own signals.
+
+    Parameters
+    ----------
+    given : Any
+        What the controller returned for them, expected to be a map of names and numbers.
+    signals : collection of str
+        The names that it has declared.
+
+    Returns
+    -------
+    tuple of float
+        Their values; one may be NaN or infinite.
+
+    Raises
+    ------
+    RigError
+        When one is missing, is no number, or was not declared.
+    """
+    if not signals and not given:
+        return ()
+    declared = ", ".join(signals) or "none"
+    try:
+        values = tuple(float(given[name]) for name in signals)
+        surplus = [name for name in given if name not in signals]
+    except (TypeError, KeyError, ValueError):
+        raise RigError(f"signals is {given!r}, expected a number for each of {declared}") from None
+    if surplus:
+        raise RigError(f"signals has '{surplus[0]}', which is none of the signals that it has declared: {declared}")
+    return values

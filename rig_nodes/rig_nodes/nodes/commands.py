@@ -13,6 +13,7 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..description.signals import CONTROLLER_COMMAND
 from ..errors import RigError
 
 if TYPE_CHECKING:
@@ -41,7 +42,9 @@ def _raise(why: str) -> None:
 class Commands:
     """Thread-safe queue of calls on the rig; a call that the rig refuses becomes an event and changes nothing else."""
 
-    def __init__(self, outputs: Outputs) -> None:
+    def __init__(self, outputs: Outputs, tell: Callable[[str, float], None] = lambda text, t: None) -> None:
+        """Keep where events go; ``tell`` receives each refused order and the simulated time [s], for the person at the terminal."""
+        self._tell = tell
         self.refused: Counter[str] = Counter()
         self._outputs = outputs
         self._queue: deque = deque()
@@ -89,6 +92,9 @@ class Commands:
         if known is None:
             self._refusals[key] = Refusal(self._outputs.rig.time_ns)
             self.event("command_refused", text, 1.0)
+            # after a trip the valve commands that are still on their way are refused, which is no news
+            if not (topic == CONTROLLER_COMMAND and self._outputs.rig.safe):
+                self._tell(text if "refused" in text else f"refused: {text}", self._outputs.rig.time)
         else:
             known.count, known.text = known.count + 1, text
 

@@ -40,14 +40,23 @@ class RemoteController:
 
     name = "alfa46"
 
-    def __init__(self, link: Link, record: ControllerRecord, step_timeout: float | None, stopping: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        link: Link,
+        record: ControllerRecord,
+        step_timeout: float | None,
+        stopping: Callable[[], bool],
+        cause: Callable[[], str],
+    ) -> None:
         """Keep the link; ``step_timeout`` [s] is for one sample, and any wait ends when ``stopping`` returns True.
 
+        ``cause`` returns why all processes of the run end, if that is so; then it is not the controller that has failed.
         The process of the controller has the exact limit and may report a timeout earlier.
         """
         self.level, self.wants = "", []  # the process sends them when it is ready
         self.gear, self.shifting, self.flags = 0, False, 0
         self._link, self._record, self._limit, self._stopping = link, record, step_timeout, stopping
+        self._cause = cause
         self._timeout = None if step_timeout is None else step_timeout + GRACE
 
     def wait(self) -> bool:
@@ -89,9 +98,10 @@ class RemoteController:
         try:
             data = self._receive(self._timeout)
         except LinkClosed:
-            raise ControllerFailed("the shift controller's process has ended", Status.FATAL) from None
+            raise ControllerFailed(self._cause() or "the shift controller's process has ended", Status.FATAL) from None
         if data is None and self._stopping():
-            raise ControllerFailed("the run was ended while the shift controller was waited for", Status.FATAL)
+            why = self._cause() or "the run was ended while the shift controller was waited for"
+            raise ControllerFailed(why, Status.FATAL)
         if data is None:
             raise ControllerFailed(
                 f"the shift controller took more than {self._limit:g} s for one sample (--step-timeout)", Status.FATAL
@@ -118,10 +128,14 @@ class Lockstep:
         speed: float,
         step_timeout: float | None,
         stopping: Callable[[], bool],
+        cause: Callable[[], str],
     ) -> None:
+        self._cause = cause
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
-        self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping) if rig.shifts else None
+        self.controller = None
+        if rig.shifts:
+            self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping, cause)
         self._sequencer = links["sequencer"]
         self._done = False
         self._needed: list[str] = []
@@ -146,8 +160,14 @@ class Lockstep:
                 if stop():
                     break
                 self._pace(began)
-                if rig.sample > 0 and not self._done and self._sequencer_due():
-                    self._ask_sequencer()
+                try:
+                    if rig.sample > 0 and not self._done and self._sequencer_due():
+                        self._ask_sequencer()
+                except LinkClosed:
+                    if not self._cause():
+                        raise
+                    rig.trip(self._cause())
+                    self._done = True
                 if rig.safe:
                     time.sleep(TICK_SAMPLES * SAMPLE_NS * 1e-9)  # nothing to hurry for
             if self._done and not rig.safe:

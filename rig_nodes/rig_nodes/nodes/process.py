@@ -13,6 +13,7 @@ import json
 import logging
 import os
 import resource
+import select
 import signal
 import sys
 import threading
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.publisher import Publisher
 
+ORPHANED = "the process of rig run, which watches the run, has ended"
 PATIENCE = 20.0  # s between the order to end and the end by force
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RIG_OPTIONS = [
@@ -140,6 +142,14 @@ class Process:
             os.kill(os.getpid(), signal.SIGTERM)
 
         threading.Thread(target=follow, name="orders", daemon=True).start()
+
+    def orphaned(self) -> bool:
+        """Return whether the supervisor has ended before this process; it is known before any other process can react to that."""
+        if self.arguments.status_fd is None:
+            return False
+        line = select.poll()
+        line.register(0, select.POLLHUP)
+        return bool(line.poll(0))
 
     def descriptors(self) -> dict[str, int]:
         """Return the sockets of a run in lockstep by the name of the process at the other end; none in real time."""

@@ -11,6 +11,7 @@ time at which they arrived.
 
 from __future__ import annotations
 
+import math
 import selectors
 import sys
 import threading
@@ -122,6 +123,7 @@ class Recorder(Node):
         self._queue: deque = deque()  # topic, type and bytes of messages; None, function and arguments of orders
         self._asked_paused = recording.paused
         self._closing = threading.Event()
+        self._give_up_at = math.inf  # time.monotonic() from which on a tap that is still open is no longer waited for
         # simulated time of the rig's newest own message; None before the first one, as the rig may already run
         self._newest: int | None = 0 if taps else None
         self._early: list[tuple[str, str, bytes, int]] = []  # messages that came before that time was known
@@ -276,7 +278,7 @@ class Recorder(Node):
                         self._newest = max(self._newest or 0, stamp)
                     while self._queue:
                         self._store(*self._queue.popleft())
-                    if closing and not ready:
+                    if closing and not ready and (not selector.get_map() or time.monotonic() > self._give_up_at):
                         return
                     if time.monotonic() > flush_at:
                         self.recording.writer.flush()
@@ -334,7 +336,8 @@ class Recorder(Node):
         return sum(receivers.publishers() for receivers in self._own.values())
 
     def close(self) -> None:
-        """Write the queued messages and the end of the bag."""
+        """Write the queued messages and the end of the bag; in lockstep, when the other processes have closed their taps."""
+        self._give_up_at = time.monotonic() + LONGEST_DRAIN
         self._closing.set()
         self._thread.join()
         self.recording.close()

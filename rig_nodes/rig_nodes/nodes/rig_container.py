@@ -34,7 +34,7 @@ from .device import DeviceNode, device_names, own_nodes, pace_of, sender
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import meet, silent
-from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, run
+from .process import ORPHANED, RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, run
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
@@ -77,7 +77,7 @@ class Container:
         warm_up(config, record)
         self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
         self.outputs = Outputs(self.rig, record)
-        self.commands = Commands(self.outputs)
+        self.commands = Commands(self.outputs, process.tell)
         if arguments.speed is None:
             self.clock = RealTime(SAMPLE_NS, TICK_SAMPLES)
         else:
@@ -89,6 +89,7 @@ class Container:
                 arguments.speed,
                 arguments.step_timeout,
                 lambda: process.stopping,
+                lambda: ORPHANED if process.orphaned() else "",
             )
         self.nodes = self._nodes()
         self.cuts = CutEnds(self.rig, self.commands, self.nodes, process, arguments.step_timeout)
@@ -220,11 +221,14 @@ class Container:
             self.process.status("state", state=rig.status.name, reason=rig.reason, t=rig.time)
         if not self.process.stopping:
             return False
-        if not self.process.interrupted:
-            return True
         if self._last_ticks is None:
+            orphaned = self.process.orphaned()
+            if not (self.process.interrupted or orphaned):
+                return True
             self._last_ticks = LAST_TICKS
-            if rig.status != RigStatus.TRIPPED:
+            if orphaned:
+                rig.trip(ORPHANED)
+            elif rig.status != RigStatus.TRIPPED:
                 rig.trip(
                     "the run was ended before its sequence was done"
                     if self.process.arguments.sequence

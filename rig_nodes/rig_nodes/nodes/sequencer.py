@@ -137,6 +137,7 @@ class Sequencer(Node):
             self.start(load_sequence(goal.request.name, rig=self._rig))
             self._goal = goal
         except RigError as error:
+            self.process.tell(f"sequence '{goal.request.name}' was ordered: {error}", self.bench.stamp_ns * 1e-9)
             result = RunSequence.Result(success=False, message=str(error), steps_done=0)
             finish(goal, result)
 
@@ -166,6 +167,7 @@ class Sequencer(Node):
         runner = self._runner
         if self._cancelled:
             text = cancelled(runner)
+            self.process.tell(text, t)
             self.bench.event("sequence_cancelled", text, float(max(0, runner.step)))
             self.finish(False, text, t)
             return
@@ -175,6 +177,13 @@ class Sequencer(Node):
                 raise SequenceFailed(f"the rig is in its safe state: {reason}")
             done = runner.poll(t)
         except RigError as error:
+            self._report_steps(runner, t)
+            step = (
+                f"step {runner.step + 1} of {runner.steps} failed: "
+                if runner.step >= 0
+                else f"sequence '{runner.sequence.name}' failed: "
+            )
+            self.process.tell(f"{step}{error}", t)
             self.bench.event("sequence_failed", str(error), float(runner.step + 1))
             self.finish(False, str(error), t)
             return

@@ -412,11 +412,15 @@ def simulate(
                         outputs.signals_row(sample, controller.signal_values)
             if rig.status == RigStatus.TRIPPED:
                 end = {"state": "tripped", "reason": rig.reason}
+                if progress:
+                    progress(rig.time, f"the rig is tripped: {rig.reason}")
                 for _ in range(AFTER_TRIP):
                     uninterrupted(outputs.boundary)
                     rig.advance_samples(1)
         except SequenceFailed as failure:
             end = {"state": "failed", "reason": str(failure)}
+            if progress:
+                progress(rig.time, f"failed: {failure}")
         except KeyboardInterrupt as stop:
             end = {"state": "interrupted", "reason": ended_by(stop)[0]}
         finally:

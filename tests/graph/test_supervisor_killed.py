@@ -1,0 +1,35 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A killed `rig run`: its processes end in order, and the recording says that it was that, not the controller or the sequencer."""
+
+import os
+import signal
+
+import pytest
+from rig_msgs.msg import RigState
+from running_graph import RigRun, Traces
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+
+WHY = "the process of rig run, which watches the run, has ended"
+
+
+@pytest.mark.parametrize(
+    "speed", [("--speed", "2"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["lockstep", "real time"]
+)
+def test_the_last_state_of_the_rig_and_the_report_name_the_supervisor(tmp_path, speed, capsys):
+    run = RigRun(tmp_path / "run", *speed)
+    run.until("shift to II")
+    traces = Traces(run)
+    os.kill(run.process.pid, signal.SIGKILL)
+    traces.wait_gone()
+    run.end()
+    bag = Bag(run.folder, recover=True)
+    *_, (_, last) = bag.messages("/rig/state")
+    assert (last.state, last.reason) == (RigState.TRIPPED, WHY)
+    assert [text for *_, name, text, _ in bag.events() if name == "rig_tripped"] == [WHY]
+    main(["report", str(run.folder)])
+    out, err = capsys.readouterr()
+    assert WHY in out + err and "the sequence ended" not in out and "shift controller's process" not in out + err
