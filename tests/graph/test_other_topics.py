@@ -8,6 +8,7 @@ from unittest.mock import MagicMock
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
 from rig_msgs.msg import Setpoint
 from running_graph import Client, Graph
 from std_msgs.msg import Float64, String, UInt64
@@ -32,7 +33,8 @@ def until_recorded(user, publisher) -> None:
 def mixed_in_quality(user) -> None:
     """One topic in four qualities, each offered when the recorder listens to those before; and an order of the rig's."""
     senders = []
-    for number, profile in enumerate((LATCHED, QoSProfile(depth=10), FAST, QoSProfile(depth=5, durability=LATCHED.durability))):
+    kept = QoSProfile(depth=50, durability=LATCHED.durability)
+    for number, profile in enumerate((kept, QoSProfile(depth=50), FAST, kept)):
         sender = user.node.create_publisher(String, "/user/mixed", profile)
         if sender.qos_profile.durability == LATCHED.durability:
             sender.publish(String(data=f"{number} at once"))
@@ -44,7 +46,9 @@ def mixed_in_quality(user) -> None:
             sender.publish(String(data="the same"))
     order = user.node.create_publisher(Setpoint, "/motor/command", FAST)
     until_recorded(user, order)
-    order.publish(Setpoint(value=12.5))
+    for _ in range(10):  # best effort: the first may come before the recorder knows its sender
+        order.publish(Setpoint(value=12.5))
+        user.executor.spin_until_future_complete(Future(), 0.02)
 
 
 @pytest.fixture(
@@ -98,10 +102,12 @@ def test_every_topic_of_the_domain_is_in_the_bag_at_the_time_at_which_it_came(ba
 
 
 def test_a_topic_in_several_qualities_of_service_is_recorded_in_full_and_not_twice(bag):
-    """What is offered best effort may get lost on its way; DDS on this machine loses none of a few messages."""
+    """What the third publisher offers best effort may get lost on its way."""
     stored = Counter(message.data for _, message in bag.messages("/user/mixed"))
-    assert stored == {"the same": 12, "0 at once": 1, "3 at once": 1} | {f"{n} {k}": 1 for n in range(4) for k in range(3)}
-    assert [message.value for _, message in bag.messages("/motor/command")] == [12.5]
+    fast = [stored.pop(f"2 {k}", 0) for k in range(3)]
+    assert 9 <= stored.pop("the same") <= 12 and any(fast) and max(fast) == 1
+    assert stored == {"0 at once": 1, "3 at once": 1} | {f"{n} {k}": 1 for n in (0, 1, 3) for k in range(3)}
+    assert {message.value for _, message in bag.messages("/motor/command")} == {12.5}
     (why,) = [text for _, topic, name, text, _ in bag.events() if name == "command_refused"]
     assert "/motor/command: a publisher offers a weaker quality of service (reliability) than the device needs" in why
 
