@@ -20,6 +20,7 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
 from .conftest import ALFA46_C, ask
+from .test_own_process import is_gone
 
 FAULTS = """
 #include "rig_controller.h"
@@ -119,7 +120,7 @@ def test_a_discarded_sample_and_an_error_are_what_they_are_in_c(build, config, f
     assert ask(plug, 1) is None
     with pytest.raises(ControllerFailed, match="sample 2: status error: no speed signal$") as failure:
         ask(plug, 2)
-    assert failure.value.status == Status.ERROR and plug._process.poll() == 0, "the process has ended in order"
+    assert failure.value.status == Status.ERROR and plug.end_fault == "", "the process has ended in order"
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -151,7 +152,7 @@ def test_what_cannot_be_trusted_is_fatal_and_its_process_is_gone(build, config, 
     plug.pace(0.2)
     with pytest.raises(ControllerFailed, match=re.escape(sentence)) as failure:
         ask(plug, sample)
-    assert failure.value.status == Status.FATAL and plug._process.poll() is not None
+    assert failure.value.status == Status.FATAL and is_gone(plug.process_id, 0.0)
     plug.close()
 
 

@@ -3,6 +3,8 @@
 
 """A user's Python class: its inputs, its allowed results, and one sentence for everything that is wrong."""
 
+import ast
+
 import pytest
 
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
@@ -13,15 +15,19 @@ from .conftest import ask
 BOTH = "levels = ('current', 'duty')"
 
 
-def test_it_gets_what_the_wires_carry(python_controller):
-    plug = python_controller("self.seen = inputs\nreturn Out([0.25, 0.5, 1.0], [0.1, 0.2, 0.0], inputs.gear_request, True)")
+def test_it_gets_what_the_wires_carry(python_controller, tmp_path):
+    plug = python_controller("""
+        names = "sample time gear_request current measured n_wej n_wyj p1 p2".split()
+        open(__file__ + ".seen", "w").write(repr([getattr(inputs, name) for name in names]))
+        return Out([0.25, 0.5, 1.0], [0.1, 0.2, 0.0], inputs.gear_request, True)
+    """)
     plug.order(2)
     answer = plug.step(12, [0.1, 0.2, 0.0], [157.0, 100.0, 1e5, 2e5])
     assert answer.command == (0.25, 0.5, 1.0) and answer.setpoint == (0.1, 0.2, 0.0)
     assert (plug.gear, plug.shifting, plug.level) == (2, True, "duty")
-    seen = plug._user.seen
-    assert (seen.sample, seen.time, seen.gear_request, seen.current) == (12, 0.012, 2, (0.1, 0.2, 0.0))
-    assert (seen.n_wej, seen.n_wyj, seen.p1, seen.p2) == (157.0, 100.0, 1e5, 2e5)
+    seen = ast.literal_eval((tmp_path / "mine.py.seen").read_text())
+    measured = (157.0, 100.0, 1e5, 2e5)
+    assert seen == [12, 0.012, 2, (0.1, 0.2, 0.0), measured, *measured]
 
 
 def test_it_gets_the_settings_of_the_rig_as_flat_names(python_controller, config):
@@ -110,11 +116,12 @@ def test_a_discarded_sample_has_no_answer(python_controller):
     assert plug.gear == 1
 
 
-def test_a_failing_terminate_harms_nobody(python_controller):
-    plug = python_controller("return Out()", "def terminate_(self): pass")
-    plug._user.terminate = lambda: 1 / 0
+def test_a_failing_terminate_is_told_and_harms_nobody(python_controller):
+    plug = python_controller("self.terminate = lambda: 1 / 0\nreturn Out()")
+    ask(plug)
     plug.close()
     plug.close()
+    assert plug.end_fault == "terminate failed: mine.py line 10: ZeroDivisionError: division by zero"
 
 
 def test_orders_are_refused_by_what_the_controller_says(python_controller):

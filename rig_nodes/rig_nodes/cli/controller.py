@@ -10,7 +10,7 @@ import re
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
-from .run_arguments import StepTimeout, step_timeout
+from .run_arguments import StepTimeout, add_in_process, controller_of, step_timeout
 
 if TYPE_CHECKING:
     import argparse
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"seconds that it may take for one sample, and to come, or none (default: 5, and {COME:.0f} to come)",
     )
+    add_in_process(check)
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
@@ -60,7 +61,7 @@ def check(args: argparse.Namespace) -> int:
     config = load_gearbox_rig(args.rig, None, "controller check")
     items = []
     step_timeout, come_timeout = args.step_timeout
-    for item in Check(args.spec, config, args.level, step_timeout, come_timeout, say).items():
+    for item in Check(controller_of(args.spec, args.in_process), config, args.level, step_timeout, come_timeout, say).items():
         items.append(item)
         if not quiet:
             print(f"{MARKS[item.ok]:<8}{item.name:<15}{item.text}", flush=True)

@@ -10,6 +10,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from .progress import waiting
+from .run_arguments import add_in_process, controller_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change one value of the rig, as for run (may be repeated)",
     )
     parser.add_argument("--level", choices=("duty", "current"), help="what the controller returns, if it can return both")
+    add_in_process(parser)
 
 
 class Through(argparse.Action):
@@ -69,8 +71,9 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.rerun import check_whole
 
     what, spec = args.through
-    if args.level and what == "plant":
-        raise RigError("--level is of a controller; the recorded commands have their own")
+    if (args.level or args.in_process) and what == "plant":
+        raise RigError("--level and --in-process are of a controller; the recorded commands have their own")
+    spec = controller_of(spec, args.in_process)
     bag = Bag(args.bag)
     check_whole(bag)
     settings = parse_settings(args.settings)

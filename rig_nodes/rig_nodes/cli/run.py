@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import BagError, RigError, ended_by, printable
 from .progress import STARTING, waiting
-from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, exit_code
+from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from ..testbench.sequence import BY_HAND, load_sequence
     from ..testbench.simulate import check_controller, check_delay, run_record
 
+    args.controller = controller_of(args.controller, args.in_process)
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")

@@ -94,6 +94,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
         metavar="SPEC",
         help="your controller in place of the Alfa46, e.g. python:FILE.py:CLASS or c:FILE.c (docs/how_to/controllers.md)",
     )
+    add_in_process(parser)
     parser.add_argument(
         "--delay",
         type=delay,
@@ -120,6 +121,27 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
         action="store_true",
         help="exit code 1 also when a shift of the report is not valid, e.g. for tests of a controller",
     )
+
+
+def add_in_process(parser: argparse.ArgumentParser) -> None:
+    """Add --in-process; ``controller_of`` applies it."""
+    parser.add_argument(
+        "--in-process",
+        action="store_true",
+        default=None,
+        help="run a Python controller in the rig's process: a debugger works there and a step costs some us less, "
+        "but its crash is the rig's, and only its steps have a limit of time",
+    )
+
+
+def controller_of(spec: str | None, in_process: bool | None) -> str | None:
+    """Return the specification of --controller with --in-process behind it, where its level would stand."""
+    from ..controllers.load import IN_PROCESS, split_level
+
+    if not in_process:
+        return spec
+    text, level = split_level(spec or "alfa46", None)
+    return f"{text}{IN_PROCESS}{f'@{level}' if level else ''}"
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:

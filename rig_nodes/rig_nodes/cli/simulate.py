@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import printable
 from .progress import STARTING, waiting
-from .run_arguments import add_shared_arguments, exit_code
+from .run_arguments import add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:
     import argparse
@@ -58,6 +58,7 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.sequence import load_sequence
     from ..testbench.simulate import check_controller, simulate
 
+    args.controller = controller_of(args.controller, args.in_process)
     sequence = load_sequence(args.sequence, parse_parameters(args.parameters), args.rig)
     config = load_rig(args.rig or sequence.rig, parse_settings(args.settings))
     sequence.check_rig(config)

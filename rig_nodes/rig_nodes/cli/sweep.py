@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .progress import ProgressLine
-from .run_arguments import delay
+from .run_arguments import add_in_process, controller_of, delay
 
 if TYPE_CHECKING:
     import argparse
@@ -38,6 +38,7 @@ OF_A_PLAN = (
     "seed",
     "repeats",
     "settings",
+    "in_process",
     "parameters",
     "rig",
     "controller",
@@ -85,6 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="your controller in place of the Alfa46 in all members, one that the rig starts itself: "
         "python:, c:, simulink: or fmu: (docs/how_to/controllers.md)",
     )
+    add_in_process(parser)
     parser.add_argument(
         "--calculate",
         metavar="NAME",
@@ -182,7 +184,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     from ..testbench.folders import pairs, parse_parameters, parse_settings
 
     given = [name for name in OF_A_PLAN if getattr(args, name) not in (None, [])]
-    options = {"settings": "--set", "parameters": "--with"}
+    options = {"settings": "--set", "parameters": "--with", "in_process": "--in-process"}
     if Path(args.what).is_dir():
         if given or args.out or args.bags:
             first = options.get(given[0], f"--{given[0]}") if given else "--out" if args.out else "--bags"
@@ -198,7 +200,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
         return read_plan(args.what), None, args.bags
     vary = pairs("--vary", args.vary or [], 'NAME=SPEC, e.g. alfa46.t12="-250 ms .. -150 ms"')
     numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
-    plugged = plugged_of(args.controller, args.level, 1 if args.delay is None else args.delay)
+    plugged = plugged_of(controller_of(args.controller, args.in_process), args.level, 1 if args.delay is None else args.delay)
     return (
         make_plan(
             args.what,

@@ -6,7 +6,20 @@
 It is used by testbench.simulate, by the alfa46 process and by users' own controller files.
 """
 
-from .load import load_controller
+from typing import TYPE_CHECKING, Any
+
 from .seam import ControllerFailed, ControllerInfo, ControllerInputs, ControllerOutputs, Status
 
+if TYPE_CHECKING:
+    from .load import load_controller
+
 __all__ = ["ControllerFailed", "ControllerInfo", "ControllerInputs", "ControllerOutputs", "Status", "load_controller"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the maker of plugs when it is first used: it brings the whole rig, which a user's controller does without."""
+    if name != "load_controller":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from .load import load_controller
+
+    return load_controller

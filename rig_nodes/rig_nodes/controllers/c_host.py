@@ -1,16 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The process in which a C library runs, so that nothing in it can harm the rig; and the structs of rig_controller.h.
+"""The host of a C library, so that nothing in it can harm the rig; and the structs of rig_controller.h.
 
-c_library.py starts it as a program of its own that imports nothing of the rig: it is ready in 30 ms. Whole messages go
-over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as the bytes of
-the structs, followed by the transducers that the library wants and by its own signals. A message of another size than
-an answer's is a sentence: the library wrote outside the memory that it was given.
-
-There are two processes: a guard, which the rig starts, and its child, which has loaded the library. The guard ends in
-the same way as the library's process and ends all of the library's own children; it also does so when the rig ends, or
-asks for it by END_ALL.
+guard.py loads it in the library's process; it imports nothing of the rig and is ready in 30 ms. Whole messages go over one
+socket: a description of the library, an order to create, then for each sample the inputs and the answer as the bytes of the
+structs, followed by the transducers that the library wants and by its own signals. Behind SAID comes a sentence in place of an
+answer: the library wrote outside the memory that it was given.
 """
 
 from __future__ import annotations
@@ -19,10 +15,7 @@ import ctypes as ct
 import json
 import mmap
 import os
-import resource
-import signal
 import socket
-import sys
 
 ABI, TEXT, OK = 2, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
@@ -32,11 +25,7 @@ PAIRS = {
     "signals": ("rig_controller_signals", "rig_controller_signal_values"),
     "settings": ("rig_controller_settings", "rig_controller_set"),
 }
-END = b"end"  # in place of a sample: destroy the controller
-DESTROYED = b"destroyed"  # the answer to it, once destroy has returned
-END_ALL = signal.SIGUSR1  # to the guard: the library's process and its children end at once
-LIBRARY_NAME = b"rig-library"  # name of the process that a debugger attaches to, for pgrep
-PR_SET_PDEATHSIG, PR_SET_NAME, PR_SET_CHILD_SUBREAPER = 1, 15, 36
+DONE, SAID = b"done ", b"said "  # as in hosted.py
 GUARD = bytes([0xA5]) * 4096  # before, between and behind what a library is given; no code may write there
 # names of what a library is given, for people
 INFO, PARAMETERS = "info of rig_controller_create", "parameters of rig_controller_create"
@@ -44,6 +33,7 @@ IN, OUT = "in of rig_controller_step", "out of rig_controller_step"
 CURRENT, MEASURED = "current of rig_controller_step", "measured of rig_controller_step"
 COMMAND, SETPOINT = "command of rig_controller_step", "setpoint of rig_controller_step"
 WANTED, SET, VALUES = (f"values of {PAIRS[key][1]}" for key in ("wants", "settings", "signals"))
+MOST, LONGEST = 64, 200  # names of each kind that a library can have (more are refused), bytes of a name
 NUMBERS = ct.POINTER(ct.c_double)
 GIVEN = 24  # bytes of rig_controller_inputs before its pointers; they come with each sample
 POINTERS = slice(16, 32)  # the pointers' bytes in rig_controller_outputs
@@ -211,9 +201,9 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
         while given:
             item = given[len(found[key])]
             name = item.name if key == "settings" else item
-            if name is None:
+            if name is None or len(found[key]) > MOST:
                 break
-            text = name.decode("utf-8", "replace")
+            text = name[:LONGEST].decode("utf-8", "replace")
             found[key].append([text, item.value] if key == "settings" else text)
         getattr(library, values).restype = None
         getattr(library, values).argtypes = [ct.c_void_p, ct.POINTER(ct.c_double), ct.c_uint32]
@@ -258,7 +248,8 @@ def _absent(*_: object) -> None:
 
 
 def serve(line: socket.socket, path: str) -> None:
-    """Do everything from the library's loading to its end."""
+    """Do everything from the library's loading to its end; OSError when the line to the rig is lost."""
+    this = os.getpid()
     library, description = describe(path)
     line.send(json.dumps({**description, "process": os.getpid()}).encode())
     order = line.recv(1 << 20)
@@ -285,7 +276,7 @@ def serve(line: socket.socket, path: str) -> None:
             VALUES: 8 * signals,
         }
     )
-    views, status, damage = memory.views, ct.c_int64(), memory.damage
+    views, answered, status, damage = memory.views, ct.c_uint64(), ct.c_int64(), memory.damage
     frame = [views[IN][:GIVEN], *(views[name] for name in (CURRENT, MEASURED, WANTED, SET) if views[name])]
     size = sum(map(len, frame))
     inputs, outputs = Inputs.from_buffer(views[IN]), Outputs.from_buffer(views[OUT])
@@ -303,7 +294,7 @@ def serve(line: socket.socket, path: str) -> None:
     wanted, given, own = (
         (ct.c_double * count).from_buffer(views[name]) for name, count in ((WANTED, wants), (SET, settings), (VALUES, signals))
     )
-    reply = [status, out, command, setpoint, own] if signals else [status, out, command, setpoint]
+    reply = [answered, status, out, command, setpoint, *([own] if signals else [])]
     step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(outputs))
     receive, send = line.recvmsg_into, line.sendmsg
     while (count := receive(frame)[0]) == size:
@@ -312,105 +303,22 @@ def serve(line: socket.socket, path: str) -> None:
         if settings:
             give(instance, given, settings)
         out[:], command[:], setpoint[:] = nothing, zeros, zeros
+        answered.value = inputs.sample
         status.value = step(*arguments)
         if signals:
             ct.memset(ct.byref(own), 0, ct.sizeof(own))
             if status.value == OK:
                 take(instance, own, signals)
+        if os.getpid() != this:
+            os._exit(0)  # a copy that the library has forked; the library itself answers
         text = damage()
         if not text and kept != pointers:
             text = "the library moved command or setpoint to an array of its own; the numbers go where they point"
         if text:
-            line.send(text.encode())
+            line.send(SAID + text.encode())
             return
         send(reply)
-    if count:
-        library.rig_controller_destroy(instance)
-        line.send(DESTROYED)
-
-
-def prctl(option: int, value: int | bytes) -> None:
-    """Call prctl(2) once; its errors do not matter here."""
-    ct.CDLL(None).prctl(option, value, 0, 0, 0)
-
-
-def children() -> list[int]:
-    """Return the numbers of this process's children, adopted ones included."""
-    found = []
-    for name in os.listdir("/proc"):
-        if name.isdigit():
-            try:
-                with open(f"/proc/{name}/stat", encoding="utf-8", errors="replace") as file:
-                    parent = file.read().rpartition(")")[2].split()[1]
-            except OSError:
-                continue  # the process has ended meanwhile
-            if int(parent) == os.getpid():
-                found.append(int(name))
-    return found
-
-
-def end_children() -> None:
-    """End every process below this one; a process that loses its parent by this is adopted by this one and is ended next."""
-    try:
-        while True:
-            if os.waitpid(-1, os.WNOHANG) == (0, 0):
-                for child in children():
-                    os.kill(child, signal.SIGKILL)
-                os.waitpid(-1, 0)
-    except ChildProcessError:
-        pass  # no children are left
-
-
-def guard(child: int) -> None:
-    """Wait until the library's process has ended, end the processes that it leaves behind, and end in the same way."""
-    status = None
-    while status is None:
-        ended, how = os.waitpid(-1, 0)
-        if ended == child:
-            status = how
-    end_children()
-    if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        if number != signal.SIGKILL:
-            signal.signal(number, signal.SIG_DFL)
-        os.kill(os.getpid(), number)
-    os._exit(os.WEXITSTATUS(status))
-
-
-def main() -> None:
-    """Run the guard and the library's process; arguments: the library, the socket's descriptor, the rig's process."""
-    path, descriptor, parent = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # Ctrl-C is for the rig, which ends this process in order
-    signal.pthread_sigmask(signal.SIG_SETMASK, ())
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash becomes a sentence and leaves no core file
-
-    def end_all(_number: int, _frame: object) -> None:
-        end_children()
-        os._exit(128 + END_ALL)
-
-    signal.signal(END_ALL, end_all)
-    prctl(PR_SET_PDEATHSIG, END_ALL)
-    prctl(PR_SET_CHILD_SUBREAPER, 1)
-    if os.getppid() != parent:
-        return
-    line, this = socket.socket(fileno=descriptor), os.getpid()
-    child = os.fork()
-    if child:
-        line.close()
-        guard(child)
-    signal.signal(END_ALL, signal.SIG_DFL)
-    prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    prctl(PR_SET_NAME, LIBRARY_NAME)
-    if os.getppid() != this:
-        return
-    line.set_inheritable(False)
-    with line:
-        try:
-            serve(line, path)
-        except (BrokenPipeError, ConnectionResetError):
-            pass  # the rig has gone
-
-
-if __name__ == "__main__":
-    main()
+    if not count:
+        raise OSError("the line to the rig is closed")
+    library.rig_controller_destroy(instance)
+    line.send(DONE)

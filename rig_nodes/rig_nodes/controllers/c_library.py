@@ -3,7 +3,7 @@
 
 """The plug for a C shared library that exports what include/rig_controller.h declares, or for one C file.
 
-load.py makes it. The library runs in a process of its own (c_host.py): a crash, an exit() or an endless loop in it is a
+load.py makes it. The library runs in a process of its own (hosted.py, c_host.py): a crash, an exit() or an endless loop in it is a
 fatal status here. What can be checked before the library is called is checked before.
 """
 
@@ -16,17 +16,16 @@ import os
 import platform
 import shlex
 import shutil
-import signal
 import struct
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import RigError, no_file
-from ..graph.link import Link, LinkClosed, pair
-from .c_host import ABI, END, END_ALL, TEXT, Info, Inputs, Outputs, Parameter
+from ..graph.link import LinkClosed
+from .c_host import ABI, TEXT, Info, Inputs, Outputs, Parameter
+from .hosted import Host, Hosting
 from .own_signals import checked_settings, checked_signals
 from .plug import DECLARED, Plug, chosen_level
 from .record import ControllerRecord, record_of
@@ -36,12 +35,11 @@ from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-INCLUDE, HOST = Path(__file__).parent / "include", Path(__file__).parent / "c_host.py"
+INCLUDE = Path(__file__).parent / "include"
+# -I -S: no site, no PYTHON variables of the user; a user's breakpoints are in the library, not in Python
+LIBRARY = Hosting("the library", str(Path(__file__).parent), "c_host", "rig-library", ("rig_controller_destroy",), ("-I", "-S"))
 IN_SIZE = ct.sizeof(Inputs)
 LEVEL_BITS = {"duty": 1, "current": 2}
-LOAD_TIMEOUT = 30.0  # s of wall clock for loading and for create
-CORE = ct.CDLL(None).sched_getcpu
-END_PATIENCE = 2.0  # s of wall clock for destroy and the end of the process
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
 FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
 CPP = ("CXX", ("c++", "g++", "clang++"), "-std=c++17", "C++ compiler here; install one (Debian package g++)")
@@ -137,114 +135,6 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
         raise RigError(f"controller {name}: it does not compile: {first.strip()}")
 
 
-class Host:
-    """The processes in which a library runs (c_host.py), and the connection to them.
-
-    Parameters
-    ----------
-    path : Path
-        The library.
-    name : str
-        The controller's name.
-    """
-
-    def __init__(self, path: Path, name: str) -> None:
-        ours, theirs = pair()
-        with theirs:
-            # -I -S: no site, no PYTHON variables of the user; a user's breakpoints are in the library, not in Python
-            arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
-            self._guard = subprocess.Popen(
-                [sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
-            )
-        self.process = 0  # number of the library's own process, once it is known
-        self._line = Link(ours.detach(), name)
-        self.send, self._receive = self._line.send, self._line.receive
-        self._core = -1
-
-    def ask(self, data: bytes, seconds: float | None) -> bytes | None:
-        """Send one message and :meth:`receive` the next.
-
-        The host is kept on the caller's core, which is idle meanwhile: waking a process on another, sleeping core takes some
-        50 us, on this one 10.
-        """
-        core = CORE()
-        if core != self._core:
-            self._core = core
-            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() raises the error
-                os.sched_setaffinity(self.process, {core})
-        with contextlib.suppress(LinkClosed):
-            self.send(data)
-        return self.receive(seconds)
-
-    def receive(self, seconds: float | None) -> bytes | None:
-        """Return the host's next message.
-
-        Parameters
-        ----------
-        seconds : float or None
-            Longest wait [s of wall clock]; None sets no limit.
-
-        Returns
-        -------
-        bytes or None
-            None when no message comes in time.
-
-        Raises
-        ------
-        LinkClosed
-            When the process has ended; the sentence describes how.
-        """
-        try:
-            return self._receive(seconds)
-        except LinkClosed:
-            raise LinkClosed(self._how_it_ended()) from None
-
-    def _how_it_ended(self) -> str:
-        try:
-            code = self._guard.wait(END_PATIENCE)
-        except subprocess.TimeoutExpired:  # it closed its end of the link and still runs
-            self.kill()
-            return "the library has closed the rig's line to it"
-        if code < 0:
-            number = signal.Signals(-code)
-            return f"the library's process was ended by {number.name} ({signal.strsignal(number).lower()})"
-        return f"the library's process ended itself with exit code {code}"
-
-    def end(self) -> str:
-        """Have the controller destroyed and end the processes, by force when that takes too long.
-
-        Returns
-        -------
-        str
-            What went wrong at the end; empty when nothing did.
-        """
-        text = ""
-        try:
-            with contextlib.suppress(LinkClosed):
-                self.send(END)
-            answer = self.receive(END_PATIENCE)
-            if answer is None:
-                text = f"rig_controller_destroy did not return within {END_PATIENCE:g} s"
-            elif self._guard.wait(END_PATIENCE):
-                text = f"after rig_controller_destroy {self._how_it_ended()}"
-        except LinkClosed as gone:
-            text = f"in rig_controller_destroy {gone}"
-        except subprocess.TimeoutExpired:
-            text = f"the library's process did not end within {END_PATIENCE:g} s after rig_controller_destroy"
-        self.kill()
-        self._line.close()
-        return text
-
-    def kill(self) -> None:
-        """End the library's process and all its children without a call into the library."""
-        self._guard.send_signal(END_ALL)
-        try:
-            self._guard.wait(END_PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._guard.kill()
-            self._guard.wait()
-
-
 def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
     """Return the library's level bits; RigError when the library does not fit, according to the host's description of it."""
     if "error" in found:
@@ -314,8 +204,8 @@ class CLibrary(Plug):
 
     def _start(self, library: Path, name: str) -> int:
         check_elf(library, name)
-        self._host = Host(library, name)
-        found = self._hear(name, "while it was loaded")
+        self._host = Host(LIBRARY, name, [str(library.resolve())])
+        found = self._host.hear("while it was loaded")
         bits = _check_description(found, name, self._made_for)
         self._host.process = found["process"]
         self.wants = checked_wants(found["wants"], name, self._made_for.all_transducers)
@@ -324,8 +214,8 @@ class CLibrary(Plug):
         outputs, transducers = len(self._made_for.outputs), len(self._made_for.transducers)
         # size, gear_request, sample, time; currents, transducers, wanted transducers, the controller's settings
         self._sample = struct.Struct(f"=IIQd{outputs + transducers + len(self.wants) + len(self.settings)}d")
-        # status, size, flags, gear, shifting, two pointers, message; commands, setpoints, the controller's signals
-        self._reply = struct.Struct(f"=q4I16x{TEXT}s{2 * outputs + len(self.signals)}d")
+        # sample, status, size, flags, gear, shifting, two pointers, message; commands, setpoints, the controller's signals
+        self._reply = struct.Struct(f"=Qq4I16x{TEXT}s{2 * outputs + len(self.signals)}d")
         self._outputs = outputs
         return bits
 
@@ -342,7 +232,7 @@ class CLibrary(Plug):
         }
         with contextlib.suppress(LinkClosed):
             self._host.send(json.dumps(info).encode())
-        created = self._hear(self.name, "in rig_controller_create")
+        created = self._host.hear("in rig_controller_create")
         if created["damage"]:
             raise RigError(f"controller {self.name}: {created['damage']}")
         if created["status"] != Status.OK:
@@ -350,16 +240,6 @@ class CLibrary(Plug):
                 f"controller {self.name}: create refused with status {created['status']}: "
                 f"{created['message'] or 'it gave no reason'}"
             )
-
-    def _hear(self, name: str, when: str) -> dict:
-        """Return the host's next message before the first step; RigError when it does not come."""
-        try:
-            data = self._host.receive(LOAD_TIMEOUT)
-        except LinkClosed as gone:
-            raise RigError(f"controller {name}: {gone} {when}") from None
-        if data is None:
-            raise RigError(f"controller {name}: no answer for {LOAD_TIMEOUT:g} s {when}")
-        return json.loads(data)
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         try:
@@ -380,9 +260,9 @@ class CLibrary(Plug):
             self._fail(Status.FATAL, inputs.sample, str(gone))
         if data is None:
             self._overdue(inputs.sample)
-        if len(data) != self._reply.size:
-            self._fail(Status.FATAL, inputs.sample, data.decode())
-        status, _, flags, gear, shifting, message, *values = self._reply.unpack(data)
+        if len(data) != self._reply.size or data[:8] != inputs.sample.to_bytes(8, "little"):
+            self._fail(Status.FATAL, inputs.sample, self._host.unreadable(data))
+        _, status, _, flags, gear, shifting, message, *values = self._reply.unpack(data)
         count, text = self._outputs, ""
         if status != Status.OK:
             text = message.partition(b"\0")[0].decode("utf-8", "replace")

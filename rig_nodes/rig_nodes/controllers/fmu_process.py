@@ -1,27 +1,23 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The process in which a controller FMU runs: it takes samples from the plug (fmu.py) and answers until its link closes."""
+"""The host of a controller FMU, in the FMU's own process: it takes samples from the plug (fmu.py) and answers until the end."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes as ct
 import json
 import os
-import signal
 import socket
 import struct
-import sys
 
 from ..errors import RigError
 from ..fmu.importer import Fmu, FmuFailed
 from .fmu import ANSWER, SAMPLE
 from .own_signals import MOST, NAME
-from .seam import Status
+from .seam import Status, shortened
 
 FRAME = 1 << 20  # longest message
-PR_SET_PDEATHSIG = 1
+DONE = b"done "  # as in hosted.py
 LEVELS = ("duty", "current")
 UNITS = {"A": ("current", 1.0), "mA": ("current", 1e-3), "1": ("duty", 1.0), "-": ("duty", 1.0), "%": ("duty", 0.01)}
 NUMBER_TYPES = ("Real", "Float64", "Float32", "Integer", "Int32", "Enumeration", "Boolean")
@@ -224,8 +220,8 @@ def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str
     return {name: value for name, value in given.items() if name in fmu.variables and fmu.variables[name].causality == "parameter"}
 
 
-def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, settings: list[str]) -> None:
-    """Make one communication step for each sample until the link closes.
+def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, settings: list[str]) -> bool:
+    """Make one communication step for each sample until the rig sends the end.
 
     Parameters
     ----------
@@ -239,17 +235,28 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
         Time between samples [s].
     settings : list of str
         Names of the settings whose values come with each sample.
+
+    Returns
+    -------
+    bool
+        True when the FMU may be terminated, False after an error.
+
+    Raises
+    ------
+    OSError
+        When the link is lost.
     """
     inputs = check_variables(fmu, names)
     write, places = fmu.writer(inputs), [names.inputs.index(name) for name in inputs]
     outputs = [name for name in names.outputs if name in fmu.variables]
-    read, first, done = fmu.reader(outputs), None, 0
+    read, first, done, good = fmu.reader(outputs), None, 0, True
+    this = os.getpid()
     wants, signals = wants_of(fmu, names), list(signals_of(fmu, names))
     write_others, read_own, write_settings = fmu.writer(wants), fmu.reader(signals), fmu.writer(settings)
     others, own, tuned = (struct.Struct(f"<{len(own)}d") for own in (wants, signals, settings))
     newest = tuple(settings_of(fmu)[name] for name in settings)  # the values in the FMU
     factors = {name: meaning_of(fmu, name)[1] for name in (*names.commands, *names.setpoints) if name in outputs}
-    while data := link.recv(FRAME):
+    while len(data := link.recv(FRAME)) >= names.sample.size:
         sample, request, *values = names.sample.unpack_from(data)
         given = [request, *values]
         first = sample if first is None else first
@@ -268,66 +275,86 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
             own_values = own.pack(*read_own())
         except FmuFailed as failure:
             status = STATUS.get(failure.status, Status.ERROR)
-            link.send(names.answer.pack(status, 0, 0, 0, *[0.0] * 2 * len(names.commands)) + str(failure).encode())
+            good = status == Status.DISCARD
+            text = shortened(str(failure)).encode("utf-8", "replace")
+            link.send(names.answer.pack(sample, status, 0, 0, 0, *[0.0] * 2 * len(names.commands)) + text)
             continue
+        if os.getpid() != this:
+            os._exit(0)  # a copy that the FMU has forked; the FMU itself answers
         command, setpoint = (
             [factors[name] * found[name] if name in found else 0.0 for name in one] for one in (names.commands, names.setpoints)
         )
         status, gear, shifting, flags = (found.get(name, 0) for name in ("status", "gear", "shifting", "flags"))
-        link.send(names.answer.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
+        link.send(names.answer.pack(sample, status, gear, shifting, flags, *command, *setpoint) + own_values)
+    if not data:
+        raise OSError("the line to the rig is closed")
+    return good
 
 
-def main() -> int:
-    """Run the FMU's process and return its exit code.
+def serve(link: socket.socket, file: str, message_descriptor: str, record: str) -> None:
+    """Do everything from the FMU's loading to its end.
 
-    Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process, the
-    rig's record.
+    Parameters
+    ----------
+    link : socket
+        The link to the plug.
+    file : str
+        The FMU.
+    message_descriptor : str
+        Descriptor of the file for the FMU's newest message.
+    record : str
+        Arguments of Names as JSON.
+
+    Raises
+    ------
+    OSError
+        When the link is lost.
     """
-    file, (descriptor, message_descriptor, parent), record = sys.argv[1], map(int, sys.argv[2:5]), json.loads(sys.argv[5])
-    # an FMU that computes without end must not outlive the rig
-    ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:
-        return 1
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # Ctrl-C is for the rig, which ends this process in order
-    with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
-        try:
-            serve(link, file, message_descriptor, Names(**record))
-        except RigError as error:
-            link.send(json.dumps({"error": str(error).removeprefix(f"{file}: ")}).encode())
-    return 0
-
-
-def serve(link: socket.socket, file: str, message_descriptor: int, names: Names) -> None:
-    """Do everything from the FMU's loading to its end; RigError before the first sample."""
 
     def keep(text: str) -> None:  # the rig reads it there when the FMU has crashed
-        os.ftruncate(message_descriptor, 0)
-        os.pwrite(message_descriptor, text.encode(), 0)
+        os.ftruncate(int(message_descriptor), 0)
+        os.pwrite(int(message_descriptor), text.encode("utf-8", "replace"), 0)
 
-    with Fmu(file, "controller", keep) as fmu:
-        check_variables(fmu, names)
-        levels, level_from = levels_of(fmu, names)
-        link.send(
-            json.dumps(
-                {
-                    "levels": levels,
-                    "level_from": level_from,
-                    "wants": wants_of(fmu, names),
-                    "signals": signals_of(fmu, names),
-                    "settings": settings_of(fmu),
-                }
-            ).encode()
-        )
-        start = link.recv(FRAME)
-        if not start:
-            return
-        order = json.loads(start)
-        fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
-        link.send(b"{}")
-        answer_samples(link, fmu, names, order["period"], order["settings"])
-        fmu.terminate()
+    names = Names(**json.loads(record))
+    try:
+        fmu = Fmu(file, "controller", keep)
+        try:
+            order = _described(link, fmu, names)
+        except BaseException:
+            fmu.close()
+            raise
+    except RigError as error:
+        link.send(json.dumps({"error": shortened(str(error).removeprefix(f"{file}: "))}).encode())
+        return
+    link.send(b"{}")
+    good = answer_samples(link, fmu, names, order["period"], order["settings"])
+    fault = ""
+    if good:
+        try:
+            fmu.terminate()
+        except RigError as error:
+            fault = shortened(f"terminate failed: {error}")
+    link.send(DONE + fault.encode("utf-8", "replace"))
+    fmu.close()
+    link.send(DONE)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _described(link: socket.socket, fmu: Fmu, names: Names) -> dict:
+    """Describe the FMU to the plug, initialize it, and return the plug's order; RigError when the FMU cannot be used."""
+    check_variables(fmu, names)
+    levels, level_from = levels_of(fmu, names)
+    about = {
+        "levels": levels,
+        "level_from": level_from,
+        "wants": wants_of(fmu, names),
+        "signals": signals_of(fmu, names),
+        "settings": settings_of(fmu),
+        "process": os.getpid(),
+    }
+    link.send(json.dumps(about).encode())
+    start = link.recv(FRAME)
+    if not start:
+        raise OSError("the line to the rig is closed")
+    order = json.loads(start)
+    fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
+    return order

@@ -45,6 +45,7 @@ KINDS = {
     "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
 }
 
+IN_PROCESS = "@in-process"  # behind the specification of a Python class, before its level: it runs in the rig's process
 SENDS = {"duty": "shares of the supply", "current": "currents in A"}  # what a command means, by level
 
 # the most likely meaning of a file name that is given without a prefix
@@ -100,7 +101,8 @@ def load_controller(spec: str | None, config: RigConfig, level: str | None = Non
     Parameters
     ----------
     spec : str or None
-        The specification; None stands for the built-in Alfa46. A trailing "@duty" or "@current" chooses the level.
+        The specification; None stands for the built-in Alfa46. A trailing "@duty" or "@current" chooses the level, IN_PROCESS
+        before it the rig's process.
     config : RigConfig
         The rig's configuration.
     level : str or None
@@ -142,6 +144,13 @@ def _line(name: str, level: str, level_from: str) -> str:
 
 
 def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
+    if text.endswith(IN_PROCESS):
+        from .python_class import InProcess
+
+        name, _, rest = text.removesuffix(IN_PROCESS).partition(":")
+        if name != "python" or not rest:
+            raise RigError(f"controller {text}: only a Python class runs in the rig's process (--in-process)")
+        return InProcess(rest, config, level)
     name, _, rest = text.partition(":")
     if text == "alfa46":
         return BuiltIn(config, level)

@@ -13,12 +13,12 @@ import re
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..errors import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import numpy as np
 
 ROWS = 5  # samples of a block: one graph tick
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -121,6 +121,8 @@ class Blocks:
         list of (int, (5, columns) array of float)
             Sample of the first row, and the rows, of each complete block.
         """
+        import numpy as np  # here, because the process of a user's class does without it
+
         number, row = divmod(sample, ROWS)
         done = []
         if number != self._number:

@@ -25,13 +25,12 @@ from ..config.names import unknown
 from ..errors import RigError
 from .ignored import Ignored
 from .record import controller_info, record_of
-from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked, own_values
+from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, error_text, shortened, taken
 
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
 LOG = logging.getLogger("rig_nodes.controllers")
-STATUSES = tuple(Status)
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
 SETTLE = 1.0  # s of wall clock in which the right controller may still come after one that cannot be used
 
@@ -41,11 +40,6 @@ class Answer(NamedTuple):
 
     command: tuple[float, ...]
     setpoint: tuple[float, ...]
-
-
-def error_text(error: BaseException) -> str:
-    """Return an exception as one piece of a sentence, without its traceback."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
 
 
 def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
@@ -311,25 +305,20 @@ class Plug(ABC):
             LOG.error("controller %s, sample %d", self.name, sample, exc_info=True)
             self._fail(Status.FATAL, sample, f"the plug could not get its answer: {error_text(error)}")
         try:
-            status = getattr(outputs, "status", Status.OK)
-            if status not in STATUSES:
-                raise RigError(f"status is {status!r}, expected 0 (ok), 1 (discard), 2 (error) or 3 (fatal)")
-            status = Status(status)
-            if status == Status.OK:
-                command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
-                if not self._doubted and command == setpoint and self.level == "duty" and any(command):
-                    self._doubt(sample)
-                self.signal_values = own_values(getattr(outputs, "signals", None), self.signals)
-                self._count_signals()
-                return Answer(command, setpoint)
-            text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
+            answer = taken(outputs, self.info, self.signals)
         except RigError as error:
             self._fail(Status.ERROR, sample, str(error))
-        except Exception as error:  # user code may return anything, even objects that raise when an attribute is read
+        except Exception as error:  # a user's attribute may raise anything
             LOG.error("controller %s, sample %d: its outputs cannot be read", self.name, sample, exc_info=True)
             self._fail(Status.ERROR, sample, f"its outputs cannot be read: {error_text(error)}")
-        if status != Status.DISCARD:
-            self._fail(status, sample, f"status {status.name.lower()}: {text}")
+        if answer.status == Status.OK:
+            _, _, command, setpoint, self.gear, self.shifting, self.flags, self.signal_values = answer
+            if not self._doubted and command == setpoint and self.level == "duty" and any(command):
+                self._doubt(sample)
+            self._count_signals()
+            return Answer(command, setpoint)
+        if answer.status != Status.DISCARD:
+            self._fail(answer.status, sample, f"status {answer.status.name.lower()}: {answer.text}")
         return None
 
     def _doubt(self, sample: int) -> None:
@@ -411,7 +400,7 @@ class Plug(ABC):
                 self.ignored.conclude()
         else:
             self.close()
-        raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)
+        raise ControllerFailed(f"controller {self.name}, sample {sample}: {shortened(text)}", status)
 
     def _overdue(self, sample: int) -> NoReturn:
         """Fail because no answer came within the time for a step."""

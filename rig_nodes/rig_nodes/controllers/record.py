@@ -12,17 +12,17 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import Signal
 from ..errors import RigError
 from ..transmission import slip_of
-from .seam import ControllerInfo, ControllerInputs, flat_parameters
+from .seam import ControllerInfo, ControllerInputs, inputs_type
 
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
@@ -151,11 +151,7 @@ class ControllerRecord:
     @cached_property
     def inputs(self) -> type[ControllerInputs]:
         """The type of this rig's samples: ControllerInputs with an attribute for each transducer, by its name."""
-        readings = {
-            signal.name: property(lambda given, place=place: given.measured[place], doc=f"{signal.text} [{signal.unit}]")
-            for place, signal in enumerate(self.transducers)
-        }
-        return type("ControllerInputs", (ControllerInputs,), {"__slots__": (), **readings})
+        return inputs_type({signal.name: f"{signal.text} [{signal.unit}]" for signal in self.transducers})
 
     def made_for_another(self, record: str) -> str:
         """Return a piece of a sentence: something was made for the record with this id, and what the user can do."""
@@ -199,6 +195,26 @@ class ControllerRecord:
         if ratio is None or n_in < STANDSTILL:
             return 0.0
         return slip_of(ratio, n_in, n_out)
+
+
+def flat_parameters(config: Alfa46Config) -> dict[str, float]:
+    """Return the alfa46 settings as flat names with SI values: "t12", "output_1.P1.time", "output_1.P1.current".
+
+    Parameters
+    ----------
+    config : Alfa46Config
+        The alfa46 settings of a rig.
+
+    Returns
+    -------
+    dict of str to float
+        SI value by flat name.
+    """
+    out = {f.name: float(getattr(config.values, f.name)) for f in fields(config.values)}
+    for key, points in zip(OUTPUT_KEYS, config.profiles, strict=True):
+        for point, (time, current) in zip(POINTS, points, strict=True):
+            out[f"{key}.{point}.time"], out[f"{key}.{point}.current"] = float(time), float(current)
+    return out
 
 
 def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) -> ControllerInfo:

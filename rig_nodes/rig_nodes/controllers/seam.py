@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..config.names import unknown
 from ..errors import RigError
 
 LEVELS = ("duty", "current")
+MOST_TEXT = 1000  # characters of a controller's text that go into a sentence, and with it into bag and terminal
 
 
 class Status(IntEnum):
@@ -29,6 +29,9 @@ class Status(IntEnum):
     DISCARD = 1  # no answer to this sample: the last command stays, for 100 ms at most
     ERROR = 2  # the rig trips; the controller is ended in order
     FATAL = 3  # the rig trips; the controller is not called again
+
+
+STATUSES = tuple(Status)
 
 
 class ControllerFailed(RigError):
@@ -92,24 +95,38 @@ class ControllerOutputs:
     signals: Mapping[str, float] | None = None  # values of the controller's own signals, by name
 
 
-def flat_parameters(config: Alfa46Config) -> dict[str, float]:
-    """Return the alfa46 settings as flat names with SI values: "t12", "output_1.P1.time", "output_1.P1.current".
+def shortened(text: str) -> str:
+    """Return a controller's text, cut where it is longer than MOST_TEXT."""
+    return text if len(text) <= MOST_TEXT else f"{text[:MOST_TEXT]}... ({len(text)} characters)"
+
+
+def error_text(error: BaseException) -> str:
+    """Return an exception as one piece of a sentence, without its traceback."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # the exception is a user's, and its __str__ too
+        text = ""
+    return shortened(f"{type(error).__name__}: {text}".rstrip(": "))
+
+
+def inputs_type(readings: Mapping[str, str]) -> type[ControllerInputs]:
+    """Return the type of a rig's samples: ControllerInputs with an attribute for each transducer of its record.
 
     Parameters
     ----------
-    config : Alfa46Config
-        The alfa46 settings of a rig.
+    readings : mapping of str to str
+        Description by name, in the order of ``measured``.
 
     Returns
     -------
-    dict of str to float
-        SI value by flat name.
+    type of ControllerInputs
+        The type.
     """
-    out = {f.name: float(getattr(config.values, f.name)) for f in fields(config.values)}
-    for key, points in zip(OUTPUT_KEYS, config.profiles, strict=True):
-        for point, (time, current) in zip(POINTS, points, strict=True):
-            out[f"{key}.{point}.time"], out[f"{key}.{point}.current"] = float(time), float(current)
-    return out
+    own = {
+        name: property(lambda given, place=place: given.measured[place], doc=text)
+        for place, (name, text) in enumerate(readings.items())
+    }
+    return type("ControllerInputs", (ControllerInputs,), {"__slots__": (), **own})
 
 
 def checked_wants(names: Any, name: str, known: Sequence[str]) -> tuple[str, ...]:
@@ -237,3 +254,49 @@ def own_values(given: Any, signals: Collection[str]) -> tuple[float, ...]:
     if surplus:
         raise RigError(f"signals has '{surplus[0]}', which is none of the signals that it has declared: {declared}")
     return values
+
+
+class Taken(NamedTuple):
+    """An answer that was checked, in plain types; for a status other than OK only ``text`` counts: the controller's reason."""
+
+    status: Status
+    text: str = ""
+    command: tuple[float, ...] = ()  # duty or [A]
+    setpoint: tuple[float, ...] = ()  # [A]
+    gear: int = 0
+    shifting: bool = False
+    flags: int = 0
+    own: tuple[float, ...] = ()  # values of the controller's own signals
+
+
+def taken(outputs: Any, info: ControllerInfo, signals: Collection[str]) -> Taken:
+    """Check everything that a controller returned for a sample.
+
+    Parameters
+    ----------
+    outputs : Any
+        What it returned, expected to be a ControllerOutputs.
+    info : ControllerInfo
+        What the controller received before its first step.
+    signals : collection of str
+        Names of its own signals.
+
+    Returns
+    -------
+    Taken
+        The answer.
+
+    Raises
+    ------
+    RigError
+        When a part of the answer is not permitted.
+    """
+    status = getattr(outputs, "status", Status.OK)
+    if status not in STATUSES:
+        raise RigError(f"status is {status!r}, expected 0 (ok), 1 (discard), 2 (error) or 3 (fatal)")
+    status = Status(status)
+    if status != Status.OK:
+        text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
+        return Taken(status, shortened(text))
+    answer = checked(outputs, info)
+    return Taken(status, "", *answer, own_values(getattr(outputs, "signals", None), signals))

@@ -26,9 +26,8 @@ from ..atomic_write import atomic_write
 from ..config import CONFIG_DIR, RIGS_DIR
 from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
 from ..controllers.c_library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
-from ..controllers.record import ControllerRecord, record_of
+from ..controllers.record import ControllerRecord, flat_parameters, record_of
 from ..controllers.record_header import NAME, header_text
-from ..controllers.seam import flat_parameters
 from ..errors import RigError, no_file, printable
 from ..testbench.configuration import RigConfig, load_rig
 from .description import Variable, c_header, model_description, token_of
