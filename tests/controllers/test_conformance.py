@@ -55,7 +55,7 @@ def test_the_reference_passes(capsys, spec):
         ("if inputs.sample > 200: out.command = [random.random(), 0, 0]", "determinism", "another answer from sample 201 on"),
         ("if inputs.n_wej != inputs.n_wej: while_true = 1 / 0", "NaN", "trip the rig"),
         ("if inputs.p1 > 1e7: out.command = [1.5, 0, 0]", "saturation", "command[0] is 1.5"),
-        ("out.command = [0.0, 0.0, 0.0]", "both gears", "10 s after the order of gear I it reports gear I, and no clutch"),
+        ("out.command = [0.0, 0.0, 0.0]", "both gears", "reports gear I, and no clutch is locked; expected S1"),
         ("if inputs.sample > 3000: out.shifting = True", "request storm", ", shifting"),
         ("assert inputs.sample < 10_000", "late start", "AssertionError"),
         (
@@ -120,4 +120,27 @@ def test_the_table_is_for_people(tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok      loads          python:")
     assert lines[1].startswith("FAILED  answers        controller python:") and lines[1].endswith("RuntimeError: tired")
-    assert lines[-1] == "3 of 13 passed"
+    assert [line for line in lines if line.startswith("not run ")] == [
+        f"not run {name:<15}it needs what 'answers' did not get"
+        for name in ("at rest", "timing", "determinism", "restart", "late start", "lost samples", "NaN")
+    ]
+    assert lines[-1] == "2 of 13 passed, 7 not run"
+
+
+@pytest.mark.parametrize(
+    "what",
+    ["raise GeneratorExit", "import os; os._exit(0)", "import ctypes; ctypes.string_at(8)", "out.command = [float('nan'), 0, 0]"],
+)
+def test_a_controller_that_fails_every_item_gets_a_verdict_on_each(tmp_path, capsys, what):
+    path = tmp_path / "mine.py"
+    path.write_text(HEAD.replace("WHAT", what))
+    code, items = table(capsys, f"python:{path}:Mine")
+    assert code == 1 and len(items) == 13
+    failed = [name for name, (ok, text) in items.items() if ok is False and f"controller python:{path}:Mine, sample " in text]
+    assert failed == ["answers", "saturation", "both gears", "request storm"]
+
+
+def test_a_fault_that_no_plug_foresaw_is_a_verdict_too(capsys, monkeypatch):
+    monkeypatch.setattr("rig_nodes.testbench.conformance.desk", lambda *_: {}["gear"])
+    code, items = table(capsys, "alfa46")
+    assert code == 1 and items["answers"] == (False, "the check could not go on: KeyError: 'gear'") and items["ends"][0]

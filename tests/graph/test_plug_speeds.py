@@ -38,11 +38,11 @@ steps:
   - shift: {to: I, timeout: 5 s}
 """
 PLUGS = {  # specification or its pattern; name of the process that computes, or a word in its command line
-    "python": ("python:rig_nodes.controllers.examples.alfa46:Alfa46", "alfa46\n"),
-    "c": (f"c:{EXAMPLES / 'alfa46.c'}", "c_host.py"),
-    "simulink": (f"simulink:{EXAMPLES / 'simulink'}", "c_host.py"),
+    "python": ("python:rig_nodes.controllers.examples.alfa46:Alfa46", "rig-python\n"),
+    "c": (f"c:{EXAMPLES / 'alfa46.c'}", "rig-library\n"),
+    "simulink": (f"simulink:{EXAMPLES / 'simulink'}", "rig-library\n"),
     "udp": ("udp:{port}", "examples.alfa46_udp"),
-    "fmu": ("fmu:{folder}/alfa46.fmu", "rig_nodes.controllers.fmu_process"),
+    "fmu": ("fmu:{folder}/alfa46.fmu", "rig-fmu\n"),
     "ros": ("ros:speeds", "examples.alfa46_ros"),
 }
 PROGRAMS = {  # programs that run beside the rig, with their arguments

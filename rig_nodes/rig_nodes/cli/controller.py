@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     import argparse
 
 COME = 20.0  # s within which a controller that is a separate program must connect
-MARKS = {True: "ok", False: "FAILED", None: "-"}
+MARKS, NOT_RUN = {True: "ok", False: "FAILED", None: "-"}, "not run"
 HELP = "check a shift controller of your own, or start one from a template"
 
 
@@ -56,6 +57,7 @@ def check(args: argparse.Namespace) -> int:
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.conformance import Check
 
+    logging.getLogger("rig_nodes.controllers").addHandler(logging.NullHandler())  # the table has the sentence of each traceback
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
     config = load_gearbox_rig(args.rig, None, "controller check")
@@ -64,15 +66,16 @@ def check(args: argparse.Namespace) -> int:
     for item in Check(controller_of(args.spec, args.in_process), config, args.level, step_timeout, come_timeout, say).items():
         items.append(item)
         if not quiet:
-            print(f"{MARKS[item.ok]:<8}{item.name:<15}{item.text}", flush=True)
-    failed, aside = (sum(item.ok is found for item in items) for found in (False, None))
+            print(f"{MARKS[item.ok] if item.run else NOT_RUN:<8}{item.name:<15}{item.text}", flush=True)
+    failed, aside = (sum(item.ok is found and item.run for item in items) for found in (False, None))
+    not_run = sum(not item.run for item in items)
     if quiet:
         table = [item._asdict() for item in items]
         print(json.dumps({"controller": args.spec, "ok": not failed, "items": table}, indent=1))
     else:
         asked = len(items) - aside
         not_for_it = f", {aside} do not apply to a controller with its own clock" if aside else ""
-        print(f"{asked - failed} of {asked} passed{not_for_it}")
+        print(f"{asked - failed - not_run} of {asked} passed{f', {not_run} not run' if not_run else ''}{not_for_it}")
     return 1 if failed else 0
 
 

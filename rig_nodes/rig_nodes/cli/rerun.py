@@ -114,13 +114,14 @@ def _controller(bag: Bag, config: RigConfig, spec: str, level: str | None, folde
     from ..errors import printable
     from ..testbench.rerun import rerun_controller
     from ..testbench.simulate import check_controller
+    from .simulate import controller_log
 
     check_controller(config)
     controller = load_controller(spec, config, level)
     print(level_line(controller), flush=True)
     controller.say = lambda text: print(f"            {printable(text)}", flush=True)
     controller.wait(60.0)
-    with waiting(AGAIN):
+    with controller_log(folder), waiting(AGAIN):
         found = rerun_controller(bag, config, controller, spec, folder)
     print(f"{found.same} of {found.samples} answers are bit for bit as recorded")
     if found.first is not None:
