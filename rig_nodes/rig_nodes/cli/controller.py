@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import re
 from typing import TYPE_CHECKING
 
@@ -57,7 +56,6 @@ def check(args: argparse.Namespace) -> int:
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.conformance import Check
 
-    logging.getLogger("rig_nodes.controllers").addHandler(logging.NullHandler())  # the table has the sentence of each traceback
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
     config = load_gearbox_rig(args.rig, None, "controller check")

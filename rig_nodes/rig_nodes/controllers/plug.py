@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
 LOG = logging.getLogger("rig_nodes.controllers")
+LOG.addHandler(logging.NullHandler())  # tracebacks go to a run's logs; a verb without one shows the sentence only
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
 SETTLE = 1.0  # s of wall clock in which the right controller may still come after one that cannot be used
 
@@ -135,6 +136,7 @@ class Plug(ABC):
     signals: Mapping[str, str] = MappingProxyType({})  # its own signals, which are recorded: unit by name
     signal_values: tuple[float, ...] = ()  # values of ``signals`` in the newest answer
     end_fault = ""  # what went wrong when the controller was ended in order
+    trouble = ""  # what is known of why the newest sample has no answer; empty when it has one
 
     def __init__(self, name: str, config: RigConfig, level: str) -> None:
         self.name, self.level = name, level
@@ -145,6 +147,7 @@ class Plug(ABC):
         self.say: Callable[[str], None] = LOG.info  # reports to people what the plug waits for, and which controllers came and went
         self.named: Callable[[], None] = lambda: None
         self.stopped: Callable[[], bool] = lambda: False  # True: the run is being ended, the plug waits for nothing any more
+        self.failing: Callable[[ControllerFailed], None] = lambda failure: None  # learns it before the end, which may take seconds
         self.refused = ""  # why the controller that came last is not used
         self.ignored = Ignored(name, lambda text: self.say(text))
         self._request, self._ordered, self._before = 0, False, 0
@@ -313,12 +316,14 @@ class Plug(ABC):
             self._fail(Status.ERROR, sample, f"its outputs cannot be read: {error_text(error)}")
         if answer.status == Status.OK:
             _, _, command, setpoint, self.gear, self.shifting, self.flags, self.signal_values = answer
+            self.trouble = ""
             if not self._doubted and command == setpoint and self.level == "duty" and any(command):
                 self._doubt(sample)
             self._count_signals()
             return Answer(command, setpoint)
         if answer.status != Status.DISCARD:
             self._fail(answer.status, sample, f"status {answer.status.name.lower()}: {answer.text}")
+        self.trouble = f"controller {self.name} does not answer: {answer.text}"
         return None
 
     def _doubt(self, sample: int) -> None:
@@ -393,6 +398,8 @@ class Plug(ABC):
             self.ignored.conclude()
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
+        failure = ControllerFailed(f"controller {self.name}, sample {sample}: {shortened(text)}", status)
+        self.failing(failure)
         if status == Status.FATAL:
             if not self._over:
                 self._over = True
@@ -400,7 +407,7 @@ class Plug(ABC):
                 self.ignored.conclude()
         else:
             self.close()
-        raise ControllerFailed(f"controller {self.name}, sample {sample}: {shortened(text)}", status)
+        raise failure
 
     def _overdue(self, sample: int) -> NoReturn:
         """Fail because no answer came within the time for a step."""

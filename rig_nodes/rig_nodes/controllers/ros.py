@@ -324,7 +324,8 @@ class RosNode(Plug):
             side.begin()  # another controller may come
             raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
         if answered is None:
-            return ControllerOutputs(status=Status.DISCARD)
+            why = "it has not answered in time" if side.controller else self.not_here(side.place, side.advice)
+            return ControllerOutputs(status=Status.DISCARD, message=why)
         return outputs_of(answered, self)
 
     def _exchange(self, inputs: ControllerInputs) -> Answered | None:

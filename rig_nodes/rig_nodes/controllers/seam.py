@@ -96,7 +96,8 @@ class ControllerOutputs:
 
 
 def shortened(text: str) -> str:
-    """Return a controller's text, cut where it is longer than MOST_TEXT."""
+    """Return a controller's text as UTF-8 can hold it, cut where it is longer than MOST_TEXT."""
+    text = text.encode("utf-8", "replace").decode()
     return text if len(text) <= MOST_TEXT else f"{text[:MOST_TEXT]}... ({len(text)} characters)"
 
 

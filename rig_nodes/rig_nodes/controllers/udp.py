@@ -261,7 +261,9 @@ class Udp(Plug):
             self._leave()
             raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
         if values is None:
-            return ControllerOutputs(status=Status.DISCARD)
+            late = self._peer is not None
+            why = "it has not answered in time" if late else self.not_here(f"udp {self._port}", self._advice)
+            return ControllerOutputs(status=Status.DISCARD, message=why)
         status, gear, shifting, flags, message, *numbers = values
         count = len(self.info.outputs)
         expected = 2 * count + len(self.signals)

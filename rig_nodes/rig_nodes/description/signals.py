@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 STATE_RATE, SCALAR_RATE, SAMPLE_RATE = 200, 100, 1000  # Hz
 CONTROLLER_COMMAND, CONTROLLER_EVENTS = "/controller/command", "/controller/events"
 SHIFT_ORDERED = "shift_ordered"  # event of the controller with the gear as value
+CONTROLLER_FAILED, CONTROLLER_SILENT = "controller_failed", "controller_silent"  # events with what the controller's plug knows
 GEAR_WAS = "gear_was"  # event of an imported run: the gear that was in before its first order
 TORQUES = "torques"  # a group that the key signals of a rig may name
 _CURRENT_LIMIT = 0.8  # A, of all outputs of the box

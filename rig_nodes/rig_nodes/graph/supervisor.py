@@ -131,6 +131,7 @@ class Supervisor:
         self.ended = threading.Event()
         self.end: End | None = None
         self._others = 0  # DDS participants of other programs that were in the domain before this run
+        self._unexplained = ""  # reason of the trip before the controller's plug told more
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
         self._end_at = math.inf
         self._lock = threading.Lock()  # protects the wake pipe
@@ -253,20 +254,28 @@ class Supervisor:
             if message["success"]:
                 self._finish_with(End("ended", "the sequence ended"), 0.0)
             else:
-                awaited = f"; {self._awaited}" if self._awaited else ""
-                self._finish_with(End("failed", message["text"] + awaited), AFTER_TRIP)
+                awaited = f"; {self._awaited}" if self._awaited not in message["text"] else ""  # '' is in every text
+                self._finish_with(End("failed", self._explained(message["text"]) + awaited), AFTER_TRIP)
 
     def _on_state(self, message: dict) -> None:
         self.time = message["t"]
         if (message["state"], message["reason"]) == (self.state, self.reason):
             return
+        if self.reason and self.state == message["state"]:
+            self._unexplained = self.reason
         self.state, self.reason = message["state"], message["reason"]
+        if self.end is not None:
+            self.end.reason = self._explained(self.end.reason)
         reason = f": {self.reason}" if self.reason else ""
         self.say(self.time, f"the rig is {self.state.lower()}{reason}")
         if self.state == "TRIPPED" and self.end is not None and self.end.state == "failed":
             if self.reason not in self.end.reason:
                 self.end.reason += f"; safe state: {self.reason}"
             self._end_at = min(self._end_at, time.monotonic() + AFTER_TRIP)
+
+    def _explained(self, text: str) -> str:
+        """Return a reason that contains the one of a trip with what the controller's plug told after it in its place."""
+        return text.replace(self._unexplained, self.reason) if self._unexplained else text
 
     def _on_death(self, child: Child) -> Child | None:
         """Bring the rig into its safe state, then end the run or, for a rig operated by hand, start the process again."""

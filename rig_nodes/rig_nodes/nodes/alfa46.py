@@ -27,7 +27,7 @@ from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..controllers import own_signals
 from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
-from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED
+from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT, SHIFT_ORDERED
 from ..errors import RigError, printable
 from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig_base import RigStatus
@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
 FEEDBACK_SAMPLES = 50  # 20 Hz
+ANSWER_LIMIT = 0.9 * COMMAND_TIMEOUT  # s for an answer in real time, so that the rig learns why there is none before it trips
+TELL_AFTER = 0.5 * COMMAND_TIMEOUT  # s without an answer in real time until the rig learns what the plug knows of it
 OPTIONS = [
     *RIG_OPTIONS,
     ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"}),
@@ -81,9 +83,10 @@ class Alfa46Node(Node):
         self.box.say = reporter(process, self.box)
         self._nothing = (0.0,) * len(self.box.rig_record.outputs)
         self.frames: Frames | None = None  # in lockstep, as soon as it is known what the controller wants
+        self.box.failing = self.fail
         self.box.stopped = lambda: process.stopping
         if not process.descriptors():
-            self.box.pace(COMMAND_TIMEOUT, real_time=True)
+            self.box.pace(ANSWER_LIMIT, real_time=True)
         else:  # a controller that computes in this process is watched by the container, which can go on without it
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
         own = config.catalogue.controller_topics.values() if self.box.signals or self.box.named_later else ()
@@ -103,6 +106,7 @@ class Alfa46Node(Node):
         self._stamp = 0
         self._newest_sample_at: float | None = None  # when the newest sample came [s]
         self._silent, self._failed = False, ""
+        self._answered_at, self._told = 0.0, ""  # time of the newest answer [s]; what the rig was told since
         self._phase = None  # of the running shift; None when no shift runs
         self._goal: ServerGoalHandle | None = None  # goal handle of the shift, as soon as it is known
         self._t_order: float | None = None  # time of its order [s], as soon as it is known
@@ -110,7 +114,8 @@ class Alfa46Node(Node):
         self._refusal = None  # why the order that is being handled is refused
         self._rig_status: int | None = None  # as received last, with its reason
         self._rig_reason = ""
-        self._orders = threading.Lock()  # in lockstep one thread handles the samples and another one serves ROS
+        self._asked: tuple[int, Callable[[bytes], None]] | None = None  # in lockstep: the sample that is to be answered, and how
+        self._orders = threading.RLock()  # in lockstep one thread handles the samples and another one serves ROS
         self.real_time = False  # True when samples come over their topic
         self._server = GoalServer(self, Shift, "/controller/shift", self.on_goal, self.on_cancel, self.on_request)
         self.settings = BoxSettings(self, self.box, config)
@@ -164,9 +169,19 @@ class Alfa46Node(Node):
             others = [self._other_values.get(name) for name in self.box.wants]
             if None in others:
                 return
-            self.publish_command(sample, self.ask(sample, record["current"], measured, others), measured)
+            answer = self.ask(sample, record["current"], measured, others)
+            self.publish_command(sample, answer, measured)
+            self.tell_trouble(answer is not None)
         except ControllerFailed as failure:
             self.fail(failure)
+
+    def tell_trouble(self, answered: bool) -> None:
+        """Tell the rig, once for each reason, what the plug knows of why no answer comes; it counts when the rig trips for that."""
+        if answered:
+            self._answered_at, self._told = time.monotonic(), ""
+        elif self._told != self.box.trouble and time.monotonic() - self._answered_at > TELL_AFTER:
+            self._told = self.box.trouble
+            self.event(CONTROLLER_SILENT, self._told, 0.0)
 
     def on_frame(self, frame: bytes, reply: Callable[[bytes], None]) -> None:
         """Answer one sample in lockstep; the rig continues while the rest of this process handles the answer.
@@ -185,14 +200,15 @@ class Alfa46Node(Node):
         frames = self.frames
         sample, *values = frames.sample.unpack_from(frame)
         measured = values[frames.outputs : frames.measured]
+        self._asked = sample, reply
         try:
             answer = self.ask(sample, values[: frames.outputs], measured, values[frames.measured :])
         except ControllerFailed as failure:
-            reply(frames.none(sample, FAILED) + str(failure).encode())
             self.fail(failure)
             return
+        self._asked = None
         if answer is None:
-            reply(frames.none(sample, DISCARDED))
+            reply(frames.none(sample, DISCARDED) + self.box.trouble.encode("utf-8", "replace"))
         else:
             reply(
                 frames.answer.pack(
@@ -294,14 +310,14 @@ class Alfa46Node(Node):
             )
 
     def fail(self, failure: ControllerFailed) -> None:
-        """Report once that the controller cannot continue.
-
-        The rig notices the failure by the missing commands, in lockstep by the answer.
-        """
+        """Report once that the controller cannot continue; the rig trips by this event, in lockstep by the answer."""
+        if self._asked is not None:
+            (sample, reply), self._asked = self._asked, None
+            reply(self.frames.none(sample, FAILED) + str(failure).encode("utf-8", "replace"))
         if not self._failed:
             self._failed = str(failure)
             self.get_logger().error(printable(failure))
-            self.event("controller_failed", str(failure), float(failure.status))
+            self.event(CONTROLLER_FAILED, str(failure), float(failure.status))
 
     def on_watch(self) -> None:
         """Log once when the samples stop, for then there is nothing to answer, and once when they come again."""

@@ -54,6 +54,7 @@ class RemoteController:
         The process of the controller has the exact limit and may report a timeout earlier.
         """
         self.level, self.wants = "", []  # the process sends them when it is ready
+        self.trouble = ""  # what its plug knows of why the newest sample has no answer
         self.gear, self.shifting, self.flags = 0, False, 0
         self._link, self._record, self._limit, self._stopping = link, record, step_timeout, stopping
         self._cause = cause
@@ -111,9 +112,11 @@ class RemoteController:
             *values, self.gear, shifting, self.flags = numbers
             self.shifting = bool(shifting)
             return Answer(tuple(values[: self._frames.outputs]), tuple(values[self._frames.outputs :]))
+        text = data[self._frames.answer.size :].decode()
         if kind == DISCARDED:
+            self.trouble = text
             return None
-        raise ControllerFailed(data[self._frames.answer.size :].decode(), Status.ERROR)
+        raise ControllerFailed(text, Status.ERROR)
 
 
 class Lockstep:
@@ -201,6 +204,8 @@ class Lockstep:
             rig.advance_samples(1)
         try:
             answer = controller.answer()
+            if answer is None:
+                rig.explain_silence(controller.trouble)
         except ControllerFailed as failure:
             rig.trip(str(failure))
             answer = None

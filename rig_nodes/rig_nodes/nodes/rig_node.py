@@ -11,12 +11,13 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, Any
 
+from rig_msgs.msg import Event
 from std_srvs.srv import Trigger
 
-from ..description.signals import CONTROLLER_COMMAND
+from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT
 from ..errors import RigError
 from .device import Device, receive
-from .qos import COMMANDS
+from .qos import COMMANDS, recorder_profile
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,6 +43,8 @@ class RigNode(Device):
             self.inputs[CONTROLLER_COMMAND] = receive(
                 self, self.catalogue.topics[CONTROLLER_COMMAND], self.on_valve_command, refuse=commands.refuse
             )
+            profile = recorder_profile(self.catalogue.topics[CONTROLLER_EVENTS].qos)
+            self.create_subscription(Event, CONTROLLER_EVENTS, self.on_controller_event, profile)
         self._seq: int | None = None  # of the newest valve command
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -63,6 +66,17 @@ class RigNode(Device):
             bool(message["shifting"]),
             int(message["flags"]),
         )
+
+    def on_controller_event(self, message: Event) -> None:
+        """Trip at once for a controller that has failed, or keep why it does not answer, for a trip that follows from that."""
+        act = {CONTROLLER_FAILED: self.rig.fail_controller, CONTROLLER_SILENT: self.rig.explain_silence}.get(message.name)
+        if act is not None:
+            self.commands.put_first(CONTROLLER_EVENTS, lambda: self.learn(act, message.text))
+
+    def learn(self, act: Callable[[str], bool], text: str) -> None:
+        """Give the rig what the controller's plug knows; a reason that came after the trip becomes an event of its own."""
+        if act(text):
+            self.commands.event("rig_tripped", self.rig.reason, float(self.rig.status))
 
     def take(self, *command: Any) -> None:
         """Give the rig one valve command; RigError when it is refused, or is taken without acting."""

@@ -9,7 +9,6 @@ sweep.plan and sweep.run use it.
 from __future__ import annotations
 
 import hashlib
-import logging
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..controllers.load import KINDS, level_line, load_controller, split_level
-from ..controllers.plug import LOG, Plug
+from ..controllers.plug import Plug
 from ..errors import RigError
 from ..testbench.rig import check_level
 from ..testbench.simulate import check_controller
@@ -60,7 +59,6 @@ class Plugged:
 
     def load(self, config: RigConfig) -> Plug:
         """Return a new instance for a member with this configuration."""
-        LOG.addHandler(logging.NullHandler())  # the results have the sentence of each traceback
         return load_controller(self.spec, config, self.level)
 
     def digest(self) -> str | None:

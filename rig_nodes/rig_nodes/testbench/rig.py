@@ -160,6 +160,7 @@ class Rig(RigBase, ShownState):
             self._law_config = config.alfa46.law_config(config.transmission)
             self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
+        self._silent, self._trouble = False, ""  # tripped for the age of the commands; what is known of why none comes
         self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
 
     # ---- time
@@ -177,9 +178,50 @@ class Rig(RigBase, ShownState):
         if self.safe:
             return
         if self.shifts and not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
-            self.trip(f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: the shift controller is silent")
+            self._silent = True
+            self.trip(self._silence())
         elif silence := self.cuts.silence():
             self.trip(silence)
+
+    def _silence(self) -> str:
+        return f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: {self._trouble or 'the shift controller is silent'}"
+
+    def explain_silence(self, trouble: str) -> bool:
+        """Take what the controller's plug knows of why no answer comes, as the reason of a trip for the age of the commands.
+
+        Parameters
+        ----------
+        trouble : str
+            The sentence; it counts until the next command.
+
+        Returns
+        -------
+        bool
+            True when the rig has tripped for that age already; its reason is then changed.
+        """
+        self._trouble, late = trouble, self._silent and not self.stopped_by_person
+        if late:
+            self.reason = self._silence()
+        return late
+
+    def fail_controller(self, reason: str) -> bool:
+        """Trip for a controller that cannot go on.
+
+        Parameters
+        ----------
+        reason : str
+            The plug's sentence.
+
+        Returns
+        -------
+        bool
+            True when the rig has tripped for the age of the commands already; its reason is then changed.
+        """
+        late, self._silent = self._silent and not self.stopped_by_person, False
+        if late:
+            self.reason = reason
+        self.trip(reason)
+        return late
 
     def _advance_acting(self, samples: int) -> bool:
         """Move by samples and let every command act at its boundary; False when the plant trips the rig before the end."""
@@ -412,7 +454,7 @@ class Rig(RigBase, ShownState):
 
     def _accept(self, level: str, sample: int) -> None:
         """Record that a command was taken; the first one decides the level when none was given before."""
-        self._last_command = int(sample)
+        self._last_command, self._trouble = int(sample), ""
         if self.level is None:
             self.level = level
             self._by = BY_SETPOINT if level == "current" else BY_DUTY
@@ -498,6 +540,7 @@ class Rig(RigBase, ShownState):
             if not self.shifts or one.device == self.drive:
                 self.device(one.device)[one.command.enabled] = 0.0
         self.reason, self.stopped_by_person = "", False
+        self._silent, self._trouble = False, ""
         self._last_command = -1
         self._to_come.clear()
         for valve in self.valves:

@@ -293,6 +293,8 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
     sample, answer = rig.sample, None
     try:
         answer = ask_controller(rig, controller)
+        if answer is None:
+            rig.explain_silence(controller.trouble)
     except ControllerFailed as failure:
         rig.trip(str(failure))
     if rig.delay > 0:
@@ -302,7 +304,7 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
     if rig.delay == 0:
         rig.advance_samples(1)
     if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
-        rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
+        rig.trip(f"none of the first {sample + 1} samples was answered: {controller.trouble}")
     return answer is not None
 
 
