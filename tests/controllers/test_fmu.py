@@ -8,6 +8,7 @@ import re
 import shutil
 import signal
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -16,8 +17,9 @@ from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.controllers.load import level_line
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.testbench.simulate import advance_with, simulate
 
 from .conftest import ALFA46_C, ask
 from .test_own_process import is_gone
@@ -360,3 +362,73 @@ def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, 
     assert level_line(plug) == (
         f"controller fmu:{build(2)} sends shares of the supply: level duty, as the controller declares (its parameter level)"
     )
+
+
+DESTROY = "void rig_controller_destroy(void *instance) { (void)instance; }"
+REFUSES = """
+#include <sys/mman.h>
+int fmi2Terminate(void *it);
+__attribute__((constructor)) static void refuse(void) { /* it returns 3 (error) from now on */
+  unsigned char *code = (unsigned char *)fmi2Terminate, *page = (unsigned char *)((unsigned long)code & ~4095UL);
+  mprotect(page, 8192, PROT_READ | PROT_WRITE | PROT_EXEC);
+  code[0] = 0xb8, code[1] = 3, code[2] = code[3] = code[4] = 0, code[5] = 0xc3;
+}
+"""
+ENDINGS = {  # what the controller does at its end: C text in destroy and beside it, a step that is refused before, the sentence
+    "crash": ("abort();", "", 0, "in terminate the FMU's process was ended by SIGABRT (aborted)"),
+    "exit": ("exit(0);", "", 0, "in terminate the FMU's process ended itself with exit code 0"),
+    "hang": ("for (volatile int k = 1; k;) {}", "", 0, "terminate did not return within 2 s"),
+    "crash in freeInstance": ("abort();", "", 2, "in freeInstance the FMU's process was ended by SIGABRT (aborted)"),
+    "crash on unloading": (
+        "",
+        "__attribute__((destructor)) static void last(void) { abort(); }",
+        0,
+        "in freeInstance the FMU's process was ended by SIGABRT (aborted)",
+    ),
+    "crash at exit": ("atexit(abort);", "", 0, "in freeInstance the FMU's process was ended by SIGABRT (aborted)"),
+    "error": ("", REFUSES, 0, "terminate failed: terminate ended with status error"),
+    "child": ("if (fork() == 0) { setsid(); for (;;) pause(); }", "#include <unistd.h>\n", 0, ""),
+    "order": ("", "", 0, ""),
+}
+
+
+def open_command(process):
+    """Returns the command line of a process, empty when it has ended."""
+    try:
+        return (process / "cmdline").read_bytes()
+    except OSError:
+        return b""
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_end_of_an_fmu_is_watched(tmp_path, config, ending):
+    from rig_nodes.fmu.build import build_controller_fmu
+
+    what, beside, refused, sentence = ENDINGS[ending]
+    source, path = tmp_path / "ending.c", tmp_path / "ending.fmu"
+    source.write_text(beside + FAULTS.replace(DESTROY, DESTROY.replace("(void)instance;", f"(void)instance; {what}")))
+    build_controller_fmu([source], path, config)
+    plug = load_controller(f"fmu:{path}", config)
+    for sample in range(refused):
+        ask(plug, sample)
+    if refused:
+        plug.order(1)
+        with pytest.raises(ControllerFailed, match="status error"):
+            ask(plug, refused)
+    else:
+        ask(plug)
+    plug.close()
+    assert plug.end_fault == sentence and is_gone(plug.process_id, 0.0)
+    assert all(str(path).encode() not in open_command(process) for process in Path("/proc").glob("[0-9]*")), "no child stays"
+
+
+def test_an_fmu_that_discards_every_sample_is_the_reason_of_the_trip(build, config):
+    plug = load_controller(f"fmu:{build(2, FAULTS.replace('? in->sample : 0', '? 1 : 0'))}", config)
+    rig = Rig(config, controller="external", level=plug.level)
+    for sample in range(140):
+        if sample == 20:
+            plug.order(1)
+        advance_with(rig, plug)
+    plug.close()
+    assert rig.reason.startswith(f"valve commands older than 100 ms: controller {plug.name} does not answer: 100 %n%s of the ")
+    assert rig.reason.endswith("signal lost")

@@ -285,6 +285,8 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
             [factors[name] * found[name] if name in found else 0.0 for name in one] for one in (names.commands, names.setpoints)
         )
         status, gear, shifting, flags = (found.get(name, 0) for name in ("status", "gear", "shifting", "flags"))
+        if status == Status.DISCARD:
+            own_values = shortened(fmu.newest_message()).encode("utf-8", "replace")
         link.send(names.answer.pack(sample, status, gear, shifting, flags, *command, *setpoint) + own_values)
     if not data:
         raise OSError("the line to the rig is closed")

@@ -144,6 +144,10 @@ class Fmu:
         """Forget the messages so far, so that they are not given as the reason of a later failure."""
         self._newest_messages.clear()
 
+    def newest_message(self) -> str:
+        """Return the newest message since they were forgotten; empty when there is none."""
+        return self._newest_messages[-1][1] if self._newest_messages else ""
+
     def _why(self, otherwise: str) -> str:
         """Return why a call failed: the FMU's warnings and errors, else ``otherwise`` with the newest message."""
         reasons = list(dict.fromkeys(text for status, text in self._newest_messages if status > 0))
