@@ -147,7 +147,7 @@ def late(exact, tmp_path_factory):
     def get(*delays):
         if delays not in known:
             globals()["Late"] = type("Late", (Delayed,), {"delays": delays})
-            plug = load_controller(f"python:{__name__}:Late", exact)
+            plug = load_controller(f"python:{__name__}:Late@in-process", exact)
             known[delays], gap = run_with(exact, tmp_path_factory.mktemp("late"), plug)
             assert gap == 1
         return known[delays]

@@ -88,6 +88,7 @@ def _fmu(folder: Path, config: RigConfig) -> None:
 CASES = (
     Case("built-in through the seam", "alfa46"),
     Case("Python class", "python:rig_nodes.controllers.examples.alfa46:Alfa46"),
+    Case("Python class, `--in-process`", "python:rig_nodes.controllers.examples.alfa46:Alfa46@in-process"),
     Case("C library", f"c:{EXAMPLES / 'alfa46.c'}", "cc"),
     Case("Simulink Coder's form", f"simulink:{EXAMPLES / 'simulink'}", "cc"),
     Case("FMU", "fmu:{folder}/alfa46.fmu", "cc", build=_fmu),
