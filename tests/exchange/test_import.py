@@ -84,8 +84,7 @@ BROKEN = {
     "no times": ({"text": "\n".join([HEAD[6:], *(row.partition(";")[2] for row in ROWS)])}, "has no time column; add one"),
     "no rig": ({"profile": "time: t [s]\ncolumns:\n  p1: p1"}, "its rig is not given"),
     "Parquet": ({"text": b"PAR1 and not", "name": "bad.parquet"}, "bad.parquet: cannot be read as Parquet"),
-    "MAT": ({"text": b"no MATLAB" * 30, "name": "bad.mat"}, "bad.mat: cannot be read as a MAT file"),
-    "ending": ({"text": "1;2", "name": "bad.xls"}, "cannot be imported by its ending; known are .csv"),
+    "MAT": ({"text": b"no MATLAB\0" * 30, "name": "bad.mat"}, "bad.mat: cannot be read as a MAT file"),
 }
 
 

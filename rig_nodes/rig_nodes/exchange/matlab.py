@@ -24,17 +24,19 @@ from .provenance import KEY, read_provenance
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 30  # structs in each other
 # how MATLAB writes an object's values as plain structs and arrays, by class; NAME is the variable
-REMEDIES = {
-    "timeseries": "s = struct('t', NAME.Time, 'y', squeeze(NAME.Data)); save('new.mat', 's')",
-    "timetable": "s = table2struct(NAME, 'ToScalar', true); s.t = seconds(NAME.Properties.RowTimes); save('new.mat', 's')",
-    "table": "s = table2struct(NAME, 'ToScalar', true); save('new.mat', 's')",
-    "Simulink.SimulationOutput": "s = struct('t', NAME.tout, 'y', NAME.yout); save('new.mat', 's')",
-}
 DATASET = (
     "for k = 1:NAME.numElements, e = NAME{k}; s.(matlab.lang.makeValidName(e.Name)) = struct('t', e.Values.Time, 'y', "
     "squeeze(e.Values.Data)); end, save('new.mat', '-struct', 's')"
 )
-ANY = "s = struct(NAME); save('new.mat', 's')"
+REMEDIES = {
+    "Simulink.SimulationData.Dataset": DATASET,
+    "Simulink.SimulationOutput": "d = NAME.logsout; " + DATASET.replace("NAME", "d"),
+    "timeseries": "s = struct('t', NAME.Time, 'y', squeeze(NAME.Data)); save('new.mat', 's')",
+    "timetable": "s = table2struct(NAME, 'ToScalar', true); s.t = seconds(NAME.Properties.RowTimes); save('new.mat', 's')",
+    "table": "s = table2struct(NAME, 'ToScalar', true); save('new.mat', 's')",
+    "datetime": "t = seconds(NAME - NAME(1)); save('new.mat', 't', '-append')",
+}
+ANY = "s = struct('t', NAME.t, 'y', NAME.y); save('new.mat', 's'), with its own names of times and values"
 
 
 class Opaque:
@@ -71,14 +73,16 @@ def read_matlab(path: Path) -> Foreign:
     objects = list(_objects(tree))
     if objects and len(channels) < 2:  # what else is there is at most the times
         name, kind = objects[0]
-        line = REMEDIES.get(kind, DATASET if kind.endswith("Dataset") else ANY).replace("NAME", name)
-        raise RigError(
-            f"{path}: '{name}' is {f'a {kind}' if kind else 'an object'}, which only MATLAB can read; there, write its values by "
-            f"{line}"
-        )
+        line = REMEDIES.get(kind, ANY).replace("NAME", name)
+        raise RigError(f"{path}: '{name}' is {_named(kind)}, which only MATLAB can read; there, write its values by {line}")
     if not channels:
         raise RigError(f"{path}: holds no vector of numbers and no struct of such vectors")
-    return Foreign(path, channels, provenance=provenance)
+    notes = tuple(f"'{name}' was left out; it is {_named(kind)}, which only MATLAB can read" for name, kind in objects)
+    return Foreign(path, channels, provenance=provenance, notes=notes)
+
+
+def _named(kind: str) -> str:
+    return f"an object of class {kind}" if kind else "an object"
 
 
 def _objects(tree: object, name: str = "") -> Any:
@@ -109,9 +113,8 @@ def _version_7(path: Path) -> dict[str, Any]:
         problem = f"{error}".strip().splitlines() or [type(error).__name__]
         raise RigError(f"{path}: cannot be read as a MAT file ({problem[0]})") from None
     tree = {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
-    unnamed = tree.pop("None", None)  # scipy names an object so whose name it cannot read
-    if isinstance(unnamed, Opaque):
-        tree["object"] = unnamed
+    if isinstance(unnamed := tree.pop("None", None), Opaque):  # scipy takes the name of an object for a part of it
+        tree[_part(found["None"], "s0") or "object"] = unnamed
     return tree
 
 
@@ -135,12 +138,15 @@ def _plain(value: Any, depth: int = 0) -> Any:
 
 def _class_of(value: Any) -> str:
     """Return the class of an object of scipy as far as the file tells it."""
-    kind = getattr(value, "classname", "")
+    return str(getattr(value, "classname", "")) or _part(value, "s2")
+
+
+def _part(value: Any, name: str) -> str:
+    """Return a text of scipy's record of an object; empty where there is none."""
     names = value.dtype.names if isinstance(value, np.ndarray) else None
-    if not kind and names and "s2" in names and value.size:
-        kind = value.ravel()[0]["s2"]
-    kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
-    return kind if kind.isprintable() else ""
+    text = value.ravel()[0][name] if names and name in names and value.size else ""
+    text = text.decode("latin-1") if isinstance(text, bytes) else str(text)
+    return text if text.isprintable() else ""
 
 
 # ---- version 7.3

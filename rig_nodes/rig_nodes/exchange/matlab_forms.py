@@ -111,7 +111,7 @@ def _of_signals(path: str, struct: Mapping) -> Found:
             continue
         place = f"{path}.signals[{number}].values" if isinstance(signals, list) else f"{path}.signals.values"
         rows = len(times) if times is not None else values.shape[0]
-        if values.ndim > 2 and values.shape[-1] == rows:  # a matrix at each time
+        if values.ndim > 1 and values.shape[-1] == rows != values.shape[0]:  # a matrix at each time
             values = values.reshape(-1, rows, order="F").T
         if values.ndim > 2 or values.ndim == 0 or values.shape[0] != rows or rows < 2:
             continue

@@ -98,7 +98,7 @@ def _group(file: Any, group: int) -> Iterator[tuple[list[str], Channel]]:
     """Yield the channels of numbers of a group that shares its times, each with the names by which it can be told from others."""
     places = [(number, channel) for number, them in file.included_channels(group)[group].items() for channel in them]
     for number in {place[0] for place in places}:
-        _check_whole(file.groups[number], number, file.file_limit)
+        _check_whole(file.groups[number], number, file.original_name.stat().st_size)
     without = _checked(file, places) if file.version >= "4" else set()
     signals = file.select([(None, *place) for place in places], ignore_value2text_conversions=True, copy_master=False)
     for place, one in zip(places, signals):
