@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
 
 import can
@@ -83,7 +84,7 @@ ANOTHER = {
     "FAMOS": ("x.dat", b"|CF,2,1,1;|CK,1,3,1,1;", "is an imc FAMOS file; export it as MDF, Parquet or CSV"),
     "unknown": ("x.d97", bytes(range(256)), "is not text, although its ending is .d97, and none of the formats that are read (CSV"),
     "empty": ("x.tdms", b"", "is empty"),
-    "damaged TDMS": ("x.tdms", b"TDSm\x0e\0\0\0" + b"\xff" * 60, "cannot be read as TDMS"),
+    "damaged TDMS": ("x.tdms", struct.pack("<4sIIQQ", b"TDSm", 0x0E, 4713, 100, 100) + b"\xff" * 200, "cannot be read as TDMS"),
 }
 
 
