@@ -62,6 +62,30 @@ def test_the_bus_is_on_loopback_and_on_no_other_network():
     assert joined == {"lo"}
 
 
+@pytest.mark.parametrize("ending", ["asc", "blf", "log", "trc", "csv", "mf4"])
+def test_a_log_of_the_bus_has_the_times_of_arrival_and_a_channel(ending, tmp_path):
+    sender, bus = (open_bus(GROUP, "udp_multicast", "test", port=PORT) for _ in range(2))
+    began = time.time()
+    try:
+        with can.Logger(tmp_path / f"trace.{ending}") as log:
+            arrived = []
+            for number in range(3):
+                sender.send(can.Message(arbitration_id=0x101, data=bytes([number]), is_extended_id=False))
+                frame = bus.recv(5.0)
+                log.on_message_received(frame)
+                arrived.append(frame.timestamp)
+                assert began <= frame.timestamp <= time.time() and frame.channel == 0
+                assert bus.sender == sender._sender.getsockname()[1], "whoever needs it knows the program that has sent"
+    finally:
+        sender.shutdown()
+        bus.shutdown()
+    found = list(can.LogReader(tmp_path / f"trace.{ending}"))
+    times = [one.timestamp for one in found]
+    assert [one.data[0] for one in found] == [0, 1, 2] and arrived == sorted({*arrived})
+    assert [one - times[0] for one in times] == pytest.approx([one - arrived[0] for one in arrived], abs=1.1e-3)
+    assert {one.channel for one in found} <= {0, 1, "can0", None}, "candump names channels, and csv has none"
+
+
 @pytest.mark.parametrize("channel", ["127.0.0.1", "ff15::1", "nowhere"])
 def test_a_channel_that_is_no_group_is_refused(config, channel):
     with pytest.raises(RigError, match=f"the bus {channel} cannot be opened with the interface udp_multicast: ") as refusal:

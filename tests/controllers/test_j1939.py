@@ -308,13 +308,16 @@ def test_the_dbc_says_what_j1939_tools_look_for():
     assert {name: message.dbc.attributes["PGN"].value for name, message in groups.items()} == {
         "ETC1": 61442,
         "ETC2": 61445,
+        "ADDRESS_CLAIMED": 60928,
+        "ACKNOWLEDGEMENT": 59392,
         "CONTROL_STATE_J1939": 65296,
         "CONTROL_COMMAND_CURRENT_J1939": 65297,
         "CONTROL_COMMAND_DUTY_J1939": 65298,
     }
     for message in groups.values():
         parts = cantools.j1939.frame_id_unpack(message.frame_id)
-        pgn = cantools.j1939.pgn_pack(parts.reserved, parts.data_page, parts.pdu_format, parts.pdu_specific)
+        specific = parts.pdu_specific if parts.pdu_format >= 240 else 0  # else it is the address of all nodes
+        pgn = cantools.j1939.pgn_pack(parts.reserved, parts.data_page, parts.pdu_format, specific)
         assert pgn == message.dbc.attributes["PGN"].value
     spns = {s.name: s.spn for name in ("ETC1", "ETC2") for s in groups[name].signals}
     assert spns == {
@@ -329,3 +332,19 @@ def test_the_dbc_says_what_j1939_tools_look_for():
     }
     assert {message.name: message.cycle_time for message in read.messages}["ETC2"] == 100
     assert read.get_message_by_name("CONTROL_STATE").protocol is None
+
+
+def test_every_frame_that_the_rig_sends_is_in_the_exported_database(make, config, tmp_path):
+    (tmp_path / "rig.dbc").write_text(dbc_text(record_of(config)))
+    database = cantools.database.load_file(tmp_path / "rig.dbc")
+    bus = make()
+    bus.put(0x18EA0321, bytes([0, 0xF0, 0]))  # another node asks for a group that the rig does not have
+    for sample in range(120):
+        bus.step(sample)
+    sent = [*bus.frames(extended=True)]
+    named = {database.get_message_by_frame_id(number).name: data for number, data in sent}
+    assert {*named} == {"ADDRESS_CLAIMED", "ACKNOWLEDGEMENT", "ETC1", "ETC2"}
+    name = database.get_message_by_name("ADDRESS_CLAIMED").decode(named["ADDRESS_CLAIMED"])
+    assert (name["Function"], name["IndustryGroup"], name["ArbitraryAddressCapable"]) == (3, 0, 0)
+    answer = database.get_message_by_name("ACKNOWLEDGEMENT").decode(named["ACKNOWLEDGEMENT"])
+    assert (answer["ControlByte"], answer["AddressAcknowledged"], answer["PGNRequested"]) == (1, 0x21, 61440)

@@ -3,7 +3,8 @@
 
 """``rig export WHAT``: files for other tools.
 
-They are a run as CSV, Parquet, MDF4 or MAT; the rig or a controller as an FMU, the CAN database, the register map, rig_record.h.
+They are a run as CSV, Parquet, MDF4, MAT or CAN log; the rig or a controller as an FMU; the CAN database, the register map and
+rig_record.h.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from ..controllers.record import ControllerRecord
 
 INTERMIXED = True  # files may come before and behind options
-HELP = "write a run as CSV, Parquet, MDF4 or MAT; an FMU, the CAN database, the Modbus registers or rig_record.h"
+HELP = "write a run as CSV, Parquet, MDF4, MAT or CAN log; an FMU, the CAN database, the Modbus registers or rig_record.h"
 RUNS = ("csv", "parquet", "mf4", "mat")
+CAN_LOGS = ("blf", "asc", "log")
 DEFAULTS = {
     "fmu": "{rig}.fmu",
     "controller-fmu": "{source}.fmu",
@@ -35,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument(
         "what",
-        choices=(*RUNS, *DEFAULTS),
-        help="csv, parquet, mf4, mat: a run; fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
-        "CAN; registers: for Modbus, .csv or .md; record: for C and C++",
+        choices=(*RUNS, *CAN_LOGS, *DEFAULTS),
+        help="csv, parquet, mf4, mat: a run; blf, asc, log: a run as CAN frames; fmu: the rig; controller-fmu: a controller in C "
+        "or C++; dbc: for CAN; registers: for Modbus, .csv or .md; record: for C and C++",
     )
     parser.add_argument(
         "sources",
@@ -93,7 +95,7 @@ def main(args: argparse.Namespace) -> int:
     from ..testbench.configuration import rig_name
     from ..testbench.folders import parse_settings
 
-    if args.what in RUNS:
+    if args.what in (*RUNS, *CAN_LOGS):
         return _run(args)
     if args.signals or args.clock or args.units != "si":
         raise RigError(f"--signals, --units and --clock are for runs ({', '.join(RUNS)}), not for {args.what}")
@@ -136,6 +138,8 @@ def _run(args: argparse.Namespace) -> int:
     _check_place(what, target, ENDINGS[what])
     for path in (target, *([csvw_path(target)] if what == "csv" else [])):
         may_write("-o", path, NEVER, args)
+    if what in CAN_LOGS:
+        return _can_log(args, run, target)
     clock = None if args.clock is None else quantity(args.clock, "time", "--clock")
     if clock is not None and not clock >= 1e-6:
         raise RigError(f"--clock {args.clock}: expected at least 1 us")
@@ -148,6 +152,22 @@ def _run(args: argparse.Namespace) -> int:
         line.leave()
     count = sum(len(group.columns) for group in signals.groups)
     print(f"written to {target}: {count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}")
+    return 0
+
+
+def _can_log(args: argparse.Namespace, run: Path, target: Path) -> int:
+    from ..errors import RigError
+    from ..exchange.can_log import export_can_log
+    from .progress import ProgressLine
+
+    if args.signals or args.clock or args.units != "si":
+        raise RigError(f"--signals, --units and --clock are for {', '.join(RUNS)}; {args.what} holds the frames of rig.dbc")
+    line = ProgressLine(None)
+    try:
+        count = export_can_log(args.what, run, target, line.show)
+    finally:
+        line.leave()
+    print(f"written to {target}: {count} frames, which './rig export dbc' describes")
     return 0
 
 

@@ -3,37 +3,34 @@
 
 """The plug for a controller on a CAN bus: ``can:CHANNEL?interface=virtual`` (udp_multicast, socketcan ...).
 
-load.py makes it; python-can and cantools are imported only then. The messages are those of can_database.py.
+load.py makes it; python-can and cantools are imported only then. The messages are those of can_database.py; can_frames.py makes
+the rig's.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections import deque
 from typing import TYPE_CHECKING
 
 from ..errors import RigError
-from ..transmission import NEUTRAL
 from . import can_database as frames
 from . import j1939
+from .can_frames import RigFrames
 from .free_running import AT_ONCE, FreeRunning, number, split_options, timeout_of
 from .plug import error_text
-from .record import STANDSTILL, ControllerRecord
 from .seam import ControllerInputs, ControllerOutputs
-from .wire import commands, currents, held_in, measured
+from .wire import commands, held_in
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
     import can
     from cantools.database.can import Message
 
     from ..testbench.configuration import RigConfig
 
-RPM = 30.0 / math.pi
-ENGAGED = 2.0  # % of slip below which a clutch counts as engaged
 OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
 NO_ADDRESS = "none"  # value of address: plain frames only
 REMEMBERED = 200  # frames that are kept, to compare a second frame for the same sample with the first
@@ -66,14 +63,7 @@ def open_bus(channel: str, interface: str, name: str, **options: int) -> can.Bus
     RigError
         When python-can is not installed or the bus cannot be opened.
     """
-    try:
-        import can
-    except ImportError:
-        raise RigError(
-            "CAN needs python-can, which is not installed here; install it into the rig's environment "
-            "(pip install python-can cantools)"
-        ) from None
-    frames.need_cantools()
+    can = frames.need_can()
     logging.getLogger("can").setLevel(logging.ERROR)
     try:
         if interface == "udp_multicast":
@@ -109,43 +99,6 @@ def receive(bus: can.BusABC, seconds: float, fault: Callable[[str], None]) -> ca
         return None
 
 
-def percent(slip: float) -> float:
-    """Return a slip, given as a share of the input speed, in % from 0 to 100; NaN stays NaN."""
-    return slip if math.isnan(slip) else min(100.0 * abs(slip), 100.0)
-
-
-class Gearbox:
-    """The state of the clutches as pressures and speeds on the wires show it; it is for J1939, not for the controller.
-
-    ``gear`` is the gear engaged last, None while a transducer has no reading; ``engaged`` is True while a clutch holds.
-    """
-
-    def __init__(self, record: ControllerRecord) -> None:
-        self.gear: int | None = NEUTRAL
-        self._last, self.engaged, self._record = NEUTRAL, False, record
-        self._held = {
-            gear.number: [(record.reader(name), kiss) for name, kiss in gear.presses]
-            for gear in record.gears
-            if gear.ratio is not None
-        }
-
-    def see(self, inputs: ControllerInputs, shifting: bool) -> None:
-        """Take a sample; the gear stays through a shift until the new clutch holds, and is neutral when no clutch is pressed."""
-        pressures = {gear: [(reader(inputs.measured), kiss) for reader, kiss in held] for gear, held in self._held.items()}
-        slips = {gear: percent(self._record.slip(gear, inputs.measured)) for gear in self._held}
-        if not all(map(math.isfinite, (*(p for held in pressures.values() for p, _ in held), *slips.values()))):
-            self.gear, self.engaged = None, False
-            return
-        pressed = [gear for gear, held in pressures.items() if all(pressure > kiss for pressure, kiss in held)]
-        holding = [gear for gear in pressed if slips[gear] < ENGAGED]
-        self.engaged = bool(holding)
-        if len(holding) == 1:
-            self._last = holding[0]
-        elif not pressed and not shifting:
-            self._last = NEUTRAL
-        self.gear = self._last
-
-
 class CanBus(FreeRunning):
     """A controller at the other end of a CAN bus.
 
@@ -173,26 +126,23 @@ class CanBus(FreeRunning):
 
         self._message = can.Message
         record = self.rig_record
-        database = frames.database(record)
-        self._by_name = {message.name: message for message in database.messages}
-        self._measured, self._currents = measured(record), currents(record)
+        by_name = {message.name: message for message in frames.database(record).messages}
         self._commands = commands(record, self.level)
         command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
-        self._expected = {frames.FRAME_IDS[n]: self._by_name[n] for n in (frames.STATE, command)}
-        self._expected_groups = {frames.GROUPS[n]: self._by_name[n] for n in (frames.STATE, command)}
+        self._expected = {frames.FRAME_IDS[n]: by_name[n] for n in (frames.STATE, command)}
+        self._expected_groups = {frames.GROUPS[n]: by_name[n] for n in (frames.STATE, command)}
         self._rig_frames = {frames.FRAME_IDS[n]: n for n in (frames.REQUEST, frames.MEASURED, frames.CURRENTS)}
         self._state: dict | None = None
         self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> content of the first frame
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest ones
-        self._requested: int | None = None
-        self._gearbox, self._shown = Gearbox(record), None
         self._node = None
         self._look_for_another()
+        self._frames = RigFrames(record, self.level, self._put_frame, self._every, frames.ADDRESS if address is None else address)
         if address is not None:
             self._node = j1939.Node(
                 address,
                 self._put_group,
-                {frames.GROUPS[frames.ETC1]: self._send_etc1, frames.GROUPS[frames.ETC2]: self._send_etc2},
+                {frames.GROUPS[frames.ETC1]: self._etc1, frames.GROUPS[frames.ETC2]: self._frames.etc2},
                 self._lost_address,
             )
 
@@ -218,14 +168,6 @@ class CanBus(FreeRunning):
 
     # ---- out
 
-    def _put(self, name: str, values: dict) -> None:
-        message = self._by_name[name]
-        data = message.encode(values, scaling=False, strict=False, padding=message.is_extended_frame)
-        number = message.frame_id
-        if message.is_extended_frame:
-            number = number & ~0xFF | self._node.address
-        self._put_frame(number, data, message.is_extended_frame)
-
     def _put_group(self, number: int, data: bytes) -> None:
         self._put_frame(number, data, True)
 
@@ -236,60 +178,17 @@ class CanBus(FreeRunning):
             self.ignored.add(f"a frame could not be sent ({error_text(error)})")
 
     def _send(self, inputs: ControllerInputs) -> None:
-        sample, request = inputs.sample, inputs.gear_request
-        if request != self._requested or sample % frames.CYCLES[frames.REQUEST] == 0:
-            self._requested = request
-            self._put(frames.REQUEST, {"gear_request": request, "level": int(self.level == "current")})
-        if sample % self._every == 0:
-            self._put(frames.MEASURED, _raw(self._measured, inputs.measured))
-            self._put(frames.CURRENTS, {"sample": sample & 0xFFFF, **_raw(self._currents, inputs.current)})
-        self._gearbox.see(inputs, self.shifting)
-        self._shown = inputs
-        if self._node is None or not self._node.may_send:
-            return
-        if sample % frames.CYCLES[frames.ETC1] == 0:
-            self._send_etc1()
-        if sample % frames.CYCLES[frames.ETC2] == 0:
-            self._send_etc2()
+        self._tell()
+        self._frames.take(inputs, self.shifting, self._node is not None and self._node.may_send)
 
-    def _send_etc1(self) -> None:
-        """Send ETC1 with the newest sample, nothing before the first."""
-        if self._shown is None:
-            return
-        gearbox, measured_now = self._gearbox, self._shown.measured
-        n_in, n_out = self.rig_record.speeds(measured_now)
-        slip = percent(self.rig_record.slip(self.gear, measured_now))
+    def _tell(self) -> None:
+        """Give the frames of J1939 what the controller has reported."""
         shifting = j1939.NOT_AVAILABLE if not self._was_here else j1939.ERROR if self._silence_reported else int(self.shifting)
-        self._put(
-            frames.ETC1,
-            {
-                "TransDrivelineEngaged": j1939.ERROR if gearbox.gear is None else int(gearbox.engaged),
-                "TransShiftInProcess": shifting,
-                "TransOutputShaftSpeed": _two_bytes(n_out * RPM / 0.125),
-                "PercentClutchSlip": round(slip / 0.4) if math.isfinite(slip) else j1939.ERROR_1,
-                "TransInputShaftSpeed": _two_bytes(n_in * RPM / 0.125),
-            },
-        )
+        self._frames.gear, self._frames.shifting = self.gear, shifting
 
-    def _send_etc2(self) -> None:
-        """Send ETC2 with the newest sample, nothing before the first."""
-        if self._shown is None:
-            return
-        gear = self._gearbox.gear
-        n_in, n_out = self.rig_record.speeds(self._shown.measured)
-        ratio = j1939.NONE_2  # at standstill there is no ratio
-        if not math.isfinite(n_in) or not math.isfinite(n_out):
-            ratio = j1939.ERROR_2
-        elif n_out > STANDSTILL:
-            ratio = _two_bytes(n_in / n_out / 0.001)
-        self._put(
-            frames.ETC2,
-            {
-                "TransSelectedGear": self._shown.gear_request + 125,
-                "TransActualGearRatio": ratio,
-                "TransCurrentGear": j1939.ERROR_1 if gear is None else gear + 125,
-            },
-        )
+    def _etc1(self) -> None:
+        self._tell()
+        self._frames.etc1()
 
     def _lost_address(self, text: str) -> None:
         self.conflict = f"{text}; choose another one with &address=N, or none with &address={NO_ADDRESS}"
@@ -314,7 +213,7 @@ class CanBus(FreeRunning):
         number = frame.arbitration_id
         if not frame.is_extended_id:
             if number in self._expected:
-                self._take(self._expected[number], frame, self._program(frame))
+                self._take(self._expected[number], frame, self._program())
             elif number in self._rig_frames:
                 self._foreign(frame)
         elif self._node is not None:
@@ -332,13 +231,13 @@ class CanBus(FreeRunning):
             number = frame.arbitration_id
             self.conflict = (
                 f"another rig is at work on {self.place}: the frame {self._rig_frames[number]} (0x{number:x}) comes from "
-                f"{self._program(frame) if self._sees_programs else 'another program'} too; give each rig a bus of its own"
+                f"{self._program() if self._sees_programs else 'another program'} too; give each rig a bus of its own"
                 + (", for example with &port=N" if self._sees_programs else "")
             )
 
-    def _program(self, frame: can.Message) -> str:
+    def _program(self) -> str:
         """Return the sender of a plain frame as far as it is known: on udp_multicast the port of its program."""
-        return f"the program on port {frame.channel}" if self._sees_programs else "plain frames"
+        return f"the program on port {getattr(self._bus, 'sender', 0)}" if self._sees_programs else "plain frames"
 
     def _take(self, message: Message, frame: can.Message, who: str) -> None:
         if not self.may_command(who):
@@ -390,13 +289,3 @@ class CanBus(FreeRunning):
 
     def _end(self) -> None:
         self._bus.shutdown()
-
-
-def _raw(wires: list, values: Iterable[float]) -> dict[str, int]:
-    """Return the raw numbers by the names of their wires."""
-    return {wire.name: wire.encode(value) for wire, value in zip(wires, values, strict=True)}
-
-
-def _two_bytes(value: float) -> int:
-    """Return the raw J1939 number of two bytes, below the reserved range; "error" for a value that is no finite number."""
-    return round(min(max(value, 0), j1939.HIGHEST_2)) if math.isfinite(value) else j1939.ERROR_2

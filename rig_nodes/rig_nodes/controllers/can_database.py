@@ -25,16 +25,32 @@ if TYPE_CHECKING:
 REQUEST, MEASURED, CURRENTS = "RIG_REQUEST", "RIG_MEASURED", "RIG_CURRENTS"
 STATE, COMMAND_CURRENT, COMMAND_DUTY = "CONTROL_STATE", "CONTROL_COMMAND_CURRENT", "CONTROL_COMMAND_DUTY"
 ETC1, ETC2 = "ETC1", "ETC2"
+CLAIM, ACKNOWLEDGE = "ADDRESS_CLAIMED", "ACKNOWLEDGEMENT"
 FRAME_IDS = {REQUEST: 0x100, MEASURED: 0x101, CURRENTS: 0x102, STATE: 0x200, COMMAND_CURRENT: 0x201, COMMAND_DUTY: 0x202}
 ADDRESS = 3  # J1939 source address of the rig: transmission
 # J1939-71: ETC1 and ETC2; J1939-21: proprietary B, for a controller that sends its frames as J1939 groups
 GROUPS = {ETC1: 61442, ETC2: 61445, STATE: 65296, COMMAND_CURRENT: 65297, COMMAND_DUTY: 65298}
-PRIORITIES = {ETC1: 3, ETC2: 6, STATE: 3, COMMAND_CURRENT: 3, COMMAND_DUTY: 3}
+GROUPS |= {CLAIM: j1939.ADDRESS_CLAIMED, ACKNOWLEDGE: j1939.ACKNOWLEDGEMENT}
+PRIORITIES = {ETC1: 3, ETC2: 6, STATE: 3, COMMAND_CURRENT: 3, COMMAND_DUTY: 3, CLAIM: j1939.PRIORITY, ACKNOWLEDGE: j1939.PRIORITY}
 AS_GROUP = "_J1939"  # follows the name of a controller's frame in its form as a J1939 group
 CYCLES = {REQUEST: 10, MEASURED: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
+CYCLES |= {CLAIM: 0, ACKNOWLEDGE: 0}  # on request
 RIG, CONTROLLER = "RIG", "CONTROLLER"
 # what a frame of 8 bytes has room for (beside the sample's number); a rig with more cannot use CAN
 MOST_MEASURED, MOST_OUTPUTS = 4, 3
+
+
+def need_can() -> ModuleType:
+    """Return the module can of python-can; RigError when it or cantools is not installed."""
+    try:
+        import can
+    except ImportError:
+        raise RigError(
+            "CAN needs python-can, which is not installed here; install it into the rig's environment "
+            "(pip install python-can cantools)"
+        ) from None
+    need_cantools()
+    return can
 
 
 def need_cantools() -> ModuleType:
@@ -226,7 +242,7 @@ def _controller_messages(record: ControllerRecord, group: bool) -> list:
 
 
 def _j1939_messages() -> list:
-    """Return ETC1 and ETC2 with the signals that the rig has, scaled as in J1939-71; the other signals are not available."""
+    """Return the rig's groups: ETC1 and ETC2 with the signals that it has, scaled as in J1939-71, and those of its address."""
     bits = {0: "off", 1: "on", 2: "error", 3: "not available"}
     return [
         _message(
@@ -274,6 +290,43 @@ def _j1939_messages() -> list:
                 ),
             ],
             "J1939 Electronic Transmission Controller 2, PGN 61445.",
+            True,
+        ),
+        *_address_messages(),
+    ]
+
+
+def _address_messages() -> list:
+    """Return the groups of J1939-81 and -21 that the rig sends: its NAME, and the answer to a request that it cannot serve."""
+    name = (
+        ("IdentityNumber", 0, 21, "Random in each run.", 2837),
+        ("ManufacturerCode", 21, 11, "0.", 2838),
+        ("ECUInstance", 32, 3, "0.", 2840),
+        ("FunctionInstance", 35, 5, "0.", 2839),
+        ("Function", 40, 8, "3: transmission.", 2841),
+        ("VehicleSystem", 49, 7, "0.", 2842),
+        ("VehicleSystemInstance", 56, 4, "0.", 2843),
+        ("IndustryGroup", 60, 3, "0: all.", 2846),
+        ("ArbitraryAddressCapable", 63, 1, "0: the address stays.", 2844),
+    )
+    answer = (
+        ("ControlByte", 0, 8, "1: the group is not available here."),
+        ("AddressAcknowledged", 32, 8, "Address of the node that has asked."),
+        ("PGNRequested", 40, 24, "The group that was requested."),
+    )
+    return [
+        _message(
+            CLAIM,
+            RIG,
+            [_signal(one, start, length, text, spn=spn) for one, start, length, text, spn in name],
+            "J1939 address claimed with the NAME of the rig, PGN 60928.",
+            True,
+        ),
+        _message(
+            ACKNOWLEDGE,
+            RIG,
+            [_signal(one, start, length, text) for one, start, length, text in answer],
+            "J1939 acknowledgement, PGN 59392.",
             True,
         ),
     ]

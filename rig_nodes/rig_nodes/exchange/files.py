@@ -29,8 +29,18 @@ from .provenance import KEY, csvw_path, lines_of, provenance_of, text_of
 
 if TYPE_CHECKING:
     from ..arrays import Floats
+    from ..bags.reader import Bag
 
-KINDS = {"csv": (".csv",), "parquet": (".parquet",), "mf4": (".mf4",), "mat": (".mat",)}
+# endings by what is exported of a run; can_log.py writes the last three
+KINDS = {
+    "csv": (".csv",),
+    "parquet": (".parquet",),
+    "mf4": (".mf4",),
+    "mat": (".mat",),
+    "blf": (".blf",),
+    "asc": (".asc",),
+    "log": (".log",),
+}
 TIME = "t"
 DATED = 3e7  # s; the times of a file that was imported and began later are dates, from 1970
 MAT_LARGEST = 1 << 30  # bytes; a MAT file is made in memory as a whole
@@ -87,7 +97,7 @@ def export(kind: str, order: Order) -> None:
 
 
 @contextmanager
-def _whole(target: Path) -> Iterator[Path]:
+def whole(target: Path) -> Iterator[Path]:
     """Yield a temporary name to write to; the file is renamed when the block ends without an error, and deleted otherwise."""
     part = target.with_name(f".{os.getpid()}-{target.name}")
     try:
@@ -102,7 +112,7 @@ def _whole(target: Path) -> Iterator[Path]:
 
 def _csv(order: Order) -> None:
     columns = order.columns
-    with _whole(order.target) as part:
+    with whole(order.target) as part:
         with open(part, "w", encoding="utf-8", newline="") as file:
             file.write(",".join([f"{TIME} [s]", *(f"{one.name} [{one.unit}]" for one in columns)]) + "\n")
             for rows in order.rows():
@@ -138,7 +148,7 @@ def _parquet(order: Order) -> None:
         [pa.field(one.name, pa.float64(), metadata={"unit": one.unit, "description": one.text}) for one in columns],
         metadata={KEY: text_of(provenance), **dict(lines_of(provenance))},
     )
-    with _whole(order.target) as part, parquet.ParquetWriter(part, schema, compression="zstd") as writer:
+    with whole(order.target) as part, parquet.ParquetWriter(part, schema, compression="zstd") as writer:
         for rows in order.rows():
             arrays = [pa.array(rows.times / 1e9), *(pa.array(column, from_pandas=True) for column in rows.values.T)]
             writer.write_table(pa.table(arrays, schema=schema))
@@ -148,8 +158,8 @@ def _mf4(order: Order) -> None:
     package = needed("asammdf", "MDF4")
     groups, provenance = order.signals.groups, provenance_of(order.signals.small)
     place: dict[int, int] = {}
-    with _whole(order.target) as part, package.MDF(version="4.10") as file:
-        file.header.start_time = _started(order, provenance["run"])
+    with whole(order.target) as part, package.MDF(version="4.10") as file:
+        file.header.start_time = started(order.signals.small, order.signals.last)
         file.header.comment = "; ".join(f"{name}: {value}" for name, value in lines_of(provenance))
         file.attach(text_of(provenance).encode(), file_name=f"{KEY}.json", mime="application/json", embedded=True)
         for rows in chain.from_iterable(order.signals.parts(order.progress)):
@@ -168,15 +178,27 @@ def _mf4(order: Order) -> None:
         os.replace(made_at, part)
 
 
-def _started(order: Order, run: dict) -> datetime:
-    """Return the date of a run: that of the measurement which was imported, or when its bag was written less its length."""
-    about = run.get("imported")
+def started(small: Bag, last: int) -> datetime:
+    """Return the date of a run.
+
+    Parameters
+    ----------
+    small : Bag
+        Description of the run.
+    last : int
+        Time of its last message [ns].
+
+    Returns
+    -------
+    datetime
+        The date of the measurement that was imported; otherwise when the bag was written, less its length.
+    """
+    about = small.run_info().get("imported")
     facts = [about.get(name) for name in ("start", "time_zero_s")] if isinstance(about, dict) else []
     start = next((float(one) for one in facts if isinstance(one, (int, float)) and DATED < one < 1e10), None)
     if start is None:
-        path = order.signals.small.path
-        newest = max(one.stat().st_mtime for one in ([path] if path.is_file() else path.glob("*.mcap")))
-        start = newest - order.signals.last / 1e9
+        files = [small.path] if small.path.is_file() else small.path.glob("*.mcap")
+        start = max(one.stat().st_mtime for one in files) - last / 1e9
     return datetime.fromtimestamp(start, UTC)
 
 
@@ -198,7 +220,7 @@ def _mat(order: Order) -> None:
         if held:
             table = np.concatenate([rows.values for rows in held])
             found[_field(group.topic.strip("/"))] = _struct(group, np.concatenate([rows.times for rows in held]) / 1e9, table)
-    with _whole(order.target) as part, open(part, "wb") as file:
+    with whole(order.target) as part, open(part, "wb") as file:
         savemat(file, found, long_field_names=True, do_compression=True, oned_as="column")
 
 

@@ -108,8 +108,8 @@ def _times(one: Any, axis: Any, start: int) -> tuple[Floats | None, str]:
     """Return the times [s] of a channel, from the file's ``start`` [ns] where it has dates; or over what else it is recorded."""
     if axis is not None and len(axis) == len(one):
         if _is_dates(axis):
-            return (np.asarray(axis[:]).astype("datetime64[ns]").astype(np.int64) - start) * 1e-9, ""
-        return np.asarray(axis[:]).astype(float) * UNITS[_unit(axis) or "s"][1], ""
+            return np.array((np.asarray(axis[:]).astype("datetime64[ns]").astype(np.int64) - start) * 1e-9, float), ""
+        return np.asarray(axis[:], float) * UNITS[_unit(axis) or "s"][1], ""
     step, stated = float(one.properties.get("wf_increment") or 0.0), str(one.properties.get("wf_xunit_string") or "s")
     if not step > 0.0:
         return None, ""
@@ -117,4 +117,5 @@ def _times(one: Any, axis: Any, start: int) -> tuple[Floats | None, str]:
     if unit is None or UNITS[unit][0] != "time":
         return None, f"'{one.properties.get('wf_xname') or 'x'}' in {stated}"
     late = ((_start(one) or start) - start) * 1e-9
-    return late + (float(one.properties.get("wf_start_offset") or 0.0) + step * np.arange(len(one))) * UNITS[unit][1], ""
+    offset = float(one.properties.get("wf_start_offset") or 0.0)
+    return np.array(late + (offset + step * np.arange(len(one))) * UNITS[unit][1], float), ""
