@@ -85,6 +85,21 @@ def test_the_first_client_that_writes_is_the_master(make):
     )
 
 
+def test_one_block_over_the_whole_map_is_read_and_what_is_not_in_it_is_not_written(make):
+    server = make()
+    server.plug.step(70000, [0.1, 0.2, 0.0], [100.0, 50.0, 1.0e6, 0.5e6])
+    client = server.client()
+    assert client.write_registers(32, command(1, 20000, 2)).isError() is False
+    block = client.read_holding_registers(0, count=40).registers
+    assert block == [1, 4464, 0, 1, 2000, 4000, 0, 9549, 4775, 500, 500, *[0] * 21, *command(1, 20000, 2)]
+    for first, count in ((0, 12), (8, 32), (11, 21), (20, 5), (31, 2)):
+        assert client.read_input_registers(first, count=count).registers == block[first : first + count]
+    refused = (11, [7]), (31, [7]), (30, [7] * 10), (10, [7, 7]), (38, [0, 0, 0]), (40, [7])
+    assert [client.write_registers(first, values).exception_code for first, values in refused] == [2] * 6
+    assert client.read_holding_registers(0, count=41).exception_code == 2
+    assert client.read_holding_registers(0, count=40).registers == block, "what was refused changed nothing"
+
+
 def test_another_client_may_write_when_the_master_has_left(make):
     server = make()
     master, other = server.client(), server.client()

@@ -77,7 +77,7 @@ class Modbus(FreeRunning):
         device = SimDevice(
             0,
             [
-                SimData(0, values=[0] * len(self._read_registers()), datatype=DataType.REGISTERS, readonly=True),
+                SimData(0, values=[0] * registers.COMMAND_BASE, datatype=DataType.REGISTERS, readonly=True),
                 SimData(registers.COMMAND_BASE, values=[0] * self._own_registers, datatype=DataType.REGISTERS),
             ],
             action=self._access,
@@ -158,9 +158,6 @@ class Modbus(FreeRunning):
                 self._bell.notify()
             return BUSY
         return 0
-
-    def _read_registers(self) -> list[registers.Register]:
-        return [row for row in registers.register_map(self.rig_record) if row.access == "read"]
 
     async def _access(self, function: int, first: int, address: int, count: int, current: list[int], values: list | None) -> None:
         """Serve a request; pymodbus calls it, and ``current`` holds all registers from address ``first`` on."""
