@@ -292,6 +292,44 @@ def test_a_slower_model_is_stepped_at_its_own_period(tmp_path, config):
     assert answers(config, folder, 5) == [(0.0, 1), (0.0, 1), (0.0, 1), (0.375, 2), (0.375, 2)]
 
 
+FORMS = {
+    "a step for each rate": (
+        "void small_step0(void); void small_step1(void);",
+        "void small_step0(void) { rtY.y = rtU.u; }\nvoid small_step1(void) { rtY.steps += 1; }",
+        "static unsigned long tick;\nstatic void rates(void) { small_step0(); if (tick++ % 3 == 0) small_step1(); }\n"
+        "#define RIG_STEP() rates()",
+        (1, 1, 1, 2, 2),
+    ),
+    "one step with the number of the rate": (
+        "void small_step(int tid);",
+        "void small_step(int tid) { if (tid == 0) rtY.y = rtU.u; else rtY.steps += 1; }",
+        "static unsigned long tick;\nstatic void rates(void) { small_step(0); if (tick++ % 3 == 0) small_step(1); }\n"
+        "#define RIG_STEP() rates()",
+        (1, 1, 1, 2, 2),
+    ),
+    "inputs and outputs as arguments": (
+        "void small_step(double u, double *y, double *steps);",
+        "void small_step(double u, double *y, double *steps) { *y = u; *steps += 1; }",
+        "#define RIG_STEP() small_step(rtU.u, &rtY.y, &rtY.steps)",
+        (1, 2, 3, 4, 5),
+    ),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_generated_code_of_another_form_of_step_is_called_by_the_lines_of_the_page(form, tmp_path, config):
+    declared, defined, shim, steps = FORMS[form]
+    folder = model(tmp_path, "", shim)
+    for name, old, new in (
+        ("small.h", "void small_step(void);", declared),
+        ("small.c", "void small_step(void) { rtY.y = rtU.u; rtY.steps += 1; }", defined),
+    ):
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+    assert answers(config, folder, 5) == [(k / 8.0, count) for k, count in enumerate(steps)]
+
+
 @pytest.mark.parametrize(
     ("shim", "period", "sentence"),
     [

@@ -24,8 +24,10 @@
  * Macros that may be defined before this file is included:
  *   RIG_MODEL_PERIOD     base sample time of the model [s], a whole multiple of the rig's 0.001; without it the
  *                        model makes a step in each sample. A slower model keeps its outputs between its steps.
- *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument;
- *                        defined as nothing where the code has no such function.
+ *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument,
+ *                        or with one step for each rate (step0, step1 ... or step(tid)) or its inputs and outputs as
+ *                        arguments: then of a function of yours that calls them (docs/how_to/controllers.md). Defined
+ *                        as nothing where the code has no such function.
  *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): NULL is no error.
  *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0]
  *                        and rig_wanted[1]
