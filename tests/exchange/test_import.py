@@ -65,14 +65,14 @@ BROKEN = {
     "only a head": ({"text": HEAD + "\n"}, "no row of numbers is among its first 1 lines"),
     "one row": ({"change": lambda rows: rows[:1]}, "has 1 rows below its header; a recording needs more"),
     "no text": ({"text": b"\0\1\2\3" * 40}, "is not text, although its ending is .csv"),
-    "a word among numbers": ({"change": at(6, "0,004;x7;1;2;3;4;5")}, "line 6 has 'x7' where a number is expected"),
+    "a word among numbers": ({"change": at(6, "0,004;x7;1;2;3;4;5")}, "line 6 has 'x7' in column 'M_wej [Nm]' where a number"),
     "a short row": ({"change": at(6, "0,004;1;2")}, "line 6 has 3 fields where the header names 7"),
     "an empty line": ({"change": at(6, "")}, "line 6 is empty; rows must follow each other"),
-    "infinite": ({"change": at(6, "0,004;inf;1;2;3;4;5")}, "line 6 has 'inf' where a number is expected"),
+    "infinite": ({"change": at(6, "0,004;inf;1;2;3;4;5")}, "line 6 has 'inf' in column 'M_wej [Nm]' where a number"),
     "times back": ({"change": at(6, "0,001;1;1;2;3;4;5")}, "go from 0.003 to 0.001 s at line 6"),
     "too few digits": (
         {"change": lambda rows: [row[:4] + row[5:] for row in rows]},
-        "the times must grow in equal steps, but go from 0 to 0 s at line 3",
+        "its 40 rows have only 4 different times from 0 s on, too few for a clock; export more digits",
     ),
     "no unit": ({"text": "\n".join([HEAD.replace(" [bar];", ";"), *ROWS])}, "column 'p1' has no unit; write it in brackets"),
     "another unit": ({"text": "\n".join([HEAD.replace("p1 [bar]", "p1 [Nm]"), *ROWS])}, "is in Nm; a pressure such as p1 is in Pa"),
@@ -89,14 +89,16 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("case", BROKEN.values(), ids=BROKEN)
-def test_a_broken_file_is_told_in_one_sentence_and_leaves_nothing(case, tmp_path, capsys):
+def test_a_broken_file_is_told_in_one_sentence_and_leaves_nothing(case, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     made, *sentence = case
     words = written(tmp_path, **made)
     before = sorted(path.name for path in tmp_path.iterdir())
     assert main(words) == 2
     error = capsys.readouterr().err.strip()
     assert error.count("\n") == 0 and all(part in error for part in sentence), error
-    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    proposed = ["bad.profile.yaml"] if "is written for it" in error else []
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(before + proposed)
 
 
 def test_orders_come_from_a_column_and_the_times_of_the_file_are_kept(tmp_path):

@@ -148,7 +148,7 @@ def test_tdms_over_an_angle_of_one_name_in_two_groups_or_cut_off_is_not_taken_si
     path = tdms(tmp_path / "b.tdms", ("ECU", "n", TORQUE, wave("rpm")), ("bench", "n", TORQUE, wave("rpm")))
     assert [one.head for one in read_foreign(path).channels] == ["ECU/n", "bench/n"]
     path.write_bytes(path.read_bytes()[:-1000])
-    assert read_foreign(path).notes == ("the file is cut off; what it holds until there was taken",)
+    assert read_foreign(path).notes == ["the file is cut off; what it holds until there was taken"]
     assert "WARNING" not in capfd.readouterr().err
     with pytest.raises(RigError, match="holds no channel of numbers"):
         read_foreign(tdms(tmp_path / "c.tdms", ("g", "text", ["a", "b"], {})))

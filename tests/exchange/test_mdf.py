@@ -134,7 +134,7 @@ def test_two_channels_of_one_name_have_their_groups_name_and_neither_is_taken_un
         assert "'p1' is there 2 times, as '" in error and f"'{chosen}'; name one of these" in error and error.count("\n") == 1
         rows = imported(path, profile=COLUMNS.replace("p1: p1", f"{chosen}: p1"))
         assert np.nanmax(rows.channels["p1"]) == pytest.approx(1e5 * values("p1").max(), rel=1e-3)
-        assert "1 columns were left out: '" in capsys.readouterr().out
+        assert "1 column was left out: '" in capsys.readouterr().out
 
 
 def test_two_channels_of_one_name_in_one_group_are_told_apart(tmp_path):

@@ -67,6 +67,8 @@ def main(args: argparse.Namespace) -> int:
 
     from ..analysis.report import build_report, format_report, gather, info_of, write_report
     from ..config.names import DEFAULT_RIG
+    from ..errors import RigError
+    from ..exchange.cells import CellError
     from ..exchange.imported import read_measurement, sequence_name, write_bag
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings, run_folder, unless_empty
@@ -76,12 +78,17 @@ def main(args: argparse.Namespace) -> int:
     rig = args.rig or (profile.rig if profile else None)
     config = load_rig(rig, settings) if rig else None
     if settings and config is None:
-        from ..errors import RigError
         from ..exchange.imported import NO_RIG
 
         raise RigError(f"--set {next(iter(settings))}: {NO_RIG}")
     named_by = "--rig" if args.rig else f"profile {profile.name}" if profile else ""
-    found = read_measurement(args.file, profile, config.as_dict() if config else None, named_by, args.orders)
+    try:
+        found = read_measurement(args.file, profile, config.as_dict() if config else None, named_by, args.orders)
+    except CellError as error:
+        if args.profile or (target := _proposal(args)).exists():
+            raise
+        _write_proposal(args, target, rig or DEFAULT_RIG)
+        raise RigError(f"{error}; {target} is written for it, which --profile takes") from None
     if found is None:
         return _propose(args, rig or DEFAULT_RIG)
     name = sequence_name(Path(args.file))
@@ -107,18 +114,30 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _propose(args: argparse.Namespace, rig: str) -> int:
+def _proposal(args: argparse.Namespace) -> Path:
+    """Return the path of the profile that is written for a file."""
+    return Path(f"{Path(args.file).stem}.profile.yaml")
+
+
+def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[str]:
+    """Write a first profile, and return the columns that are only comments in it."""
     from ..atomic_write import atomic_write
-    from ..errors import RigError
     from ..exchange.foreign import read_foreign
     from ..exchange.propose import proposed
     from ..testbench.configuration import load_rig
 
-    target = Path(f"{Path(args.file).stem}.profile.yaml")
-    if target.exists():
-        raise RigError(f"{target}: is there already; use it with --profile {target}, or remove it to have it made anew")
     text, unsure = proposed(read_foreign(args.file), load_rig(rig).as_dict(), rig)
     atomic_write(target, text)
+    return unsure
+
+
+def _propose(args: argparse.Namespace, rig: str) -> int:
+    from ..errors import RigError
+
+    target = _proposal(args)
+    if target.exists():
+        raise RigError(f"{target}: is there already; use it with --profile {target}, or remove it to have it made anew")
+    unsure = _write_proposal(args, target, rig)
     print(f"nothing is imported yet: its heads are not signals of rig '{rig}', so {target} holds a guess which they are")
     if unsure:
         shown = ", ".join(f"'{head}'" for head in unsure[:6])

@@ -25,25 +25,25 @@ from ..bags.cdr import encoder
 from ..bags.rig_record import rig_record
 from ..bags.writer import BagWriter
 from ..catalogue import Signal, catalogue
-from ..config.names import meant, unknown
+from ..config.names import unknown
 from ..config.units import UNITS, with_article
 from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
-from ..errors import RigError, brief
+from ..errors import RigError
 from ..transmission import Transmission, transmission_of
-from .foreign import Channel, Foreign, named, read_foreign
+from .clock import Clock
+from .foreign import Channel, Foreign, column, read_foreign
 from .orders import parse_orders
 from .profile import Mapped, Profile
+from .time_columns import Axis, axis_of, found_times, stamps_of
 from .units import unit_of
 
 if TYPE_CHECKING:
     from ..arrays import Floats
 
-TIME_NAMES = ("t", "time", "czas", "zeit", "timestamp")
 ORDER_NAMES = ("gear_ordered", "order")
 BLOCK, CHANNELS, RUN_INFO = "/instruments/hmg4000", "/instruments/channels", "/rig/run_info"
 ROWS = 50  # largest number of rows in a block
 LATEST = 24 * 3600.0  # s; the times of a file that begins later are taken as dates, and its run begins at 0
-EMPTIER = 20  # largest number of steps of the clock per row of the file; with more, the file is not a recording of equal steps
 NO_RIG = (
     "its rig is not given, and the results depend on this rig's inertias, ratios and instrument errors; name it by --rig, e.g. "
     "--rig hydmag, or in a profile"
@@ -109,16 +109,22 @@ def own_profile(foreign: Foreign, record: Mapping | None = None) -> Profile | No
         record = rig_record(foreign.provenance["run"]["configuration"])
     signals = catalogue(record).signals
     measured = {one["name"] for one in record["structure"]["transducers"]} if record else set()
+    times = found_times(foreign.channels)
     mapped = [
-        Mapped(one.head, one.name, f"{foreign.path}: column '{one.head}'")
+        Mapped(
+            one.head,
+            one.name,
+            f"{foreign.path}: column '{one.head}'",
+            time=times.own[one.head].head if one.head in times.own else None,
+        )
         for one in foreign.channels
         if one.name in signals and (not exported or one.name in measured) and one.name not in ORDER_NAMES
     ]
-    time = next((one.head for one in foreign.channels if one.name.lower() in TIME_NAMES), None)
     gear = None if exported else next((one.head for one in foreign.channels if one.name in ORDER_NAMES), None)
     if not exported and not all(name in [one.signal for one in mapped] for name in transmission_of(record).channels):
         return None
-    return Profile(time=time, columns=tuple(mapped), gear=gear) if mapped else None
+    main, date = (one.head if one else None for one in (times.main, times.date))
+    return Profile(time=main, date=date, columns=tuple(mapped), gear=gear) if mapped else None
 
 
 def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, orders: str | None = None) -> Measurement:
@@ -150,7 +156,7 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
     signals, path = catalogue(record).signals, foreign.path
     found = {}
     for one in profile.columns:
-        channel = _channel(foreign, one.head, one.where)
+        channel = column(foreign, one.head, one.where)
         if one.signal not in signals:
             raise RigError(f"{one.where}: {unknown('signal', one.signal, signals)}")
         if one.signal in found:
@@ -166,16 +172,24 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
             )
     if not found:
         raise RigError(f"{path}: no column is taken from it")
-    axis = _axis(foreign, profile, [channel for _, channel, _ in found.values()])
+    axis = axis_of(foreign, profile, [channel for _, channel, _ in found.values()])
+    for name, (one, channel, values) in found.items():
+        if one.time is not None and one.time != axis.head:
+            found[name] = one, _with_times(foreign, one, channel, axis), values
     main = {name: values for name, (_, channel, values) in found.items() if _on(channel, axis)}
-    clock = _Clock(foreign, axis.times, profile, list(main.values()))
+    clock = Clock(foreign, axis.stamps, profile.bridge, list(main.values()))
     channels, counts = {}, {"missing": 0, "bridged": 0}
     for name, (_, channel, values) in found.items():
         if name in main:
             channels[name] = clock.placed(values, counts)
+        elif channel.times is None or len(channel.times) != len(values):
+            raise RigError(
+                f"{path}: column '{channel.head}' has {len(values)} values, and its times '{axis.head}' have "
+                f"{len(axis.stamps.seconds)}; name the column of its own times, e.g. {{signal: NAME, time: COLUMN}}"
+            )
         else:
-            channels[name] = clock.carried(clock.times_of(channel), values, bool(signals[name].states))
-    return _measurement(foreign, profile, record, named_by, orders, clock, channels, found, counts)
+            channels[name] = clock.carried(clock.times_of(channel, len(values)), values, bool(signals[name].states))
+    return _measurement(foreign, profile, record, named_by, orders, axis, clock, channels, found, counts)
 
 
 def _measurement(
@@ -184,27 +198,34 @@ def _measurement(
     record: Mapping,
     named_by: str,
     orders: str | None,
-    clock: _Clock,
+    axis: Axis,
+    clock: Clock,
     channels: dict[str, Floats],
     found: dict[str, tuple[Mapped, Channel, Floats]],
     counts: dict[str, int],
 ) -> Measurement:
-    notes, shift = list(foreign.notes), 0.0
-    if not 0.0 <= clock.t0 < LATEST:
+    notes, shift = [*foreign.notes, *axis.notes], 0.0
+    if axis.stamps.dated or not 0.0 <= clock.t0 < LATEST:
         shift = clock.t0
-        notes.append(f"time 0 of the run is {shift:.6f} s of the file")
-    events = _events(foreign, profile, orders, record, clock)
+        notes.append(f"time 0 of the run is {axis.stamps.first or f'{shift:.6f} s'} of the file")
+    notes += clock.notes
+    notes += _words(found)
+    if slower := [name for name, (one, channel, _) in found.items() if one.time is not None and channel.times is not None]:
+        notes.append(f"{', '.join(slower)} have the times of '{found[slower[0]][0].time}'")
+    events = _events(foreign, profile, orders, record, axis, clock)
     if counts["missing"]:
         left = counts["missing"] - counts["bridged"]
         notes.append(
             f"{counts['missing']} of {clock.rows * len(channels)} values are missing: {counts['bridged']} were bridged by straight "
             f"lines{f', {left} in gaps over {profile.bridge * 1e3:g} ms stay empty' if left else ''}"
         )
-    taken = {channel.head for _, channel, _ in found.values()} | {profile.time, profile.gear}
-    left_out = [one.head for one in foreign.channels if one.head not in taken and one.name not in taken]
+    taken = {channel.head for _, channel, _ in found.values()} | {one.time for one, _, _ in found.values()}
+    taken |= {profile.date, profile.gear, axis.head}
+    left_out = [one for one in foreign.channels if one.head not in taken and one.name not in taken]
     if left_out:
-        shown = ", ".join(f"'{head}'" for head in left_out[:5])
-        notes.append(f"{len(left_out)} columns were left out: {shown}{' and more' if len(left_out) > 5 else ''}")
+        shown = ", ".join(f"'{one.head}'{'' if one.kind == 'numbers' else f' ({one.kind})'}" for one in left_out[:5])
+        were = "column was" if len(left_out) == 1 else "columns were"
+        notes.append(f"{len(left_out)} {were} left out: {shown}{' and more' if len(left_out) > 5 else ''}")
     about = {
         "file": foreign.path.name,
         "sha256": foreign.digest(),
@@ -217,7 +238,7 @@ def _measurement(
         },
         "rows": clock.rows,
         **counts,
-        "time_zero_s": shift,
+        "time_zero_s": axis.stamps.zero + shift,
         **({} if foreign.start is None else {"start": foreign.start + shift}),
     }
     run = {key: value for key, value in foreign.provenance["run"].items() if key != "configuration"} if foreign.provenance else {}
@@ -225,12 +246,24 @@ def _measurement(
     return Measurement(clock.t0 - shift, clock.period, channels, events, record, about, run, notes)
 
 
-def _channel(foreign: Foreign, head: str, where: str) -> Channel:
-    channel = named(foreign.channels, head, where)
-    if channel is None:
-        names = [one.name for one in foreign.channels]
-        raise RigError(f"{where}: {foreign.path} has no column {brief(head)}; {meant(head, names)}")
-    return channel
+def _words(found: Mapping[str, tuple[Mapped, Channel, Floats]]) -> list[str]:
+    """Return notes on texts that were taken for missing values and that nobody declared."""
+    counts: dict[str, int] = {}
+    for _, channel, _ in found.values():
+        for word, number in channel.words().items():
+            counts[word] = counts.get(word, 0) + number
+    if not counts:
+        return []
+    shown = ", ".join(f"'{word}' {number} times" if number > 1 else f"'{word}' once" for word, number in list(counts.items())[:5])
+    return [f"cells that hold no number count as missing: {shown}{' and more' if len(counts) > 5 else ''}"]
+
+
+def _with_times(foreign: Foreign, one: Mapped, channel: Channel, axis: Axis) -> Channel:
+    """Return a column with the times of a time column of its own."""
+    own = stamps_of(foreign, column(foreign, str(one.time), one.where))
+    if own.dated != axis.stamps.dated:
+        raise RigError(f"{one.where}: '{one.time}' and '{axis.head}' are times of different kinds, which have no common beginning")
+    return Channel(channel.head, channel.name, channel.unit, channel.content, own.seconds + (own.zero - axis.stamps.zero))
 
 
 def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
@@ -253,140 +286,34 @@ def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
     return values if factor == 1.0 else values * factor
 
 
-def _axis(foreign: Foreign, profile: Profile, channels: Sequence[Channel]) -> Channel:
-    """Return a channel whose ``times`` are the clock: the one with the most rows, or the column of times."""
-    if profile.time is not None:
-        axis = _channel(foreign, profile.time, f"{foreign.path}: time")
-        unit = unit_of(profile.time_unit or axis.unit or "s")
-        if unit is None or UNITS[unit][0] != "time":
-            raise RigError(
-                f"{foreign.path}: column '{axis.head}' of the times is in {profile.time_unit or axis.unit}; expected s, ms, us, min"
-            )
-        return Channel(axis.head, axis.name, "s", axis.values, axis.values * UNITS[unit][1])
-    longest = max(channels, key=lambda one: len(one.values))
-    if profile.period is not None:
-        times = profile.period * np.arange(len(longest.values))
-        return Channel(longest.head, longest.name, "s", times, times)
-    if longest.times is None:
-        raise RigError(f"{foreign.path}: has no time column; add one, e.g. 't [s]', or give --period, e.g. '0.1 ms'")
-    return longest
-
-
-def _on(channel: Channel, axis: Channel) -> bool:
+def _on(channel: Channel, axis: Axis) -> bool:
     """Return True when a channel has a value at each row of the clock."""
-    own = channel.times
-    return len(channel.values) == len(axis.values) and (own is None or own is axis.times or np.array_equal(own, axis.times))
-
-
-class _Clock:
-    """The rows of the file on a clock of equal steps: time of row 0 and period [s], number of rows, and the row of each line."""
-
-    def __init__(self, foreign: Foreign, times: Floats | None, profile: Profile, columns: Sequence[Floats]) -> None:
-        self._foreign, self._bridge = foreign, profile.bridge
-        self._all = times = np.asarray(times, float)
-        # lines without a value of any of these signals are left out; an exported run has such lines at the times of other signals
-        self._held = np.isfinite(times) & np.any(np.isfinite(np.stack(columns)), axis=0) if columns else np.isfinite(times)
-        times = times[self._held]
-        if len(times) < 2:
-            raise RigError(f"{foreign.path}: has {len(times)} rows with a time and a value; a recording needs more")
-        self.t0, self.period, self._row = self._steps(times)
-        self.rows = int(self._row[-1]) + 1
-        if self.rows > EMPTIER * len(times):
-            raise RigError(
-                f"{foreign.path}: has only {len(times)} rows in a time of {self.rows} steps of {self.period * 1e3:g} ms; it is not "
-                "a recording of equal steps"
-            )
-
-    def _steps(self, times: Floats) -> tuple[float, float, np.ndarray]:
-        steps = np.diff(times)
-        mean = float(times[-1] - times[0]) / len(steps)
-        if not np.all(steps > 0.0):
-            self._refuse(times, int(np.argmax(~(steps > 0.0))))
-        number = np.arange(len(times))
-        if not np.all(steps <= 1.5 * mean):
-            single = float(np.median(steps))
-            single = float(steps[np.rint(steps / single) == 1.0].mean())
-            number = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / single), 1.0))]).astype(np.int64)
-        centre = number.mean()
-        period = float(np.dot(number - centre, times - times[0]) / np.dot(number - centre, number - centre))
-        round_one = round(period, 12)
-        period = round_one if abs(round_one - period) * number[-1] < 1e-7 else period
-        rest = times - period * number
-        t0 = float((rest.max() + rest.min()) / 2.0)
-        if (rest.max() - rest.min()) > 1.1 * period:
-            self._refuse(times, int(np.argmax(np.abs(np.diff(rest)))))
-        return (round(t0, 9) if rest.max() - rest.min() < 1e-8 else t0), period, number
-
-    def _refuse(self, times: Floats, at: int) -> None:
-        line = self._foreign.row(int(np.flatnonzero(self._held)[at + 1]))
-        raise RigError(
-            f"{self._foreign.path}: the times must grow in equal steps, but go from {times[at]:.10g} to {times[at + 1]:.10g} s at "
-            f"{line}; rows are out of order or the times have too few digits (then give the period in their place)"
-        )
-
-    def times(self) -> Floats:
-        """Time of each row [s]."""
-        return self.t0 + self.period * np.arange(self.rows, dtype=float)
-
-    def times_of(self, channel: Channel) -> Floats:
-        """Return the times of a channel's values [s], as the file has them."""
-        times = self._all if channel.times is None else channel.times
-        if len(times) != len(channel.values):
-            raise RigError(f"{self._foreign.path}: '{channel.head}' has {len(channel.values)} values and no times of its own")
-        return times
-
-    def placed(self, values: Floats, counts: dict[str, int]) -> Floats:
-        """Return a column on the clock, with short gaps bridged, and count them."""
-        out = np.full(self.rows, np.nan)
-        out[self._row] = values[self._held]
-        known = np.flatnonzero(np.isfinite(out))
-        if len(known) < 2:
-            return out
-        gaps = np.diff(known)
-        own = int(np.median(gaps))  # usual number of rows from one value to the next, more than 1 for a slower signal
-        longest = max(round(self._bridge / self.period), int(1.5 * own) if own > 1 else 1)
-        every = np.arange(self.rows)
-        filled = np.interp(every, known, out[known])
-        # length of the gap around each row; beyond the ends, where the nearest value is kept, the distance to this value
-        after = np.searchsorted(known, every)
-        inside = np.append(np.insert(gaps, 0, 0), 0)[after]
-        near = (
-            np.where((every > known[0]) & (every < known[-1]), inside, np.maximum(known[0] - every, every - known[-1])) <= longest
-        )
-        empty = ~np.isfinite(out)
-        if own == 1:
-            counts["missing"] += int(empty.sum())
-            counts["bridged"] += int((empty & near).sum())
-        return np.where(empty & near, filled, out)
-
-    def carried(self, times: Floats, values: Floats, held: bool) -> Floats:
-        """Return a signal with times of its own on the clock: by straight lines, or by its last value if it is ``held``."""
-        known = np.isfinite(values) & np.isfinite(times)
-        times, values, own = times[known], values[known], self.times()
-        if len(times) < 2 or not np.all(np.diff(times) > 0.0):
-            raise RigError(
-                f"{self._foreign.path}: a signal with times of its own has {len(times)} values, or times that do not grow"
-            )
-        if not held:
-            return np.interp(own, times, values, np.nan, np.nan)
-        at = np.searchsorted(times, own, "right") - 1
-        return np.where(at >= 0, values[np.maximum(at, 0)], np.nan)
+    own, times = channel.times, axis.stamps.seconds
+    return len(channel.values) == len(times) and (own is None or own is times or np.array_equal(own, times))
 
 
 def _events(
-    foreign: Foreign, profile: Profile, orders: str | None, record: Mapping, clock: _Clock
+    foreign: Foreign, profile: Profile, orders: str | None, record: Mapping, axis: Axis, clock: Clock
 ) -> list[tuple[float, str, str, str, float]]:
     """Return the events of an exported run, or the orders that were given or are in a column."""
     if not (record["structure"]["gears"]):
         return _stated_events(foreign)
     box = transmission_of(record)
-    if orders is not None:
-        return _as_events(parse_orders(orders, box), box)
-    if profile.orders is not None:
-        return _as_events(parse_orders(profile.orders, box, f"{profile.name}: orders"), box)
+    if orders is not None or profile.orders is not None:
+        text, where = (orders, "--orders") if orders is not None else (profile.orders or "", f"{profile.name}: orders")
+        begin = clock.t0 if axis.stamps.dated else 0.0  # dates and times of day have orders by the run's own time
+        given = [(t + begin, *gears) for t, *gears in parse_orders(text, box, where)]
+        for t, before, after in given:
+            if not clock.first <= t <= clock.last:
+                what = f"{t - begin:g} s, {box.names[before]} to {box.names[after]},"
+                raise RigError(
+                    f"{where}: the order at {what} is outside {foreign.path}, whose times go from {clock.first - begin:.10g} to "
+                    f"{clock.last - begin:.10g} s"
+                )
+        return _as_events(given, box)
     if profile.gear is None:
         return _stated_events(foreign)
-    channel = _channel(foreign, profile.gear, f"{foreign.path}: gear")
+    channel = column(foreign, profile.gear, f"{foreign.path}: gear")
     return _as_events(_from_column(foreign, channel, profile, box, clock), box)
 
 
@@ -409,22 +336,26 @@ def _as_events(orders: Sequence[tuple[float, int, int]], box: Transmission) -> l
 
 
 def _from_column(
-    foreign: Foreign, channel: Channel, profile: Profile, box: Transmission, clock: _Clock
+    foreign: Foreign, channel: Channel, profile: Profile, box: Transmission, clock: Clock
 ) -> list[tuple[float, int, int]]:
-    """Return the orders from the changes of the ordered gear."""
-    at_rows = clock.times_of(channel)
-    known = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(at_rows))
-    values = channel.values[known]
-    numbers: dict[float, int | None] = {
-        value: box.number(profile.gears.get(value, f"{value:g}")) for value in np.unique(values).tolist()
-    }
-    for value, number in numbers.items():
+    """Return the orders from the changes of the ordered gear, which the column has as numbers or as names."""
+    texts = np.array(channel.texts())
+    at_rows = clock.times_of(channel, len(texts))
+    known = np.flatnonzero((texts != "") & np.isfinite(at_rows))
+    values = texts[known]
+    numbers = {text: box.number(profile.gears.get(text, text)) for text in np.unique(values).tolist()}
+    for text, number in numbers.items():
         if number is None:
-            at = known[int(np.argmax(values == value))]
-            raise RigError(f"{foreign.path}: {foreign.row(int(at))} orders the gear {value:g}; gears are {box.spoken}")
-    changes = np.flatnonzero(np.diff(values)) + 1
+            at = known[int(np.argmax(values == text))]
+            example = f"gear: {{column: {channel.head}, values: {{{text}: {box.names[1]}}}}}"
+            raise RigError(
+                f"{foreign.path}: {foreign.row(int(at))} orders the gear {text}; gears are {box.spoken}, and a profile names "
+                f"others, e.g. {example}"
+            )
+    changes = np.flatnonzero(values[1:] != values[:-1]) + 1
     times = at_rows[known]
-    return [(float(times[i]), int(numbers[values[i - 1]] or 0), int(numbers[values[i]] or 0)) for i in changes]
+    found = [(float(times[i]), int(numbers[values[i - 1]] or 0), int(numbers[values[i]] or 0)) for i in changes]
+    return [(t, before, after) for t, before, after in found if before != after]
 
 
 def sequence_name(path: Path) -> str:

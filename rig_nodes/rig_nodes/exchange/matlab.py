@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RigError
-from .foreign import Foreign
+from .foreign import Foreign, Form
 from .heads import apart
 from .matlab_forms import channels_of
 from .packages import needed
@@ -46,13 +46,15 @@ class Opaque:
         self.kind = kind
 
 
-def read_matlab(path: Path) -> Foreign:
+def read_matlab(path: Path, _form: Form) -> Foreign:
     """Read a MAT file.
 
     Parameters
     ----------
     path : Path
         The file.
+    _form : Form
+        Form of text, which this format does not need.
 
     Returns
     -------
@@ -77,7 +79,7 @@ def read_matlab(path: Path) -> Foreign:
         raise RigError(f"{path}: '{name}' is {_named(kind)}, which only MATLAB can read; there, write its values by {line}")
     if not channels:
         raise RigError(f"{path}: holds no vector of numbers and no struct of such vectors")
-    notes = tuple(f"'{name}' was left out; it is {_named(kind)}, which only MATLAB can read" for name, kind in objects)
+    notes = [f"'{name}' was left out; it is {_named(kind)}, which only MATLAB can read" for name, kind in objects]
     return Foreign(path, channels, provenance=provenance, notes=notes)
 
 

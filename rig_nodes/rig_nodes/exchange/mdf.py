@@ -19,7 +19,7 @@ import numpy as np
 
 from ..config.units import UNITS
 from ..errors import RigError
-from .foreign import Channel, Foreign
+from .foreign import Channel, Foreign, Form
 from .heads import apart
 from .packages import needed
 from .provenance import KEY, read_provenance
@@ -36,13 +36,15 @@ AXES = {2: "an angle", 3: "a distance", 4: "a number of samples"}  # what the ma
 FRAMES = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "FLX_Frame", "ETH_Frame")
 
 
-def read_mdf(path: Path) -> Foreign:
+def read_mdf(path: Path, _form: Form) -> Foreign:
     """Read an MDF file.
 
     Parameters
     ----------
     path : Path
         The file.
+    _form : Form
+        Form of text, which this format does not need.
 
     Returns
     -------

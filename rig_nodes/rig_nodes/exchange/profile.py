@@ -18,7 +18,8 @@ from ..config.names import unknown
 from ..config.units import quantity
 from ..config.yaml_file import Map, where_of
 from ..errors import RigError, brief
-from .foreign import MISSING, Form
+from .cells import GROUPS, MISSING
+from .foreign import Form
 
 PROFILES = Path(__file__).parent / "profiles"
 BRIDGE = 2e-3  # s
@@ -28,22 +29,28 @@ KEYS = (
     "encoding",
     "delimiter",
     "decimal",
+    "thousands",
     "header",
     "units",
     "data",
     "missing",
+    "sheet",
     "time",
     "columns",
     "gear",
     "orders",
     "bridge",
 )
+OPEN = "?"  # what a proposed profile leaves to its user
 SIGNS = {"tab": "\t", "\\t": "\t"}
 
 
 @dataclass(frozen=True)
 class Mapped:
-    """A column of a file as a signal: SI value = (value * factor + offset) in the unit; ``where`` names it in errors."""
+    """A column of a file as a signal: SI value = (value * factor + offset) in the unit.
+
+    ``where`` names it in errors; ``time`` is its column of times when this is not the file's main one.
+    """
 
     head: str
     signal: str
@@ -51,6 +58,7 @@ class Mapped:
     unit: str | None = None
     factor: float = 1.0
     offset: float = 0.0
+    time: str | None = None
 
 
 @dataclass(frozen=True)
@@ -71,14 +79,16 @@ class Profile:
         Column of the times.
     time_unit : str or None
         Unit of the times.
+    date : str or None
+        Column of the dates of times of day.
     period : float or None
         Time between rows [s], in place of a column of times.
     columns : tuple of Mapped
         Columns to take.
     gear : str or None
         Column of the ordered gear.
-    gears : dict of float to str
-        Names of gears by the numbers in that column.
+    gears : dict of str to str
+        Names of gears by the numbers or texts in that column.
     orders : str or None
         Orders of gears, as for parse_orders.
     bridge : float
@@ -91,10 +101,11 @@ class Profile:
     form: Form = field(default_factory=Form)
     time: str | None = None
     time_unit: str | None = None
+    date: str | None = None
     period: float | None = None
     columns: tuple[Mapped, ...] = ()
     gear: str | None = None
-    gears: dict[float, str] = field(default_factory=dict)
+    gears: dict[str, str] = field(default_factory=dict)
     orders: str | None = None
     bridge: float = BRIDGE
 
@@ -145,7 +156,7 @@ class _Reader:
         time, gear = node.get("time"), node.get("gear")
         time = time if isinstance(time, Map) else {"column": time} if isinstance(time, str) else self.map_at(node, "time")
         gear = gear if isinstance(gear, Map) else {"column": gear} if isinstance(gear, str) else self.map_at(node, "gear")
-        self.only(time, ("column", "unit", "period"), "time")
+        self.only(time, ("column", "unit", "date", "period"), "time")
         self.only(gear, ("column", "values"), "gear")
         period = time.get("period")
         return Profile(
@@ -155,6 +166,7 @@ class _Reader:
             self.form(node),
             self.text(time, "column"),
             self.text(time, "unit"),
+            self.text(time, "date"),
             None if period is None else self.positive(period, self.at(time, "period")),
             tuple(self.column(columns, head) for head in columns),
             self.text(gear, "column"),
@@ -181,6 +193,8 @@ class _Reader:
         found = node.get(key)
         if isinstance(found, (Mapping, list)):
             raise RigError(f"{self.at(node, key)}: {key} is {brief(found)}, expected one text")
+        if found == OPEN:
+            raise RigError(f"{self.at(node, key)}: {key} is still '{OPEN}'; the remark behind it says what is to be decided")
         return None if found is None else str(found)
 
     def number(self, node: Mapping, key: str, otherwise: float) -> float:
@@ -190,6 +204,8 @@ class _Reader:
         return float(found)
 
     def positive(self, text: object, where: str) -> float:
+        if text == OPEN:
+            raise RigError(f"{where}: the period is still '{OPEN}'; write the time between rows, e.g. 0.1 ms")
         found = quantity(text, "time", where)
         if not found > 0.0:
             raise RigError(f"{where}: {brief(text)} is no time above 0")
@@ -208,15 +224,21 @@ class _Reader:
             raise RigError(f"{self.at(node, 'delimiter')}: delimiter is {brief(delimiter)}, expected one sign such as ';', or tab")
         if decimal not in (None, ",", "."):
             raise RigError(f"{self.at(node, 'decimal')}: decimal is {brief(decimal)}, expected ',' or '.'")
-        if decimal == "," == delimiter:
-            raise RigError(f"{self.at(node, 'decimal')}: decimal and delimiter are both ','; one of them must be another sign")
+        thousands = self.text(node, "thousands")
+        if thousands is not None and (thousands not in GROUPS or thousands == decimal):
+            raise RigError(
+                f"{self.at(node, 'thousands')}: thousands is {brief(thousands)}, expected '.', ',', a blank or an apostrophe that "
+                "is not the decimal sign"
+            )
         missing = node.get("missing", [])
         return Form(
             self.text(node, "encoding"),
             delimiter,
             decimal,
+            thousands,
             **lines,
             missing=(*MISSING, *map(str, missing if isinstance(missing, list) else [missing])),
+            sheet=self.text(node, "sheet"),
         )
 
     def column(self, columns: Mapping, head: Any) -> Mapped:
@@ -225,19 +247,15 @@ class _Reader:
             return Mapped(str(head), node, where)
         if not isinstance(node, Map):
             raise RigError(f"{where}: column {head!r} is {brief(node)}, expected e.g. {{signal: NAME, unit: Nm}}")
-        self.only(node, ("signal", "unit", "factor", "offset"), "column")
+        self.only(node, ("signal", "unit", "factor", "offset", "time"), "column")
         if (signal := self.text(node, "signal")) is None:
             raise RigError(f"{where}: column {head!r} names no signal; write e.g. {{signal: NAME, unit: Nm}}")
         factor = self.number(node, "factor", 1.0)
         if not factor:
             raise RigError(f"{where}: the factor of column {head!r} is 0")
-        return Mapped(str(head), signal, where, self.text(node, "unit"), factor, self.number(node, "offset", 0.0))
+        offset, time = self.number(node, "offset", 0.0), self.text(node, "time")
+        return Mapped(str(head), signal, where, self.text(node, "unit"), factor, offset, time)
 
-    def gears(self, gear: Mapping) -> dict[float, str]:
-        found = {}
-        for key, name in self.map_at(gear, "values").items():
-            try:
-                found[float(key)] = str(name)
-            except (TypeError, ValueError):
-                raise RigError(f"{self.at(gear['values'], key)}: {brief(key)} is no number of a gear column") from None
-        return found
+    def gears(self, gear: Mapping) -> dict[str, str]:
+        values = self.map_at(gear, "values").items()
+        return {f"{key:g}" if isinstance(key, (int, float)) else str(key): str(name) for key, name in values}

@@ -16,10 +16,13 @@ from itertools import pairwise
 
 from ..catalogue import Signal, catalogue
 from ..config.units import UNITS
+from ..errors import RigError
 from ..transmission import Transmission, transmission_of
 from .foreign import Channel, Foreign
-from .imported import ORDER_NAMES, TIME_NAMES
-from .units import unit_of
+from .imported import ORDER_NAMES
+from .stamps import unit_of_numbers
+from .time_columns import Times, found_times
+from .units import time_unit_of, unit_of
 
 # beginnings of words in heads
 INPUT = ("input", "in", "eingang", "antrieb", "an", "wej", "wejś", "wejs", "motor", "silnik")
@@ -52,12 +55,12 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     signals = catalogue(record).signals
     measured = [one for one in signals.values() if one.name in {t["name"] for t in record["structure"]["transducers"]}]
     box = transmission_of(record) if record["structure"]["gears"] else None
-    time = _first(foreign, lambda one: one.name.lower() in TIME_NAMES)
-    time = time or _first(foreign, lambda one: UNITS.get(unit_of(one.unit) or "", ("",))[0] == "time")
+    times = found_times(foreign.channels)
+    clocks = times.all()
     gear = _first(foreign, lambda one: one.name in ORDER_NAMES or any(_mentions(one.name, (word,)) for word in GEAR))
     best: dict[str, Signal] = {}
     for one in foreign.channels:
-        if one not in (time, gear) and (found := _guess(one, measured, box)):
+        if not any(one is other for other in (*clocks, gear)) and one.kind == "numbers" and (found := _guess(one, measured, box)):
             best[one.head] = found
     guesses = [signal.name for signal in best.values()]
     lines = [
@@ -70,22 +73,22 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     if (form := foreign.form).delimiter:
         lines += [
             f"delimiter: {_quoted('tab' if form.delimiter == chr(9) else form.delimiter)}",
-            f"decimal: {_quoted(form.decimal)}",
+            f"decimal: {_quoted(form.decimal)}" if form.decimal else 'decimal: "?"  # the file leaves it open: "," or "."?',
+            *([f"thousands: {_quoted(form.thousands)}"] if form.thousands else []),
             f"header: {form.header}  # line of the names, from 1",
             *([f"units: {form.units}  # line of the units"] if form.units else []),
             f"data: {form.data}  # line of the first values",
             "# encoding: cp1250  # when letters come out wrong",
             '# missing: ["-999"]  # what stands where a value is missing, beside an empty cell, nan and ---',
         ]
-    if time is not None:
-        lines.append(f"time: {{column: {_quoted(time.head)}, unit: {unit_of(time.unit) or 's'}}}")
-    elif all(one.times is None for one in foreign.channels):
-        lines.append("time: {period: 0.1 ms}  # no column looks like times: is this the time between rows?")
+    if foreign.form.sheet is not None:
+        lines.append(f"sheet: {_quoted(foreign.form.sheet)}")
+    lines += _time_lines(foreign, times)
     lines.append("# bridge: 2 ms  # gaps up to this become straight lines")
     if box:
         if gear is not None:
             names = ", ".join(f"{number}: {name}" for number, name in box.names.items())
-            lines.append(f"gear: {{column: {_quoted(gear.head)}}}  # the ordered gear; other numbers: values: {{{names}}}")
+            lines.append(f"gear: {{column: {_quoted(gear.head)}}}  # the ordered gear; other numbers or names: values: {{{names}}}")
         else:
             first, second = list(box.ways())[:2]
             lines.append(f'# orders: "3.845:{first}, 8.32:{second}"  # when (s) which gear was ordered')
@@ -96,19 +99,57 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     ]
     unsure = []
     for one in foreign.channels:
-        if one in (time, gear):
+        if any(one is other for other in (*clocks, gear)):
+            continue
+        if one.kind != "numbers":
+            lines.append(f"  # {_quoted(one.head)}: {one.kind}{_first_texts(one)}")
             continue
         signal, unit = best.get(one.head), unit_of(one.unit) or ""
         if signal is not None and guesses.count(signal.name) == 1:
             unit_text = unit or f"{signal.display_unit}"
-            doubt = "" if unit else "  # the file has no unit: is it this one?"
-            lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(unit_text)}}}{doubt}")
+            doubt = _doubt(one) or ("" if unit else "  # the file has no unit: is it this one?")
+            clock = f", time: {_quoted(times.own[one.head].head)}" if one.head in times.own else ""
+            lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(unit_text)}{clock}}}{doubt}")
         else:
             unsure.append(one.head)
             could = [s.name for s in measured if not unit or UNITS[s.display_unit][0] == UNITS[unit][0]]
             hint = f"one of {', '.join(could)}" if could else "no signal of the rig has this unit"
             lines.append(f"  # {_quoted(one.head)}: {{signal: ?, unit: {_quoted(unit or '?')}}}  # {hint}")
     return "\n".join(lines) + "\n", unsure
+
+
+def _time_lines(foreign: Foreign, times: Times) -> list[str]:
+    """Return the line of the times; a period is proposed only when the file states one."""
+    if times.main is not None:
+        unit = f", unit: {_time_unit(times.main)}" if times.main.kind == "numbers" else ""
+        date = f", date: {_quoted(times.date.head)}" if times.date else ""
+        return [f"time: {{column: {_quoted(times.main.head)}{unit}{date}}}"]
+    if any(one.times is not None for one in foreign.channels):
+        return []
+    if foreign.period is not None:
+        return [f"time: {{period: {foreign.period[0] * 1e3:.9g} ms}}  # from {foreign.period[1]}"]
+    return ['time: {period: "?"}  # no column holds times: write the time between rows, e.g. 0.1 ms, or column: NAME, unit: ms']
+
+
+def _time_unit(channel: Channel) -> str:
+    known = channel.values[channel.values == channel.values]
+    return time_unit_of(channel.unit) or (unit_of_numbers(known) if len(known) else "s")
+
+
+def _doubt(channel: Channel) -> str:
+    """Return the remark on a column of which a cell is no number, or one with two readings."""
+    try:
+        return "" if channel.values.size else "  # it is empty"
+    except RigError as error:
+        return f"  # {str(error).partition(': ')[2]}"
+
+
+def _first_texts(channel: Channel) -> str:
+    try:
+        texts = list(dict.fromkeys(filter(None, channel.texts())))[:4]
+    except RigError:
+        return ", which cannot be used"
+    return f", {', '.join(map(repr, texts))}" if texts else ""
 
 
 def _quoted(text: str | None) -> str:

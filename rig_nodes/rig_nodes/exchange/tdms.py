@@ -16,7 +16,7 @@ import numpy as np
 
 from ..config.units import UNITS
 from ..errors import RigError
-from .foreign import CUT, Channel, Foreign
+from .foreign import CUT, Channel, Foreign, Form
 from .heads import apart
 from .packages import needed
 from .units import split_head, unit_of
@@ -28,13 +28,15 @@ UNITS_AT = ("unit_string", "NI_UnitDescription", "Unit", "unit")  # properties t
 TIME_NAMES = ("t", "time", "times", "timestamp", "timestamps", "zeit", "czas")
 
 
-def read_tdms(path: Path) -> Foreign:
+def read_tdms(path: Path, _form: Form) -> Foreign:
     """Read a TDMS file.
 
     Parameters
     ----------
     path : Path
         The file.
+    _form : Form
+        Form of text, which this format does not need.
 
     Returns
     -------
@@ -59,7 +61,7 @@ def read_tdms(path: Path) -> Foreign:
         raise RigError(f"{path}: cannot be read as TDMS ({problem})") from None
     if not found:
         raise RigError(f"{path}: holds no channel of numbers")
-    return Foreign(path, apart(found), start=None if start is None else start * 1e-9, notes=(CUT,) if is_cut else ())
+    return Foreign(path, apart(found), start=None if start is None else start * 1e-9, notes=[CUT] if is_cut else [])
 
 
 def _group(group: Any, start: int) -> list[tuple[list[str], Channel]]:

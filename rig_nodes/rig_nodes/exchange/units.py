@@ -9,17 +9,30 @@ import re
 
 from ..config.units import UNITS
 
+# units of times in files -> s
+TIME_UNITS = {
+    **{unit: factor for unit, (dimension, factor) in UNITS.items() if dimension == "time"},
+    "ns": 1e-9,
+    "h": 3600.0,
+    "d": 86400.0,
+}
+
 # other spellings, by loggers and people, of the units of config.units
 ALIASES = {
     **dict.fromkeys(("N.m", "N m", "N*m", "N·m", "N⋅m", "NM"), "Nm"),
     **dict.fromkeys(("1/min", "min-1", "min^-1", "min⁻¹", "r/min", "U/min", "Umin", "obr/min", "obr./min", "RPM"), "rpm"),
     **dict.fromkeys(("°C", "C", "deg C", "Grad C", "st.C", "st. C"), "degC"),
     **dict.fromkeys(("µs", "μs"), "us"),
-    **dict.fromkeys(("sec", "sek", "Sek", "Sek.", "sek."), "s"),
+    **dict.fromkeys(("sec", "sek", "Sek", "Sek.", "sek.", "seconds", "Sekunden", "sekundy"), "s"),
+    **dict.fromkeys(("msec", "msek", "milliseconds", "Millisekunden"), "ms"),
+    **dict.fromkeys(("usec", "microseconds"), "us"),
+    **dict.fromkeys(("nsec", "nanoseconds"), "ns"),
+    **dict.fromkeys(("hr", "hrs", "hours", "Std", "Std.", "godz", "godz."), "h"),
+    **dict.fromkeys(("day", "days", "Tag", "dni", "doba"), "d"),
     **dict.fromkeys(("Bar", "bar(g)", "barg"), "bar"),
     **dict.fromkeys(("1", "1/1"), "-"),
 }
-_BRACKETS = re.compile(r"\s*(.+?)\s*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\))\s*$")
+_BRACKETS = re.compile(r"\s*(.+?)[\s_]*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\))\s*$")
 _BEHIND = (
     re.compile(r"\s*(.+?)\s+in\s+(\S.*?)\s*$"),
     re.compile(r"\s*(.+?)\s*/\s+(\S.*?)\s*$"),
@@ -32,6 +45,13 @@ def unit_of(text: str) -> str | None:
     text = text.strip().strip("[]()").strip()
     text = ALIASES.get(text, text)
     return text if text in UNITS else None
+
+
+def time_unit_of(text: str) -> str | None:
+    """Return the unit of times as TIME_UNITS writes it; None for anything else."""
+    text = text.strip().strip("[]()").strip()
+    text = ALIASES.get(text, text)
+    return text if text in TIME_UNITS else None
 
 
 def split_head(head: str) -> tuple[str, str]:
