@@ -143,7 +143,7 @@ def test_a_mat_file_of_this_form_is_read_by_paths_and_has_its_own_times(form, ve
 
 
 def test_a_file_of_version_4_and_simulinks_tout_are_read(tmp_path):
-    assert imported(written(tmp_path, {"tout": T, "yout": TABLE}, "4"), [f"yout[{n}]" for n in (1, 2, 3)], "time: tout\n") == 0
+    assert imported(written(tmp_path, {"tout": T, "u": TABLE}, "4"), [f"u[{n}]" for n in (1, 2, 3)], "time: tout\n") == 0
     assert Bag(tmp_path / "run").logger().period == 2e-3
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig import`: a logger's file (CSV, Parquet, MDF4 or MAT) becomes a run, by a profile that assigns its columns."""
+"""`rig import`: a logger's file (CSV, Parquet, MDF, MAT, xlsx or TDMS) becomes a run, by a profile that assigns its columns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from ..exchange.profile import Profile
 
-HELP = "make a run of a logger's file: CSV, Parquet, MDF4 or MAT"
+HELP = "make a run of a logger's file: CSV, Parquet, MDF, MAT, xlsx or TDMS"
 INTERMIXED = True
 
 
