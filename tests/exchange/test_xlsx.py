@@ -52,9 +52,7 @@ def test_a_sheet_with_heads_units_dates_and_a_footer_is_read_and_named(tmp_path,
     path = written(tmp_path / "x.xlsx", ("Deckblatt", [["Kunde", "A"], ["Nr.", 5]]), ("Messung", rows))
     assert imported(path, "time: Zeit\n" + COLUMNS) == 0
     out = capsys.readouterr().out
-    assert (
-        "note: read from the sheet 'Messung'" in out and "row 207 is no row of values and was left out: 'Messung fertig'" in out
-    )
+    assert "note: read from the sheet 'Messung'" in out and "row 207 is no row of values and was left out: 'Messung fertig'" in out
     rows = Bag(tmp_path / "run").logger()
     assert (rows.t0, rows.period) == (0.0, pytest.approx(0.01)) and np.allclose(rows.channels["M_wej"], TORQUE)
     assert np.allclose(rows.channels["p1"], 1e5 * PRESSURE)
