@@ -121,7 +121,12 @@ def test_each_column_goes_with_the_times_left_of_it(tmp_path):
     for heads in ("t2 [s]", "t [s]"):  # with a name of its own, or the same once more
         second = [[heads, *slow[0]]]
         second += [[f"{k / 50:.2f}".replace(".", ","), *slow[k + 1]] if k < 20 else ["", "", ""] for k in range(ROWS)]
-        found = measured(tmp_path, "\n".join(";".join(a + b) for a, b in zip(fast, second)))
+        text = "\n".join(";".join(a + b) for a, b in zip(fast, second))
+        profile = "columns: {M_wej: M_wej, n_wej: n_wej, p1: p1, p2: p2}\n"
+        assert measured(tmp_path, text, profile=profile).channels["p2"][10] == pytest.approx(0.625e5)
+        slower = measured(tmp_path, text, profile=f"time: '{heads if heads == 't2 [s]' else 't [s] (2)'}'\n{profile}")
+        assert slower.period == 0.02 and slower.channels["M_wej"][1] == pytest.approx(10.25 + 20 % 3)
+        found = measured(tmp_path, text)
         assert found.period == 1e-3 and any("p1, p2 have the times of" in note for note in found.notes)
         assert found.channels["p2"][[0, 20, 10]] == pytest.approx([0.125e5, 1.125e5, 0.625e5])
         assert np.isnan(found.channels["p2"][-1]) and not np.isnan(found.channels["n_wej"]).any()

@@ -173,9 +173,11 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
     if not found:
         raise RigError(f"{path}: no column is taken from it")
     axis = axis_of(foreign, profile, [channel for _, channel, _ in found.values()])
+    clocks = found_times(foreign.channels).own if axis.head is not None else {}
     for name, (one, channel, values) in found.items():
-        if one.time is not None and one.time != axis.head:
-            found[name] = one, _with_times(foreign, one, channel, axis), values
+        time = one.time or (clocks[channel.head].head if channel.head in clocks else None)
+        if time is not None and time != axis.head:
+            found[name] = replace(one, time=time), _with_times(foreign, one.where, time, channel, axis), values
     main = {name: values for name, (_, channel, values) in found.items() if _on(channel, axis)}
     clock = Clock(foreign, axis.stamps, profile.bridge, list(main.values()))
     channels, counts = {}, {"missing": 0, "bridged": 0}
@@ -258,11 +260,11 @@ def _words(found: Mapping[str, tuple[Mapped, Channel, Floats]]) -> list[str]:
     return [f"cells that hold no number count as missing: {shown}{' and more' if len(counts) > 5 else ''}"]
 
 
-def _with_times(foreign: Foreign, one: Mapped, channel: Channel, axis: Axis) -> Channel:
+def _with_times(foreign: Foreign, where: str, time: str, channel: Channel, axis: Axis) -> Channel:
     """Return a column with the times of a time column of its own."""
-    own = stamps_of(foreign, column(foreign, str(one.time), one.where))
+    own = stamps_of(foreign, column(foreign, time, where))
     if own.dated != axis.stamps.dated:
-        raise RigError(f"{one.where}: '{one.time}' and '{axis.head}' are times of different kinds, which have no common beginning")
+        raise RigError(f"{where}: '{time}' and '{axis.head}' are times of different kinds, which have no common beginning")
     return Channel(channel.head, channel.name, channel.unit, channel.content, own.seconds + (own.zero - axis.stamps.zero))
 
 

@@ -108,7 +108,8 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         if signal is not None and guesses.count(signal.name) == 1:
             unit_text = unit or f"{signal.display_unit}"
             doubt = _doubt(one) or ("" if unit else "  # the file has no unit: is it this one?")
-            clock = f", time: {_quoted(times.own[one.head].head)}" if one.head in times.own else ""
+            own = times.own.get(one.head)
+            clock = f", time: {_quoted(own.head)}" if own is not None and own is not times.main else ""
             lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(unit_text)}{clock}}}{doubt}")
         else:
             unsure.append(one.head)

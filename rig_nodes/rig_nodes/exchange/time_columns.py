@@ -33,7 +33,7 @@ CLOSE = 1e-3  # relative difference of two periods that mean the same
 
 @dataclass(frozen=True)
 class Times:
-    """Columns of times: the main one, that of its dates, and for heads of other columns the time column to which they belong."""
+    """Columns of times: the main one, that of its dates, and where there are several, that of each other column by its head."""
 
     main: Channel | None = None
     date: Channel | None = None
@@ -41,7 +41,8 @@ class Times:
 
     def all(self) -> list[Channel]:
         """Return all of the columns."""
-        return [one for one in (self.main, self.date, *{one.head: one for one in self.own.values()}.values()) if one is not None]
+        found = {one.head: one for one in (self.main, self.date, *self.own.values()) if one is not None}
+        return list(found.values())
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def found_times(channels: Sequence[Channel]) -> Times:
         one.head: clock
         for clock, group in groups.values()
         for one in group
-        if clock.head != main and one.times is None and one.kind == "numbers" and len(_values(one)) == len(clock.values)
+        if len(groups) > 1 and one.times is None and one.kind == "numbers" and len(_values(one)) == len(clock.values)
     }
     dates = [one for one in open_ones if contents[one.head] == "dates"]
     of_day = contents[main] == "times" and not _has_dates(groups[main][0])
