@@ -105,16 +105,16 @@ MANY = [schema(), *(channel(number, f"/t{number}") for number in range(1, 10_102
 BAGS = {
     "a chunk of zstd that says 16 GB": lambda: (
         file(chunk(b"", "zstd", 1 << 34, zstd_of(MIB))),
-        "larger than the 67108864 that are read at byte",
+        "larger than the 268435456 that are read at byte",
     ),
-    "a chunk of zstd that says 2^64 - 1": lambda: (file(chunk(b"", "zstd", 2**64 - 1, zstd_of(MIB))), "larger than the 67108864"),
+    "a chunk of zstd that says 2^64 - 1": lambda: (file(chunk(b"", "zstd", 2**64 - 1, zstd_of(MIB))), "larger than the 268435456"),
     "a chunk of zstd that is 300 MB and says 1 MB": lambda: (
         file(chunk(b"", "zstd", MIB, zstd_of(300 * MIB))),
         "a chunk cannot be decompressed at byte",
     ),
     "a chunk of lz4 that is 300 MB and says so": lambda: (
         file(chunk(b"", "lz4", 300 * MIB, lz4_of(300 * MIB))),
-        "larger than the 67108864",
+        "larger than the 268435456",
     ),
     "a chunk of lz4 that is 300 MB and says 1 MB": lambda: (
         file(chunk(b"", "lz4", MIB, lz4_of(300 * MIB))),
@@ -126,7 +126,7 @@ BAGS = {
     ),
     "an unpacked chunk that says more than it is": lambda: (
         file(chunk(HEAD + message(), size=1 << 33)),
-        "larger than the 67108864",
+        "larger than the 268435456",
     ),
     "an unpacked chunk that says less than it is": lambda: (file(chunk(HEAD + message(), size=5)), "where its head says 5"),
     "forty chunks of 60 MB of zeros": lambda: (
@@ -159,10 +159,6 @@ BAGS = {
         file(chunk(HEAD + message()), chunk(schema(definition="int8 a\n") + message(ns=2), last=2)),
         "definition 1 is given twice",
     ),
-    "a topic of two types": lambda: (
-        file(chunk(HEAD + schema(2, "a/msg/C") + channel(2, of=2) + message())),
-        "holds both a/msg/B and a/msg/C",
-    ),
     "more topics than there can be": lambda: (file(*MANY), "more than 10000 topics"),
     "a definition of 2 MB": lambda: (one("# \n" * (2 * MIB // 3)), "larger than the 1048576 that are read"),
     "forty definitions of 1 MB each": lambda: (
@@ -173,7 +169,7 @@ BAGS = {
     "a topic that is no text": lambda: (one(topic=b"/\xff\xfe"), "a record is garbled"),
     "metadata longer than its channel": lambda: (
         file(chunk(schema() + record(4, struct.pack("<HH", 1, 1) + text("/x") + text("cdr") + b"\xff\xff\xff\x7f"))),
-        "a record is garbled",
+        "the metadata of the channel of /x are garbled",
     ),
     "a log time after 2038": lambda: (file(chunk(HEAD + message(ns=2**63 - 1))), "has the log time 9223372036854775807 ns"),
     "a negative log time": lambda: (file(chunk(HEAD + message(ns=2**64 - 5))), "has the log time 18446744073709551611 ns"),
@@ -189,7 +185,7 @@ BAGS = {
     "a definition 300 deep": lambda: (one("T0 x\n" + NESTED), "goes deeper than 32 messages"),
     "a definition that doubles 30 times": lambda: (one("T0 x\n" + DOUBLING), "more than 2000 fields"),
     "an array of a billion texts": lambda: (one("string[1000000000] x\n"), "more than 2000 fields"),
-    "an array of a billion numbers": lambda: (one("float64[1000000000] x\n"), "or 67108864 bytes, which is more than is read"),
+    "an array of a billion numbers": lambda: (one("float64[1000000000] x\n"), "or 268435456 bytes, which is more than is read"),
     "arrays of arrays of messages": lambda: (
         one("a/C[1000] x\n" + section("a/C", "a/D[1000] x\n") + section("a/D", "float64[1000] x\n")),
         "more than 2000 fields",

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
-from ..bags.reader import Bag, Logger, nothing_in, recovered
+from ..bags.reader import Bag, Logger, recovered
 from ..bags.sequence_numbers import Numbers
 from ..errors import BagError, RigError
 from ..transmission import Transmission

@@ -19,9 +19,10 @@ import numpy as np
 
 from ..atomic_write import atomic_write
 from ..bags import limits
+from ..bags.messages import NOTHING
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
-from ..bags.reader import NOTHING, UNREADABLE, Bag
+from ..bags.reader import UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
 from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
 from ..errors import RigError, printable

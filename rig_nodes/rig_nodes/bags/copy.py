@@ -18,13 +18,16 @@ from pathlib import Path
 from .. import __version__
 from ..errors import RigError
 from . import limits
-from .opened import OpenedBags, class_of
+from .metadata import read_profile
+from .opened import RUN_INFO, OpenedBags, class_of
 from .reader import Bag
+from .run_end import OF_COPY
 from .sequence_numbers import Numbers
 from .writer import BagWriter
 
-# not the name of the recorder: its bags begin with their run, these may not
-LIBRARY = f"rig_bag {__version__}"
+# not the name of the recorder: its bags begin and end with their run, these may not
+LIBRARY = f"{OF_COPY}{__version__}"
+OWN_LIBRARIES = ("rig_nodes ", OF_COPY)  # of the project's bags, in which times of publishing are log times
 _PIECE = 16 << 20  # bytes of messages read at once
 _MESSAGE = struct.Struct("<QQ")
 
@@ -50,20 +53,39 @@ def count(bags: OpenedBags) -> Kept:
 
 
 def check(bags: OpenedBags) -> Kept:
-    """Do what :func:`count` does, check what lies outside of the chunks too, and count holes in sequence numbers."""
+    """Do what :func:`count` does, check what lies outside of the chunks too, and look at sequence numbers and blocks of samples."""
     kept = count(bags)
     lost, damage = Counter(kept.lost), list(kept.damage)
-    numbers = Numbers()
+    numbers, whole, false = Numbers(), _of_rig(bags), {}
     for piece in bags.pieces:
         for part in Bag.pieces(piece.path, _PIECE, recover=True):
-            with suppress(RigError):  # messages of types that cannot be decoded have no numbers
+            with suppress(RigError):  # messages that cannot be decoded have no numbers
                 numbers.add(part)
-            if not piece.damage:
-                damage += part.damage
+            for topic, fault in part.false_blocks().items():
+                false.setdefault(topic, fault)
+        if not piece.damage:
+            damage += part.damage
+    damage += [*numbers.disorder(whole), *false.values()]
     # a bag may begin later than its run, unless its recorder counted what it left out; an early end leaves no hole in the numbers
     for topic, holes in numbers.gaps(begun_late=not bags.left_out).items():
         lost[topic] = max(lost[topic], holes - bags.holes[topic])
     return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage)
+
+
+def _of_rig(bags: OpenedBags) -> Bag:
+    """Return a bag with what the bags record about their rig."""
+    return bags.bag([topic for topic, ros_type in bags.types.items() if ros_type == RUN_INFO])
+
+
+def left_out(bags: OpenedBags) -> list[str]:
+    """Return a sentence for each thing in some bags that a copy of them does not have, and for what it takes in place of it."""
+    found = [f"{what} is not copied" for piece in bags.pieces for what in piece.beside]
+    if any(not piece.library.startswith(OWN_LIBRARIES) for piece in bags.pieces):
+        found.append("the times of publishing and the numbers of the file's records are not copied; log times take their place")
+    for name in bags.types:
+        if problem := read_profile(bags.channel(name)[2].get("offered_qos_profiles", "")).problem:
+            found.append(f"{name}: its quality of service cannot be read ({problem}); metadata.yaml gives the default")
+    return found
 
 
 def content_hash(bags: OpenedBags) -> tuple[dict[str, str], Kept]:
@@ -116,7 +138,7 @@ def write(
             for topic, ros_type in bags.types.items():
                 if topics is None or topic in topics:
                     encoding, text, about = bags.channel(topic)
-                    writer.describe(topic, ros_type, encoding, text, about, class_of(about))
+                    writer.describe(topic, ros_type, encoding, text, about, class_of(about), bags.topic_of(topic))
             for time, (topic, data) in bags.timeline(bags.types):
                 held[topic] += 1
                 if begin <= time < end and (topics is None or topic in topics):

@@ -337,8 +337,8 @@ def parse(ros_type: str, text: str) -> Definition:
     try:
         known = _kept(ros_type)
     except RigError:
-        known = {"text": ""}
-    if known["text"] == text:
+        known = None
+    if known is not None and known["text"] == text:
         root, type_hash = _of_lists(known["tree"]), known["hash"]
     else:
         root, type_hash, _ = _parsed(ros_type, text)

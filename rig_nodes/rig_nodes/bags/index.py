@@ -20,6 +20,7 @@ from typing import NamedTuple
 from ..errors import BagError
 from . import limits
 from .mcap_file import (
+    ATTACHMENT,
     CHANNEL,
     CHUNK,
     CHUNK_INDEX,
@@ -30,28 +31,34 @@ from .mcap_file import (
     MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
+    METADATA,
+    METADATA_INDEX,
     RECORD,
     SCHEMA,
     STATISTICS,
     ChunkHead,
     Damage,
     McapFile,
-    Records,
-    Stream,
-    by_topic,
     check_expansion,
     chunk_head,
     library,
+    named_texts,
     plain_record,
+    text,
 )
+from .records import Records, Stream, by_name
+from .run_end import RECORD_NAME
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _PLACE = struct.Struct("<HQ")  # of the table in a chunk's index
 _INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, length of the compression's name
 _SIZE = struct.Struct("<Q")  # behind that name, twice: packed size, size
 _STATISTICS = struct.Struct("<QHIIIIQQI")
+_METADATA_INDEX = struct.Struct("<QQ")  # place and length of the record; its name follows
 _CRC = 4  # bytes of the checksum that is all of the end-of-data record
 _PLAIN = 1 << 20  # bytes of messages outside of chunks that form one part
+OWN_RECORDS = ("rosbag2", RECORD_NAME)  # metadata records that every bag writer makes anew
+HOLE = 86_400_000_000_000  # ns without a message that no reader passes in real time: a day
 
 
 class _Part(NamedTuple):
@@ -67,6 +74,8 @@ class _Part(NamedTuple):
 class BagIndex:
     """A bag whose messages are read on demand; of a damaged bag it gives the undamaged part.
 
+    Channels are known by the names of records.by_name: their topics, where a topic has one type.
+
     Attributes
     ----------
     path : Path
@@ -79,6 +88,12 @@ class BagIndex:
         Log times of the first and the last message [ns].
     library : str
         Name of the program that wrote the file, as the file gives it.
+    end : dict of str to str
+        The file's record of how its run ended (bags.run_end); empty without one.
+    beside : list of str
+        Attachments and metadata records of others, by what they are and, where the file says it, their names.
+    unread : dict of str to int
+        Messages met so far that cannot be read though their chunk can, by topic, or by channel where it is not described.
     damage : list of str
         One sentence per fault met so far; each is passed to ``on_damage`` when it is met.
     """
@@ -96,13 +111,15 @@ class BagIndex:
         self.on_damage: Callable[[str], None] = lambda _: None
         self._file = McapFile(self.path)
         self.library = ""
+        self._unread: dict[tuple[str, int], int] = {}  # (topic or channel, byte in the file) -> messages
         try:
             self._parts: list[_Part] = []
             self._count: Counter[int] = Counter()
             self._summary_at = 0  # byte at which the summary begins, 0 without one
             if not self._by_summary():
                 self._by_walking()
-            self._streams = by_topic(self.path, self._records.contents.streams.values())
+            self._streams = by_name(self._records.contents.streams.values())
+            self._set_times()
         except BaseException:
             self._file.__exit__()
             raise
@@ -110,7 +127,7 @@ class BagIndex:
         numbers = self._records.contents.streams
         self.counts = dict.fromkeys(self._streams, 0)
         for number, count in self._count.items():
-            self.counts[numbers[number].topic] += count
+            self.counts[numbers[number].name] += count
         self.types = {topic: stream.ros_type for topic, stream in self._streams.items()}
         self.first = min((part.first for part in self._parts), default=0)
         self.last = max((part.last for part in self._parts), default=0)
@@ -120,6 +137,33 @@ class BagIndex:
 
     def __exit__(self, *_: object) -> None:
         self._file.__exit__()
+
+    @property
+    def unread(self) -> dict[str, int]:
+        """Messages met so far that cannot be read though their chunk can, by topic or channel."""
+        found: Counter[str] = Counter()
+        for (name, _), count in self._unread.items():
+            found[name] += count
+        return dict(found)
+
+    def spans(self) -> list[tuple[int, int]]:
+        """Return first and last log time [ns] of each stretch of the file between holes in time (HOLE), in order."""
+        found: list[tuple[int, int]] = []
+        for part in self._parts:
+            for first, last in _stretches(self._times_in(part)) if part.last - part.first > HOLE else [(part.first, part.last)]:
+                found.append((first, last))
+        return joined_spans(found)
+
+    def _times_in(self, part: _Part) -> list[int]:
+        """Return the log times of a part's messages in order; none when it cannot be read."""
+        try:
+            streams = self._read(part, ()).values()
+        except Damage:
+            self._records.take()
+            return []
+        finally:
+            self._records.take_faults()
+        return sorted(time for stream in streams for time in stream.times)
 
     def digest(self) -> bytes:
         """Return a hash of the file: of the end of a whole one, with the checksum of all that lies before, otherwise of all bytes.
@@ -146,6 +190,10 @@ class BagIndex:
         stream = self._streams[topic]
         return stream.encoding, stream.text, stream.metadata
 
+    def topic_of(self, name: str) -> str:
+        """Return the topic of a channel; it is the name unless one topic has several types."""
+        return self._streams[name].topic
+
     def empty(self, topic: str) -> Stream:
         """Return a topic's channel without its messages."""
         return self._streams[topic].emptied()
@@ -169,7 +217,7 @@ class BagIndex:
         (int, (str, bytes))
             Log time [ns], and topic with bytes.
         """
-        wanted = {number for number, stream in self._records.contents.streams.items() if stream.topic in topics}
+        wanted = {number for number, stream in self._records.contents.streams.items() if stream.name in topics}
         others = self._records.contents.streams.keys() - wanted
         rows: list[tuple] = []
         for part in self._parts:
@@ -191,16 +239,17 @@ class BagIndex:
         """
         try:
             streams = self._read(part, others).values()
-            if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last for stream in streams):
-                raise Damage("a chunk holds messages outside the times that its record gives", part.start)
         except Damage as damage:
             self._tell(damage)
             self._records.take()
             return []
+        self._tell_faults()
+        if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last for stream in streams):
+            self._tell(Damage("a chunk holds messages outside the times that its record gives", part.start))
         return [
-            (time, part.start, place, stream.topic, data)
+            (time, part.start, place, stream.name, data)
             for stream in streams
-            if stream.topic in topics
+            if stream.name in topics
             for time, place, data in zip(stream.times, stream.places, stream.payloads)
             if begin <= time < end
         ]
@@ -218,6 +267,13 @@ class BagIndex:
             position = end
         return self._records.take().streams
 
+    def _tell_faults(self) -> None:
+        """Report the faults of single records, and count the messages among them."""
+        for fault in self._records.take_faults():
+            if fault.lost:
+                self._unread[fault.lost, fault.offset] = fault.count
+            self._tell(fault)
+
     def _tell(self, damage: Damage) -> None:
         """Keep a fault and report it once; raise BagError when nothing after it can be trusted."""
         sentence = damage.sentence(self._file.size)
@@ -229,17 +285,24 @@ class BagIndex:
 
     def _by_summary(self) -> bool:
         """Take everything from the summary; return False when it is missing or incomplete."""
-        self._records = Records(self._file)
+        self._records = Records(self._file, tolerant=True)
+        self._begin()
         try:
-            found = self._summary()
+            # a summary may repeat channels without their definitions: then the data itself tells what it holds
+            found = self._summary() and not self._records.take_faults()
         except Damage as damage:
             self._tell(damage)
             found = False
         except struct.error:
             found = False
         if not found:
-            self._parts, self._count, self._summary_at = [], Counter(), 0
+            self._summary_at = 0
         return found
+
+    def _begin(self) -> None:
+        self._parts, self._count = [], Counter()
+        self.end: dict[str, str] = {}
+        self.beside: list[str] = []
 
     def _summary(self) -> bool:
         file = self._file
@@ -258,7 +321,7 @@ class BagIndex:
         if crc and file.checksum(position, end - 4) != crc:
             raise Damage("the summary does not match its checksum, which lies", end - 4)
         self._summary_at = position
-        statistics, unpacked, same = None, 0, {}
+        statistics, unpacked, same, records = None, 0, {}, 0
         while position < footer:
             opcode, start, end = file.record(position)
             if end - start > limits.RECORD and opcode in (SCHEMA, CHANNEL, STATISTICS, CHUNK_INDEX):
@@ -267,19 +330,28 @@ class BagIndex:
                 self._records.records(plain_record(file, start, end), position)
             elif opcode == STATISTICS:
                 statistics = file.bytes_at(start, end - start)
+            elif opcode == METADATA_INDEX:
+                at, _ = _METADATA_INDEX.unpack(file.bytes_at(start, _METADATA_INDEX.size))
+                self._take_metadata(*file.record(at)[1:])
+                records += 1
             elif opcode == CHUNK_INDEX:
                 part, size = _part_of(file.bytes_at(start, end - start), same)
                 unpacked += size
-                if part.end > footer or part.last > limits.LAST:
+                if part.end > footer:
                     return False
                 self._parts.append(part)
             position = end
         check_expansion(unpacked, file.size, footer)
-        return statistics is not None and self._agrees(statistics)
+        return statistics is not None and self._agrees(statistics, records)
 
-    def _agrees(self, statistics: bytes) -> bool:
-        """Take the counts; return False when the known chunks do not hold all messages or the counts name unknown channels."""
-        messages, *_, chunks, _, _, length = _STATISTICS.unpack_from(statistics)
+    def _agrees(self, statistics: bytes, records: int) -> bool:
+        """Take the counts; return False when the known chunks do not hold all messages or the counts name unknown channels.
+
+        ``records`` is the number of metadata records that the summary lists.
+        """
+        messages, _, _, attachments, metadata, chunks, _, _, length = _STATISTICS.unpack_from(statistics)
+        if attachments or metadata != records:
+            return False  # the walk over the file finds them
         if length > len(statistics) - _STATISTICS.size:
             return False
         self._count = Counter(dict(struct.iter_unpack("<HQ", statistics[_STATISTICS.size : _STATISTICS.size + length])))
@@ -292,12 +364,14 @@ class BagIndex:
 
     def _by_walking(self) -> None:
         """Take everything from the heads of the file's records, up to the first that cannot be followed."""
-        self._records = Records(self._file)
+        self._records = Records(self._file, tolerant=True)
+        self._begin()
         try:
             position = len(MAGIC)
-            opcode, _, position = self._file.record(position)
+            opcode, start, position = self._file.record(position)
             if opcode != HEADER:
                 raise Damage("the file's header is missing", len(MAGIC))
+            self.library = library(self._file, start, position)
             unpacked, plain = 0, position
             while True:
                 opcode, start, end = self._file.record(position)
@@ -317,6 +391,11 @@ class BagIndex:
                     elif opcode in (SCHEMA, CHANNEL, MESSAGE):
                         plain = min(plain, position)
                         self._records.records(plain_record(self._file, start, end), position)
+                    elif opcode == METADATA:
+                        self._take_metadata(start, end)
+                    elif opcode == ATTACHMENT:
+                        self._take_attachment(start, end)
+                    self._tell_faults()
                 except Damage as damage:
                     self._records.take()
                     if damage.fatal:
@@ -325,6 +404,29 @@ class BagIndex:
                 position = end
         except Damage as damage:
             self._tell(damage)
+
+    def _take_metadata(self, start: int, end: int) -> None:
+        """Take the metadata record whose content lies from ``start`` to ``end``: the run's end, or one of others."""
+        name, texts = named_texts(self._file, start, end)
+        if name == RECORD_NAME:
+            self.end = texts
+        elif name not in OWN_RECORDS:
+            self.beside.append(f"metadata record '{name}'")
+
+    def _take_attachment(self, start: int, end: int) -> None:
+        content = self._file.bytes_at(start, min(end - start, limits.RECORD))
+        try:
+            name, _ = text(content, 16, len(content))  # behind its two times
+        except (struct.error, ValueError):
+            name = ""
+        self.beside.append(f"attachment '{name}'")
+
+    def _set_times(self) -> None:
+        """Read the times of chunks whose heads cannot be right: some recorders leave them 0."""
+        for place, part in enumerate(self._parts):
+            if not 0 < part.last <= limits.LAST or part.first > part.last:
+                times = self._times_in(part) or [0]
+                self._parts[place] = part._replace(first=times[0], last=times[-1])
 
     def _add_chunk(self, head: ChunkHead, position: int, end: int) -> None:
         """Add a chunk by the message indices behind it; read the chunk when they are missing or name unknown channels."""
@@ -344,8 +446,6 @@ class BagIndex:
             self._records.chunk(head, position)
             streams = self._records.take().streams
             counts = {number: len(stream.times) for number, stream in streams.items() if stream.times}
-        if head.last > limits.LAST:
-            raise Damage(f"a chunk goes to the log time {head.last} ns, expected 0 to {limits.LAST},", position)
         self._add(_Part(position, end, head.first, head.last, frozenset(counts)), counts)
 
     def _close_plain(self, start: int, end: int) -> None:
@@ -362,6 +462,22 @@ class BagIndex:
         self._count.update(counts)
         if part.channels:
             self._parts.append(part)
+
+
+def joined_spans(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return stretches of log time [ns] in order, those that no hole in time (HOLE) separates as one."""
+    found: list[tuple[int, int]] = []
+    for first, last in sorted(spans):
+        if found and first - found[-1][1] <= HOLE:
+            found[-1] = found[-1][0], max(found[-1][1], last)
+        else:
+            found.append((first, last))
+    return found
+
+
+def _stretches(times: list[int]) -> list[tuple[int, int]]:
+    """Return the stretches of times [ns] in order."""
+    return joined_spans([(time, time) for time in times])
 
 
 def _part_of(record: bytes, same: dict) -> tuple[_Part, int]:

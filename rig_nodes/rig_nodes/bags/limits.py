@@ -3,14 +3,16 @@
 
 """Limits on what a bag may demand of its reader; anything beyond them is refused before it is built in memory.
 
-Real bags stay far below: the project's bags have chunks of 4 MiB, 60 topics and definitions of 2 kB.
+The writer keeps to the same limits. Real bags stay far below: the project's bags have chunks of 4 MiB, 60 topics and definitions
+of 2 kB.
 """
 
 from __future__ import annotations
 
 MIB = 1 << 20
-CHUNK = 64 * MIB  # bytes of an unpacked chunk, and thereby of a message
-EXPANSION = 200  # unpacked bytes per byte of the file, beyond one chunk; zstd reaches 4 for the project's bags
+CHUNK = 256 * MIB  # bytes of an unpacked chunk; a message that is too large for it is refused by the writer
+EXPANSION = 200  # unpacked bytes per byte of the file, beyond UNPACKED; a chunk that packs better is written as it is
+UNPACKED = 64 * MIB
 DESCRIPTIONS = 10_000  # channels, and message definitions
 RECORD = MIB  # bytes of the description of a channel or of a message definition
 TEXTS = 32 * MIB  # bytes of all message definitions

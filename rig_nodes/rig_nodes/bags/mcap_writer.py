@@ -28,10 +28,11 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Footer, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics, SummaryOffset
 
+from . import limits
 from .mcap_file import MAGIC
 
 COMPRESSION = b"zstd"
-MOST_PACKING = 16  # closed chunks that wait for the thread that packs them
+MOST_PACKING, MOST_BYTES = 16, 64 << 20  # closed chunks, and their bytes, that wait for the thread that packs them
 _MESSAGE = np.dtype(
     [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("logged", "<u8"), ("published", "<u8")]
 )
@@ -65,8 +66,9 @@ class McapWriter:
         self._compression = COMPRESSION if packed else b""
         self._compress = zstandard.ZstdCompressor().compress if packed else bytes
         self._packer = ThreadPoolExecutor(1)  # packs and sums without Python's lock
-        # closed chunks that are being packed: packed bytes and CRC, size, index
-        self._packing: deque[tuple[Future[tuple[bytes, int]], int, Index]] = deque()
+        # closed chunks that are being packed: packed bytes, compression and CRC, size, index
+        self._packing: deque[tuple[Future[tuple[bytes, bytes, int]], int, Index]] = deque()
+        self._waiting = 0  # bytes of their content
         self._data_crc = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -95,7 +97,9 @@ class McapWriter:
         return len(self._channels)
 
     def add_message(self, channel: int, log_time: int, data: bytes, sequence: int) -> None:
-        """Store a message; ``log_time`` [ns] is also its publish time."""
+        """Store a message; ``log_time`` [ns] is also its publish time. One larger than a chunk has a chunk of its own."""
+        if len(data) > self._chunk_bytes:
+            self.end_chunk()
         self._of.append(channel)
         self._times.append(log_time)
         self._sequences.append(sequence)
@@ -236,13 +240,20 @@ class McapWriter:
         index = self._index or self._index_of_parts()
         content = self._parts[0][0] if len(self._parts) == 1 else b"".join([part[0] for part in self._parts])
         self._packing.append((self._packer.submit(self._pack, content), len(content), index))
+        self._waiting += len(content)
         self._begin_chunk()
-        while self._packing and (self._packing[0][0].done() or len(self._packing) > MOST_PACKING):
+        while self._packing and (self._packing[0][0].done() or len(self._packing) > MOST_PACKING or self._waiting > MOST_BYTES):
             self._put_chunk()
 
-    def _pack(self, content: bytes | memoryview) -> tuple[bytes, int]:
-        """Return a chunk's content as the file holds it, and its CRC."""
-        return self._compress(content), zlib.crc32(content)
+    def _pack(self, content: bytes | memoryview) -> tuple[bytes, bytes, int]:
+        """Return a chunk's content as the file holds it, its compression and its CRC.
+
+        What packs better than readers trust is stored as it is.
+        """
+        packed, compression = self._compress(content), self._compression
+        if len(packed) * limits.EXPANSION < len(content):
+            packed, compression = bytes(content), b""
+        return packed, compression, zlib.crc32(content)
 
     def _put_chunks(self) -> None:
         """Write all closed chunks."""
@@ -252,7 +263,8 @@ class McapWriter:
     def _put_chunk(self) -> None:
         """Write the first of the closed chunks, as soon as it is packed."""
         packing, size, index = self._packing[0]
-        (packed, crc), compression = packing.result(), self._compression
+        packed, compression, crc = packing.result()
+        self._waiting -= size
         self._packing.popleft()  # an interrupt while it is packed leaves it where it is
         length = _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed)
         head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, crc, len(compression))

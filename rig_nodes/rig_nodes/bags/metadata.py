@@ -17,7 +17,6 @@ from io import StringIO
 from textwrap import indent
 
 from ..catalogue import QOS, Offer
-from ..errors import BagError
 from . import limits
 
 VERSION = 9
@@ -48,18 +47,22 @@ PROFILES = {qos: _profile(offer) for qos, offer in QOS.items()}
 
 @dataclass(frozen=True)
 class Offered:
-    """How a topic was offered when it was recorded; deadline_ns is 0 without a deadline."""
+    """How a topic was offered when it was recorded.
+
+    ``deadline_ns`` is 0 without a deadline; ``problem`` says what of the recorded text could not be read.
+    """
 
     reliable: bool = True
     latched: bool = False
     deadline_ns: int = 0
+    problem: str = ""
 
 
 def read_profile(text: str) -> Offered:
     """Read the quality of service that rosbag2 stores in a channel, in the form of any version.
 
     Since Jazzy the values are words, before they were numbers. Of several publishers the strictest profile counts, so that every
-    subscriber that received one of them also receives the replay. An empty text means reliable and not latched.
+    subscriber that received one of them also receives the replay. What is missing or cannot be read is reliable and not latched.
 
     Parameters
     ----------
@@ -70,17 +73,14 @@ def read_profile(text: str) -> Offered:
     -------
     Offered
         The profile to offer.
-
-    Raises
-    ------
-    BagError
-        When the text is not a list of profiles.
     """
     if len(text) > limits.PROFILES:
-        raise BagError(f"a quality of service in the bag has {len(text)} characters, more than the {limits.PROFILES} that are read")
+        return Offered(problem=f"it has {len(text)} characters, more than the {limits.PROFILES} that are read")
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
+    if "\n" not in text:
+        text = text.replace("\\n", "\n")  # programs that write it through Python often leave the ends of lines escaped
     try:
         profiles = YAML(typ="safe", pure=True).load(text) or []
         deadlines = [profile.get("deadline", FOREVER) for profile in profiles]
@@ -89,14 +89,16 @@ def read_profile(text: str) -> Offered:
             for d in deadlines
             if 0 <= d["sec"] < FOREVER["sec"] and 0 <= d["nsec"] < 1_000_000_000
         ]
+        lacking = {key for profile in profiles for key in ("reliability", "durability") if key not in profile}
         return Offered(
-            reliable=not profiles or any(p["reliability"] not in ("best_effort", 2) for p in profiles),
-            latched=any(p["durability"] in ("transient_local", 1) for p in profiles),
+            reliable=not profiles or any(p.get("reliability") not in ("best_effort", 2) for p in profiles),
+            latched=any(p.get("durability") in ("transient_local", 1) for p in profiles),
             deadline_ns=min((d for d in finite if d > 0), default=0),
+            problem=f"it gives no {' and no '.join(sorted(lacking))}" if lacking else "",
         )
     except (YAMLError, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         problem = f"{type(error).__name__} {error}".strip().splitlines()[0]
-        raise BagError(f"a quality of service in the bag is no list of profiles ({problem})") from None
+        return Offered(problem=f"it is no list of profiles ({problem})")
 
 
 @cache

@@ -3,7 +3,7 @@
 
 """Conversion of older bags' topics, messages and records to today's form, so that readers handle one name and one form of each.
 
-mcap_file uses it to read a file's channels, rig_record to read a rig's record. In the older form messages began with a bare
+bags.records uses it to read a file's channels, rig_record to read a rig's record. In the older form messages began with a bare
 stamp, controller messages had one rig's numbers as fields, the gearbox's state had one laboratory's symbols, controller topics
 were named after one controller, and a record held only values: the structures of two kinds of rigs were fixed.
 """

@@ -3,8 +3,8 @@
 
 """Bags as users have them, read as one: folders with several pieces, files packed with zstd, sqlite3, several bags at once.
 
-The replay and `rig bag` use it. Everything is read by BagIndex; what is no plain MCAP file is first turned into one in a temporary
-folder, sqlite3 by the package rosbags.
+The replay, the view and `rig bag` use it. Everything is read by BagIndex; what is no plain MCAP file is first turned into one in a
+temporary folder.
 """
 
 from __future__ import annotations
@@ -14,19 +14,22 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
+from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 
 from ..errors import BagError, RigError
 from . import limits
-from .definitions import installed
-from .index import BagIndex
-from .mcap_file import Contents
-from .metadata import profile_text, read_profile
+from .index import BagIndex, joined_spans
+from .metadata import read_profile
 from .pieces import PACKED, Metadata, in_order, plain, read_metadata
 from .reader import Bag
+from .records import ENCODING, Contents
+from .run_end import EVENTS, STATE, RunEnd, cut_off, end_by_topics
+from .sqlite_bag import from_sqlite
 
 KINDS = (".mcap", ".db3")
+RUN_INFO = "rig_msgs/msg/RunInfo"
 
 
 class OpenedBags:
@@ -46,6 +49,10 @@ class OpenedBags:
         Messages per topic by the bags' own counts.
     first, last : int
         Log times of the first and the last message [ns].
+    spans : list of (int, int)
+        First and last log time [ns] of each stretch between holes in time (index.HOLE).
+    notes : list of str
+        One sentence for each thing that is no fault of the messages: a renamed file, metadata that cannot be read.
     """
 
     def __init__(self, paths: Sequence[str | Path]) -> None:
@@ -67,7 +74,9 @@ class OpenedBags:
         self.stated: Counter[str] = Counter()  # messages per topic by metadata.yaml
         self.left_out: Counter[str] = Counter()  # messages per topic that the recorder left out on purpose, by metadata.yaml
         self.holes: Counter[str] = Counter()  # of these, messages that leave a hole in the sequence numbers
+        self.notes: list[str] = []
         self._damage: list[str] = []
+        self._starts = 0  # bags that were opened
         self._on_damage: Callable[[str], None] = lambda _: None
         self._stack = ExitStack()
         try:
@@ -79,6 +88,7 @@ class OpenedBags:
         self._held = [piece for piece in self.pieces if any(piece.counts.values())]
         self.first = min((piece.first for piece in self._held), default=0)
         self.last = max((piece.last for piece in self._held), default=0)
+        self.spans = joined_spans([span for piece in self._held for span in piece.spans()])
 
     def __enter__(self) -> OpenedBags:
         return self
@@ -104,9 +114,58 @@ class OpenedBags:
         for piece in self.pieces:
             piece.on_damage = action
 
+    @property
+    def length(self) -> int:
+        """Time of the bag without its holes [ns]."""
+        return sum(last - first for first, last in self.spans)
+
+    @property
+    def holes_in_time(self) -> list[str]:
+        """One sentence for each hole in time, which the replay jumps over and no option counts."""
+        return [
+            f"no message between {before / 1e9:.3f} s and {after / 1e9:.3f} s, {(after - before) / 86_400e9:.0f} days, which are "
+            "jumped over"
+            for (_, before), (after, _) in pairwise(self.spans)
+        ]
+
+    def time_at(self, seconds: float) -> int:
+        """Return the log time [ns] so many seconds after the first message, holes in time not counted."""
+        left = round(seconds * 1e9)
+        for first, last in self.spans:
+            if left <= last - first:
+                return first + left
+            left -= last - first
+        return self.last + left
+
+    def topic_of(self, name: str) -> str:
+        """Return the topic of a channel; it is the name unless one topic has several types."""
+        return self._piece(name).topic_of(name)
+
+    def not_understood(self, name: str) -> str:
+        """Return why the messages of a channel are bytes to the rig; empty for those of ROS 2 with a definition."""
+        encoding = self.channel(name)[0]
+        if encoding == ENCODING:
+            return ""
+        form, _, language = encoding.partition("/")
+        definition = f"a definition in {language}" if language else "no definition"
+        return f"its messages are {form or 'of no stated encoding'}, with {definition}"
+
+    def end(self) -> tuple[RunEnd | None, str]:
+        """Return how the run ended, as far as the bag shows it, and a sentence when the bag was cut off before that."""
+        last = self.pieces[-1]
+        topics = [topic for topic, ros_type in self.types.items() if topic in (STATE, EVENTS) or ros_type == RUN_INFO]
+        bag = self.bag(topics) if self._starts == 1 else None  # several bags together are no run
+        if bag is None:
+            return None, ""
+        bag.end, bag.library = last.end, last.library
+        return RunEnd.of(last.end) or end_by_topics(bag), "" if self.damage else cut_off(bag)
+
+    def _piece(self, name: str) -> BagIndex:
+        return next(piece for piece in self.pieces if name in piece.types)
+
     def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
         """Return a topic's encoding as ``message/definition``, its definition and the metadata of its channel."""
-        return next(piece for piece in self.pieces if topic in piece.types).channel(topic)
+        return self._piece(topic).channel(topic)
 
     def timeline(
         self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
@@ -134,7 +193,7 @@ class OpenedBags:
         Bag
             The messages.
         """
-        streams = {topic: next(piece for piece in self.pieces if topic in piece.types).empty(topic) for topic in self.types}
+        streams = {topic: self._piece(topic).empty(topic) for topic in self.types}
         for place, (time, (topic, data)) in enumerate(self.timeline(topics, begin, end)):
             streams[topic].times.append(time)
             streams[topic].payloads.append(data)
@@ -144,12 +203,17 @@ class OpenedBags:
 
     def lost(self, held: Counter[str]) -> dict[str, int]:
         """Return how many messages per topic the bags' own counts exceed those that were read."""
-        expected = {topic: max(self.counts.get(topic, 0), self.stated[topic]) for topic in {**self.counts, **self.stated}}
-        return {topic: count - held[topic] for topic, count in expected.items() if count > held[topic]}
+        expected = Counter(self.counts) | self.stated
+        lost = Counter({topic: count - held[topic] for topic, count in expected.items()})
+        for piece in self.pieces:
+            lost |= Counter(piece.unread)
+        return dict(+lost)
 
     def _open(self, path: Path) -> None:
-        files, problems, about = files_of(path)
+        files, problems, notes, about = files_of(path)
+        self._starts += 1
         self._damage += problems
+        self.notes += notes
         self.stated.update(about.counts)
         self.left_out.update(about.left_out)
         self.holes.update(about.left_out)
@@ -175,6 +239,8 @@ class OpenedBags:
         for topic, ros_type in piece.types.items():
             if self.types.setdefault(topic, ros_type) != ros_type:
                 raise RigError(f"{piece.path}: topic {topic} holds {ros_type}, in another piece or bag {self.types[topic]}")
+            if not self._piece(topic).empty(topic).same_as(piece.empty(topic)):
+                raise RigError(f"{piece.path}: topic {topic} holds another form of {ros_type} than in another piece or bag")
             self.counts[topic] = self.counts.get(topic, 0) + piece.counts[topic]
 
     def _plain(self, file: Path) -> Path:
@@ -182,11 +248,15 @@ class OpenedBags:
         file = self._stack.enter_context(plain(file))
         if file.suffix != ".db3":
             return file
-        return _from_sqlite(file, Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-bag-"))))
+        made, faults = from_sqlite(file, Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-bag-"))))
+        self._damage += faults
+        return made
 
 
-def files_of(path: Path) -> tuple[list[Path], list[str], Metadata]:
-    """Return the files of a bag in their order, one sentence for each that is missing, and the contents of metadata.yaml.
+def files_of(path: Path) -> tuple[list[Path], list[str], list[str], Metadata]:
+    """Return the files of a bag in their order, a sentence for each that is missing, notes, and the contents of metadata.yaml.
+
+    A file that metadata.yaml lists is not missing when another one is there in its place: it was renamed.
 
     Parameters
     ----------
@@ -199,61 +269,28 @@ def files_of(path: Path) -> tuple[list[Path], list[str], Metadata]:
         When there is none.
     """
     if path.is_file():
-        return [path], [], Metadata()
+        return [path], [], [], Metadata()
     if not path.is_dir():
         raise BagError(f"{path}: there is no such file or folder; give the folder of a bag or one of its files")
     found = in_order([file for file in path.iterdir() if file.name.removesuffix(PACKED).endswith(KINDS)])
-    problems, about = [], Metadata()
+    problems, notes, about = [], [], Metadata()
     try:
         about = read_metadata(path)
         listed = [path / name for name in about.files]
-        problems = [f"{file} is missing, which metadata.yaml lists" for file in listed if not file.is_file()]
+        missing = [file for file in listed if not file.is_file()]
+        others = [file for file in found if file not in listed]
+        if len(missing) > len(others):
+            problems = [f"{file} is missing, which metadata.yaml lists" for file in missing]
+        else:
+            renamed = dict(zip(missing, others))
+            notes = [f"{old.name} is not there, which metadata.yaml lists; {new.name} is read" for old, new in renamed.items()]
+            listed = [renamed.get(file, file) for file in listed]
         found = [file for file in listed if file.is_file()] + [file for file in found if file not in listed]
     except RigError as error:
-        problems = [str(error)]
+        notes = [f"{error}; the bag is read without it"]
     if not found:
         raise BagError(f"{path}: holds no bag; expected .mcap or .db3 files, also packed as {PACKED}")
-    return found, problems, about
-
-
-def _from_sqlite(file: Path, folder: Path) -> Path:
-    """Write the messages of an sqlite3 file into an MCAP file of the folder and return it."""
-    try:
-        from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-    except ImportError:
-        raise RigError(f"{file}: reading sqlite3 bags needs the package rosbags; install it with 'pip install rosbags'") from None
-    from .writer import BagWriter
-
-    reader = Sqlite3Reader(file)
-    try:
-        reader.open()
-        try:
-            with BagWriter(folder, file.stem, topics={}) as writer:
-                for connection in reader.connections:
-                    qos = _class(connection.ext.offered_qos_profiles)
-                    about = {"offered_qos_profiles": profile_text(qos), "topic_type_hash": connection.digest or ""}
-                    text = connection.msgdef.data or installed(connection.msgtype).text
-                    encoding = f"{connection.ext.serialization_format or 'cdr'}/ros2msg"
-                    writer.describe(connection.topic, connection.msgtype, encoding, text, about, qos)
-                for connection, time, data in reader.messages(reader.connections):
-                    writer.write(connection.topic, connection.msgtype, bytes(data), time)
-        finally:
-            reader.close()
-    except BagError:
-        raise
-    except Exception as error:  # sqlite raises one class per fault, rosbags has further ones
-        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        raise BagError(
-            f"{file}: cannot be read as an sqlite3 bag ({problem}); expected one of `ros2 bag record -s sqlite3`"
-        ) from None
-    return writer.path
-
-
-def _class(profiles: Sequence) -> str:
-    """Return the class of catalogue.QOS for the profiles as rosbags gives them."""
-    if any(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles):
-        return "latched"
-    return "best_effort" if profiles and all(p.reliability.name == "BEST_EFFORT" for p in profiles) else "measurement"
+    return found, problems, notes, about
 
 
 def class_of(about: dict[str, str]) -> str:

@@ -141,7 +141,7 @@ def _stem(file: Path) -> str:
 
 
 def _unpacked(file: Path, out: Path) -> Path:
-    most = limits.CHUNK + limits.EXPANSION * file.stat().st_size
+    most = limits.UNPACKED + limits.EXPANSION * file.stat().st_size
     size = 0
     try:
         with open(file, "rb") as packed, open(out, "wb") as sink:

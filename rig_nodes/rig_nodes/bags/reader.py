@@ -1,25 +1,20 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reader of a recorded run: messages, signals, logger rows, events, and the check that nothing is missing.
+"""Reader of a recorded run: signals, logger rows, events, and the check that nothing is missing.
 
-The report, the view, replay and the tests use it. Messages are decoded by the definitions that the bag carries, so that
-old bags stay readable.
+The report, the view and the tests use it. The messages are those of bags.messages.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import repeat
-from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,23 +23,20 @@ from ..description.structure import Structure, structure_of
 from ..errors import BagError, RigError
 from ..transmission import Transmission, transmission_of
 from . import limits
-from .cdr import all_frameless, decode_as, exact
-from .definitions import Definition, parse
-from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
+from .mcap_scan import read_mcap, read_pieces
+from .messages import Messages, stamps_of
 from .pieces import files_of_run, plain, read_metadata
+from .records import Contents, Stream
 from .rig_record import rig_record
 from .sequence_numbers import Numbers, holes, lives_of
 
-_HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
-_STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
 UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # exceptions that an invalid record may raise
-NOTHING = "nothing was recorded: the run was stopped before its time began"
-OWN = "rig_nodes "  # the project's own recorder begins its library name with this
-ENCODING = "cdr/ros2msg"
 SHIFTED = 1e-7  # s; a stamp that is later than the time of its row by more than this is not so by rounding
 _PLACES = 40  # bits of a message's place in its file
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_BLOCK = dict.fromkeys(("first_sample", "period", "rows", "channels"), "number") | {"data": "sequence"}
+_EVENT = {"name": "string", "text": "string", "value": "number"}
 
 
 @dataclass(frozen=True)
@@ -78,7 +70,7 @@ class Logger:
         return self.t0 + self.period * np.arange(self.rows)
 
 
-class Bag:
+class Bag(Messages):
     """A recorded run that is read and checked when it is opened.
 
     It stays in memory, which takes about 1 MB per second of run.
@@ -93,6 +85,10 @@ class Bag:
         Message type per topic.
     damage : list of str
         One sentence per fault that recovery passed over; empty for a sound bag.
+    library : str
+        Name of the program that wrote the bag, as the bag gives it.
+    end : dict of str to str
+        The bag's record of how its run ended (bags.run_end); empty without one.
     """
 
     def __init__(self, path: str | Path, recover: bool = False) -> None:
@@ -111,8 +107,8 @@ class Bag:
             When the bag is damaged or missing; the error names the damage or what is missing.
         """
         files = files_of_run(Path(path))
-        self.path = files[0]
-        self._hold(_joined([_read(file, recover) for file in files], files), {})
+        self.path, self._columns = files[0], {}
+        self._hold(_joined([_read(file, recover) for file in files], files))
 
     @classmethod
     def pieces(cls, path: str | Path, size: int, recover: bool = False) -> Iterator[Bag]:
@@ -165,108 +161,14 @@ class Bag:
             Known columns of loggers by topic; newly found columns are added to it.
         """
         bag = cls.__new__(cls)
-        bag.path = path
-        bag._hold(contents, {} if columns is None else columns)
+        bag.path, bag._columns = path, {} if columns is None else columns
+        bag._hold(contents)
         return bag
-
-    def _hold(self, contents: Contents, columns: dict[str, list[str]]) -> None:
-        self.damage: list[str] = contents.damage
-        self._own = contents.library.startswith(OWN)
-        self._columns = columns
-        self._streams: dict[str, Stream] = by_topic(self.path, contents.streams.values())
-        self.counts: dict[str, int] = {topic: len(s.times) for topic, s in self._streams.items()}
-        self.types: dict[str, str] = {topic: s.ros_type for topic, s in self._streams.items()}
-        self._definitions: dict[str, Definition] = {}
-        self._plain: dict[str, list[bytes]] = {}
 
     @property
     def recovered(self) -> str:
         """One sentence on what recovery saved; empty for a sound bag."""
         return recovered(sum(self.counts.values()), self.last, self.damage)
-
-    @property
-    def last(self) -> int:
-        """Log time [ns] of the last message, or 0 when there is no message."""
-        return max((stream.times[-1] for stream in self._streams.values() if stream.times), default=0)
-
-    @property
-    def began(self) -> bool:
-        """True when time has passed in the run: some message is stamped later than the beginning of the run."""
-        return any(s.times and max(s.times) > 0 for s in self._streams.values())
-
-    def check_began(self) -> None:
-        """Raise BagError when nothing was recorded or nothing of the recording is left."""
-        if not self.began:
-            raise BagError(f"{self.path}: {nothing_in(self.damage)}")
-
-    def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Return an iterator over the log time [ns] and the recorded bytes of every message of a topic."""
-        stream = self._stream(topic)
-        return zip(stream.times, stream.payloads)
-
-    def timeline(self, topics: list[str] | None = None) -> list[tuple[int, str, bytes]]:
-        """Return all messages sorted by log time; messages of equal time keep the order of the file.
-
-        Parameters
-        ----------
-        topics : list of str, optional
-            Topics to return; all by default.
-
-        Returns
-        -------
-        list of (int, str, bytes)
-            Log time [ns], topic and bytes of each message.
-
-        Raises
-        ------
-        BagError
-            When the bag does not hold one of the topics.
-        """
-        streams = [self._stream(topic) for topic in (self._streams if topics is None else topics)]
-        rows = [row for s in streams for row in zip(s.times, s.places, repeat(s.topic), s.payloads)]
-        rows.sort(key=itemgetter(0, 1))
-        return [(time, topic, data) for time, _, topic, data in rows]
-
-    def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
-        """Return a topic's encoding as ``message/definition``, its definition and the metadata of its channel."""
-        stream = self._stream(topic)
-        return stream.encoding, stream.text, stream.metadata
-
-    def messages(self, topic: str) -> Iterator[tuple[int, object]]:
-        """Yield the log time [ns] and the decoded message of every message of a topic, in order."""
-        stream = self._stream(topic)
-        definition = self._definition(stream)
-        for time, data in zip(stream.times, stream.payloads):
-            yield time, self._decode(definition, data, topic)
-
-    def fields(self, topic: str, names: list[str]) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the time of every message of a topic and the values of some of its fields.
-
-        Parameters
-        ----------
-        topic : str
-            Topic to read.
-        names : list of str
-            Names of top-level fields.
-
-        Returns
-        -------
-        times : (n,) array of float
-            Time of each message [s].
-        values : list of array of float
-            One array per name: (n,) for a number, (n, k) for a field that is an array.
-
-        Raises
-        ------
-        BagError
-            When the bag does not hold the topic or a field.
-        """
-        stream = self._stream(topic)
-        held = dict(self._definition(stream).tree.fields)
-        if unknown := [name for name in names if name not in held]:
-            raise BagError(f"{self.path}: {topic} has no field '{unknown[0]}'; the bag is of another version of {stream.ros_type}")
-        times = self._times(stream) * 1e-9
-        return times, [np.ascontiguousarray(self._field(stream, name), float) for name in names]
 
     @cached_property
     def record(self) -> Mapping:
@@ -363,7 +265,7 @@ class Bag:
         values = self._field(stream, name)
         if index is not None:
             values = values[:, int(index)]
-        return _stamps(self._heads(stream)) / 1e9, np.ascontiguousarray(values, float)
+        return stamps_of(self._heads(stream)) / 1e9, np.ascontiguousarray(values, float)
 
     def logger(self, topic: str = "/instruments/hmg4000", fill: bool = False, after: Logger | None = None) -> Logger:
         """Return all rows of a logger; the ChannelList on the same node names its columns.
@@ -420,7 +322,7 @@ class Bag:
             whole = np.full((len(names), int(ends[-1])), np.nan)
             whole[:, np.concatenate([np.arange(a, b) for a, b in zip(starts, ends)])] = columns
             columns = whole
-        t0, stamp = first * period, float(_stamps(self._heads(self._streams[topic]))[0]) / 1e9
+        t0, stamp = first * period, float(stamps_of(self._heads(self._streams[topic]))[0]) / 1e9
         if SHIFTED < stamp - t0 < period:
             t0 = stamp  # an imported recording, whose rows do not begin at a multiple of the period
         return Logger(t0, period, dict(zip(names, columns)), first)
@@ -453,6 +355,23 @@ class Bag:
         numbers.add(self)
         return self.begin_by(numbers)
 
+    def disorder(self) -> list[str]:
+        """Return a sentence for each topic of the rig whose messages are there twice or not in the order of sending."""
+        numbers = Numbers()
+        numbers.add(self)
+        return numbers.disorder(self)
+
+    def false_blocks(self) -> dict[str, str]:
+        """Return by topic a sentence on blocks of samples that do not hold what their heads say."""
+        found = {}
+        for topic, ros_type in self.types.items():
+            if ros_type == "rig_msgs/msg/SampleBlock" and self.counts[topic]:
+                try:
+                    self._blocks(topic)
+                except BagError as error:
+                    found[topic] = str(error).removeprefix(f"{self.path}: ")
+        return found
+
     def begin_by(self, numbers: Numbers) -> float:
         """Return :attr:`recorded_from` by the first stamps of all pieces of the bag, of which this may be one."""
         if self._own:
@@ -467,7 +386,7 @@ class Bag:
         for topic, stream in self._streams.items():
             if stream.times and self._counted(stream):
                 head = self._heads(stream)
-                yield topic, _stamps(head), head["seq"].copy()
+                yield topic, stamps_of(head), head["seq"].copy()
 
     def gap_of_last_life(self, topic: str) -> int:
         """Count lost messages of one topic as :meth:`gaps` does, but only since its publisher's last start.
@@ -503,6 +422,7 @@ class Bag:
         Checksums are verified when the bag is opened. A sound bag gives an empty list.
         """
         problems = list(self.damage)
+        problems += self.disorder()
         problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages" for topic, n in self.gaps().items()]
         for topic, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/SampleBlock" and self.counts[topic]:
@@ -517,18 +437,22 @@ class Bag:
 
     def events(self) -> list[tuple[float, str, str, str, float]]:
         """Return all events in order of time as (t [s], topic, name, text, value)."""
-        found = [
-            (time / 1e9, topic, message.name, message.text, float(message.value))
-            for topic, ros_type in self.types.items()
-            if ros_type == "rig_msgs/msg/Event"
-            for time, (_, message) in zip(self._times(self._stream(topic)).tolist(), self.messages(topic))
-        ]
+        found = []
+        for topic, ros_type in self.types.items():
+            if ros_type == "rig_msgs/msg/Event" and self.counts[topic]:
+                self.require(topic, _EVENT)
+                times = self._times(self._stream(topic)).tolist()
+                found += [
+                    (time / 1e9, topic, message.name, message.text, float(message.value))
+                    for time, (_, message) in zip(times, self.messages(topic))
+                ]
         return sorted(found, key=lambda event: event[0])
 
     def run_info(self) -> dict:
         """Return the configuration that the run was made with; empty when the bag holds none."""
         for topic, ros_type in self.types.items():
-            if ros_type == "rig_msgs/msg/RunInfo":
+            if ros_type == "rig_msgs/msg/RunInfo" and self.counts[topic]:
+                self.require(topic, {"json": "string"})
                 for _, message in self.messages(topic):
                     return self._object(topic, message.json)
         return {}
@@ -550,131 +474,12 @@ class Bag:
             raise BagError(f"{self.path}: {topic} is no description of a run, expected a JSON object with its configuration")
         return found
 
-    def canonical_hash(self, topics: list[str] | None = None) -> dict[str, str]:
-        """Return a SHA-256 per topic over (sequence, stamp, payload) in the topic's order, and ``all`` over these.
-
-        The hash depends neither on the container nor on how messages of different topics interleave. Messages without a sequence
-        number are numbered by their order.
-
-        Parameters
-        ----------
-        topics : list of str, optional
-            Topics to hash; all by default.
-
-        Returns
-        -------
-        dict of str to str
-            Hexadecimal digest by topic, and of all topics under ``all``.
-        """
-        hashes = {}
-        for topic in sorted(self._streams if topics is None else topics):
-            digest = hashlib.sha256(f"{topic} {self._stream(topic).ros_type}\n".encode())
-            for seq, stamp, data in self.entries(topic):
-                digest.update(struct.pack("<QqQ", seq, stamp, len(data)) + data)
-            hashes[topic] = digest.hexdigest()
-        text = "".join(f"{topic} {value}\n" for topic, value in hashes.items())
-        return {**hashes, "all": hashlib.sha256(text.encode()).hexdigest()}
-
-    def entries(self, topic: str, before: int = 0) -> Iterator[tuple[int, int, bytes]]:
-        """Yield number, stamp [ns] and bytes of each message of a topic by its number; where there is none, from ``before`` on."""
-        stream = self._stream(topic)
-        definition = self._definition(stream)
-        if definition.counted:
-            head = self._heads(stream)
-            order = np.argsort(head["seq"], kind="stable")
-            seqs, stamps = head["seq"], _stamps(head)
-        else:
-            order = np.arange(len(stream.times))
-            seqs, stamps = order + before, np.array(stream.times, dtype=np.int64)
-        for i in order.tolist():
-            yield int(seqs[i]), int(stamps[i]), self._exact(definition, stream.payloads[i], topic)
-
-    def _stream(self, topic: str) -> Stream:
-        if topic not in self._streams:
-            held = ", ".join(self._streams) or "none"
-            raise BagError(f"{self.path}: has no topic {topic}; it holds {held}")
-        return self._streams[topic]
-
-    def _definition(self, stream: Stream) -> Definition:
-        if stream.ros_type not in self._definitions:
-            if stream.encoding != ENCODING:
-                raise BagError(f"{self.path}: {stream.topic} is encoded as {stream.encoding}, expected {ENCODING}")
-            try:
-                self._definitions[stream.ros_type] = parse(stream.ros_type, stream.text)
-            except RigError as error:
-                raise BagError(f"{self.path}: {error}") from None
-        return self._definitions[stream.ros_type]
-
-    def _counted(self, stream: Stream) -> bool:
-        """Return True when the topic's messages have a stamp and a sequence number; False for unknown encodings."""
-        return stream.encoding == ENCODING and self._definition(stream).counted
-
-    def _decode(self, definition: Definition, data: bytes, topic: str) -> Any:
-        if len(data) > limits.LISTS and definition.tree.many:
-            raise BagError(
-                f"{self.path}: a message of {topic} with lists of texts or messages has {len(data)} bytes, more "
-                f"than the {limits.LISTS} that are decoded"
-            )
-        try:
-            return decode_as(definition, data)
-        except ValueError as error:
-            raise BagError(f"{self.path}: a message of {topic} cannot be decoded: {error}") from None
-
-    def _exact(self, definition: Definition, data: bytes, topic: str) -> bytes:
-        # Other recorders keep the padding of DDS. It must not change the hash.
-        try:
-            return exact(definition, data)
-        except ValueError as error:
-            raise BagError(f"{self.path}: a message of {topic} is garbled: {error}") from None
-
-    def _joined(self, stream: Stream, size: int) -> bytes:
-        """Join the first ``size`` bytes of all messages; BagError when one is shorter."""
-        joined = b"".join([data[:size] for data in self._payloads(stream)])
-        if len(joined) != size * len(stream.payloads):
-            raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes that {stream.ros_type} has")
-        return joined
-
-    def _payloads(self, stream: Stream) -> list[bytes]:
-        """Return the messages, those of the rig's own form with an empty frame_id; users may send another frame_id."""
-        if not self._counted(stream):
-            return stream.payloads
-        if stream.topic not in self._plain:
-            definition = self._definition(stream)
-            try:
-                self._plain[stream.topic] = all_frameless(definition, stream.payloads)
-            except ValueError as error:
-                raise BagError(f"{self.path}: a message of {stream.topic} cannot be decoded: {error}") from None
-        return self._plain[stream.topic]
-
-    def _times(self, stream: Stream) -> np.ndarray:
-        """Return the times [ns] of all messages in the run's time, which is the log time only for the project's own recorder."""
-        if self._own or not self._counted(stream):
-            return np.array(stream.times, dtype=np.int64)
-        return _stamps(self._heads(stream))
-
-    def _heads(self, stream: Stream) -> np.ndarray:
-        """Return the stamp and sequence number of all messages, or only the stamp on topics that are not counted."""
-        head = _HEAD if self._counted(stream) else _STAMP
-        return np.frombuffer(self._joined(stream, head.itemsize), head)
-
-    def _field(self, stream: Stream, name: str) -> np.ndarray:
-        """Return one top-level field of all messages: 1-D, or 2-D for an array."""
-        definition = self._definition(stream)
-        if any(leaf.path == name for leaf in definition.leaves):
-            return np.frombuffer(self._joined(stream, definition.size), definition.dtype())[name]
-        if stream.payloads and (sized := definition.sized(self._payloads(stream)[0])) is not None and name in (sized.names or ()):
-            lists = [name for name, _ in definition.tail]
-            if all(len(data) >= sized.itemsize for data in self._payloads(stream)):
-                rows = np.frombuffer(self._joined(stream, sized.itemsize), sized)
-                if all((rows[f"{one}#"] == rows[f"{one}#"][0]).all() for one in lists):
-                    return rows[name]
-        return np.array([getattr(message, name) for _, message in self.messages(stream.topic)])
-
     def _blocks(self, topic: str) -> tuple[np.ndarray, list[np.ndarray]]:
         """Return the heads of all sample blocks and the flat values of each block."""
         stream = self._stream(topic)
+        self.require(topic, _BLOCK)
         definition = self._definition(stream)
-        if [name for name, _ in definition.tail] != ["data"]:
+        if [(name, node.item and node.item.name) for name, node in definition.tail] != [("data", "float64")]:
             raise BagError(f"{self.path}: {topic} holds {stream.ros_type}, which is no block of samples")
         head = np.frombuffer(self._joined(stream, definition.size), definition.dtype())
         length_at = definition.size + -(definition.size - 4) % 4
@@ -690,7 +495,8 @@ class Bag:
         """Return a logger's columns from the channel list on the same node."""
         node = topic.rpartition("/")[0]
         for other, ros_type in self.types.items():
-            if ros_type == "rig_msgs/msg/ChannelList" and other.rpartition("/")[0] == node:
+            if ros_type == "rig_msgs/msg/ChannelList" and self.counts[other] and other.rpartition("/")[0] == node:
+                self.require(other, {"names": "sequence"})
                 for _, message in self.messages(other):
                     return self._columns.setdefault(topic, list(message.names))
         if topic in self._columns:
@@ -714,16 +520,11 @@ def _joined(contents: list[Contents], files: list[Path]) -> Contents:
         for stream in held.streams.values():
             stream.places = [place + (number << _PLACES) for place in stream.places]
             streams.append(stream)
-    return Contents(dict(enumerate(streams)), damage, contents[0].library)
+    return Contents(dict(enumerate(streams)), damage, contents[0].library, contents[-1].end)
 
 
 def _named(damage: list[str], file: Path, files: list[Path]) -> list[str]:
     return damage if len(files) == 1 else [f"{file.name}: {text}" for text in damage]
-
-
-def nothing_in(damage: list[str]) -> str:
-    """Return the reason why a bag holds nothing to show."""
-    return f"nothing of it can be read ({'; '.join(damage)})" if damage else NOTHING
 
 
 def recovered(held: int, last: int, damage: list[str]) -> str:
@@ -739,11 +540,6 @@ def recovered(held: int, last: int, damage: list[str]) -> str:
         One sentence per fault.
     """
     return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(damage)})" if damage else ""
-
-
-def _stamps(head: np.ndarray) -> np.ndarray:
-    """Return the stamps [ns] of message heads."""
-    return head["sec"].astype(np.int64) * 1_000_000_000 + head["nanosec"]
 
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:

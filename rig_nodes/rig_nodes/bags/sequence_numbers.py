@@ -1,17 +1,19 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sequence numbers of messages, whose holes are the messages that a recorder lost; used by bags.reader and analysis.gathered.
+"""Sequence numbers of messages: their holes are the messages that a recorder lost, their order is that of sending.
 
-A number counts the messages of a topic from 0, and its high bits the earlier starts of the publisher.
+The readers of bags use it. A number counts the messages of a topic from 0, and its high bits the earlier starts of the publisher.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import RigError
 from . import limits
 
 if TYPE_CHECKING:
@@ -34,6 +36,8 @@ class Numbers:
     def __init__(self) -> None:
         self.firsts: dict[str, int] = {}
         self._spans: dict[str, list[np.ndarray]] = {}  # rows (first number, number after the last one)
+        self._totals, self._back = Counter[str](), Counter[str]()  # messages, and those behind a later one
+        self._newest: dict[str, int] = {}
 
     def add(self, piece: Bag) -> None:
         """Take those of the next piece, or of a whole bag."""
@@ -45,6 +49,28 @@ class Numbers:
             if len(spans):
                 known.append(spans)
             self.firsts[topic] = min(self.firsts.get(topic, limits.LAST), int(stamps.min()))
+            back = np.count_nonzero(seqs[1:] < seqs[:-1]) + (int(seqs[0]) < self._newest.get(topic, 0))
+            self._totals[topic] += len(seqs)
+            self._back[topic] += int(back)
+            self._newest[topic] = int(seqs[-1])
+
+    def disorder(self, bag: Bag) -> list[str]:
+        """Return a sentence for each topic whose messages are there twice or not in the order in which they were sent.
+
+        Only topics that one node of the rig sends can have such a fault: of several senders each has numbers of its own, and
+        latched messages are sent again to each new receiver. ``bag`` is one of the pieces, which knows its rig.
+        """
+        found = []
+        for topic, spans in self._spans.items():
+            total, back = self._totals[topic], self._back[topic]
+            twice = total - (self.distinct(topic, False) or 0)
+            # a program of others may leave all numbers 0
+            if not (twice or back) or max(int(part[:, 1].max()) for part in spans) <= 1 or not has_one_sender(bag, topic):
+                continue
+            faults = [f"{twice} of {total} messages are there twice"] * bool(twice)
+            faults += [f"{back} of {total} messages come behind later ones"] * bool(back)
+            found.append(f"{topic}: {' and '.join(faults)}")
+        return found
 
     def gaps(self, begun_late: bool) -> dict[str, int]:
         """Return what Bag.gaps does; ``begun_late`` is True for a bag that begins later than its run."""
@@ -92,6 +118,15 @@ def _held(spans: np.ndarray) -> int:
 def _holes(spans: np.ndarray) -> int:
     """Count the numbers from 0 to the highest that are in none of the spans."""
     return int(spans[-1, 1]) - _held(spans)
+
+
+def has_one_sender(bag: Bag, topic: str) -> bool:
+    """Return True for a topic that only one node of the bag's rig sends, each message once."""
+    try:
+        known = bag.catalogue.all_topics.get(topic)
+    except RigError:
+        return False
+    return known is not None and known.qos == "measurement" and not known.node.endswith("_device")
 
 
 def lives_of(seqs: np.ndarray) -> list[np.ndarray]:

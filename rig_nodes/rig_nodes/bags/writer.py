@@ -23,11 +23,13 @@ from .. import __version__
 from ..atomic_write import atomic_write
 from ..catalogue import Topic, installed_topics
 from ..errors import RigError, not_written
-from . import metadata
+from . import limits, metadata
 from .cdr import exact
 from .definitions import Definition, installed
 from .mcap_writer import McapWriter, indexed, joined
 from .pieces import pack
+from .records import BYTES
+from .run_end import OF_RUN, RECORD_NAME
 
 if TYPE_CHECKING:
     T = TypeVar("T")
@@ -36,7 +38,8 @@ FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
 BUFFER = 1024 * 1024  # bytes that are handed to the operating system at once, when it is time
 LIBRARY = f"rig_nodes {__version__}"
-_END_OF_TIME = 1 << 63  # ns, the limit of rosbag2
+LIBRARY_OF_RUN = LIBRARY + OF_RUN  # for a bag that ends with BagWriter.end
+LARGEST = limits.CHUNK - limits.RECORD * 2 - 64  # bytes of a message whose chunk, with its topic's description, can be read
 _SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
 _SEQUENCE_AT = slice(20, 24)  # its place in a message of the rig's own form
 
@@ -55,6 +58,7 @@ class _Topic:
     hash: str  # RIHS01 of the type, or empty
     count: int = 0  # messages written
     before: int = 0  # of these, messages in earlier files
+    name: str = ""  # in the file, where the bag knows it by another one
 
 
 @dataclass(frozen=True)
@@ -167,6 +171,7 @@ class BagWriter:
         self._earlier: dict[str, _Topic] = {}  # topics of the files before, with all messages up to then
         self._files: list[metadata.File] = []  # files that are closed
         self._split = False
+        self._end: dict[str, str] = {}
         self._closed = False
         self._library = library
         self._failure: tuple[type[RigError], str] | None = None
@@ -206,8 +211,10 @@ class BagWriter:
         """
         if self._closed or self._failure:
             self._writable()
-        if not 0 <= log_time_ns < _END_OF_TIME:
-            raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; time begins at 0")
+        if not 0 <= log_time_ns <= limits.LAST:
+            raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; times are 0 to {limits.LAST / 1e9:g} s")
+        if len(data) > LARGEST:
+            raise MessageRefused(f"topic {topic}: a message of {len(data)} bytes; at most {LARGEST} are recorded")
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
         if known.ros_type != ros_type:
             raise MessageRefused(f"topic {topic} holds {known.ros_type}, got a {ros_type}; a topic has one type")
@@ -321,13 +328,15 @@ class BagWriter:
         elif log_time_ns < self._first:
             self._first = log_time_ns
 
-    def describe(self, topic: str, ros_type: str, encoding: str, text: str, about: Mapping[str, str], qos: str) -> None:
+    def describe(
+        self, topic: str, ros_type: str, encoding: str, text: str, about: Mapping[str, str], qos: str, name: str = ""
+    ) -> None:
         """Prepare a topic as another bag holds it; its messages are then stored byte by byte, also of types not installed here.
 
         Parameters
         ----------
         topic : str
-            Name of the topic; it must not be known to this bag.
+            Name by which :meth:`write` knows the topic; it must not be known to this bag.
         ros_type : str
             Message type.
         encoding : str
@@ -338,19 +347,27 @@ class BagWriter:
             The channel's own metadata.
         qos : str
             Class of catalogue.QOS that metadata.yaml names.
+        name : str
+            The topic in the file, where it has several types and therefore ``topic`` is another name.
         """
         self._writable()
         message, _, language = encoding.partition("/")
         schema = self._schemas.get(key := f"{ros_type}\n{language}\n{text}")
         if schema is None:
-            schema = self._schemas[key] = self._writer.register_schema(ros_type, language, text.encode())
-        channel = self._writer.register_channel(topic, message, schema, dict(about))
+            there = ros_type or language or text  # a channel may have no definition
+            schema = self._writer.register_schema(ros_type, language, text.encode(errors=BYTES)) if there else 0
+            self._schemas[key] = schema
+        channel = self._writer.register_channel(name or topic, message, schema, dict(about))
         digest = about.get("topic_type_hash", "")
-        self._topics[topic] = _Topic(channel, None, ros_type, qos, False, False, 0, digest)
+        self._topics[topic] = _Topic(channel, None, ros_type, qos, False, False, 0, digest, name=name)
 
     def split(self) -> None:
         """Begin the next file with the next chunk."""
         self._split = True
+
+    def end(self, state: str, reason: str) -> None:
+        """Say how the run ended (run_end.RunEnd); :meth:`close` stores it as the last record of the bag."""
+        self._end = {"state": state, "reason": reason}
 
     @property
     def counts(self) -> dict[str, int]:
@@ -483,6 +500,9 @@ class BagWriter:
         self._files.append(this)
 
     def _finish(self) -> None:
+        if self._end:
+            self._writer.flush()
+            self._writer.add_metadata(RECORD_NAME, self._end)
         self._end_file()
         topics = [_topic_entry(name, topic, topic.count) for name, topic in {**self._earlier, **self._topics}.items()]
         information = metadata.bag_metadata(self._files, topics, self._layout.packing == "file", self.custom)
@@ -491,4 +511,4 @@ class BagWriter:
 
 
 def _topic_entry(name: str, topic: _Topic, count: int) -> dict:
-    return {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": count}
+    return {"name": topic.name or name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": count}

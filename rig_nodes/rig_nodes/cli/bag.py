@@ -16,6 +16,7 @@ from ..typed_arguments import seconds_of_bag
 if TYPE_CHECKING:
     from ..bags.copy import Kept
     from ..bags.opened import OpenedBags
+    from ..bags.run_end import RunEnd
 
 HELP = "look into bags, check, recover, cut, merge and hash them"
 WHOLE, FAILED, LOST = 0, 1, 3  # exit codes
@@ -73,44 +74,63 @@ def _look(work: str, path: str) -> int:
             print(f"{hashes['all']}  {path}")
             return _print_lost(path, kept)
         kept = check(bags) if work == "check" else count(bags)
+        end, cut_off = bags.end()
         if work == "info":
-            _info(path, bags, kept)
+            _info(path, bags, kept, end)
         held = sum(kept.counts.values())
+        _print_notes(path, bags)
+        if cut_off:
+            print(f"rig: {path}: {cut_off}", file=sys.stderr)
         if kept.whole:
             if work == "check":
-                print(f"{path}: whole, {held} messages of {len(kept.counts)} topics")
-            return WHOLE
+                print(f"{path}: {'cut off' if cut_off else 'whole'}, {held} messages of {len(kept.counts)} topics")
+            return LOST if cut_off else WHOLE
         return _print_lost(path, kept)
 
 
-def _info(path: str, bags: OpenedBags, kept: Kept) -> None:
-    length = (bags.last - bags.first) / 1e9
-    print(f"{path}: {sum(kept.counts.values())} messages, {length:.3f} s from {bags.first / 1e9:.3f} s, {len(bags.pieces)} files")
+def _info(path: str, bags: OpenedBags, kept: Kept, end: RunEnd | None) -> None:
+    from ..errors import printable
+
+    held, ended = sum(kept.counts.values()), f"; {end.state}: {end.reason}" if end else ""
+    span = f"{bags.length / 1e9:.3f} s from {bags.first / 1e9:.3f} s"
+    print(printable(f"{path}: {held} messages, {span}, {len(bags.pieces)} files{ended}"))
+    types = {topic: ros_type or "-" for topic, ros_type in bags.types.items()}
     width = max(map(len, kept.counts), default=0)
-    kind = max(map(len, bags.types.values()), default=0)
+    kind = max(map(len, types.values()), default=0)
     for topic, held in kept.counts.items():
-        print(f"  {topic:<{width}}  {bags.types[topic]:<{kind}} {held:>9}")
+        print(printable(f"  {topic:<{width}}  {types[topic]:<{kind}} {held:>9}"))
+
+
+def _print_notes(path: str, bags: OpenedBags) -> None:
+    """Print what is no fault of the messages: topics that stay bytes, holes in time, renamed files."""
+    from ..errors import printable
+
+    bytes_only = [f"{name}: {why}; they are kept as bytes" for name in bags.types if (why := bags.not_understood(name))]
+    for sentence in [*bags.notes, *bags.holes_in_time, *bytes_only]:
+        print(printable(f"rig: {path}: {sentence}"), file=sys.stderr)
 
 
 def _write(args: argparse.Namespace) -> int:
     from ..bags import limits
-    from ..bags.copy import write
+    from ..bags.copy import left_out, write
     from ..bags.opened import OpenedBags
-    from ..errors import RigError
+    from ..errors import RigError, printable
 
     topics, begin, end = None, 0, limits.LAST + 1
     with OpenedBags(args.bags) as bags:
         if args.work == "cut":
             topics = chosen(bags.types, args.topics, args.regex, args.exclude_regex)
-            begin = bags.first + round((args.begin or 0.0) * 1e9)
-            end = end if args.end is None else bags.first + round(args.end * 1e9)
+            begin = bags.time_at(args.begin or 0.0)
+            end = end if args.end is None else bags.time_at(args.end)
             if begin >= end or begin > bags.last:
-                length = (bags.last - bags.first) / 1e9
-                raise RigError(f"--from and --to: nothing lies between them; the bag is {length:.3f} s long")
+                raise RigError(f"--from and --to: nothing lies between them; the bag is {bags.length / 1e9:.3f} s long")
         if not any(bags.counts.values()):
             raise RigError(f"{bags.path}: holds no messages; there is nothing to write")
         path, kept = write(bags, args.out, topics, begin, end)
-    print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
+        print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
+        _print_notes(bags.path, bags)
+        for sentence in left_out(bags):
+            print(printable(f"rig: {bags.path}: {sentence}"), file=sys.stderr)
     return _print_lost(bags.path, kept)
 
 

@@ -14,8 +14,9 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
+from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
-from ..bags.reader import Bag, nothing_in
+from ..bags.reader import Bag
 from ..controllers import j1939
 from ..controllers.can_database import ADDRESS, need_can
 from ..controllers.can_frames import RigFrames

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
-from ..bags.reader import Bag, Logger, nothing_in
+from ..bags.reader import Bag, Logger
 from ..catalogue import Signal
 from ..config.names import unknown
 from ..errors import BagError, RigError

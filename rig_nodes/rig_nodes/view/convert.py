@@ -20,9 +20,10 @@ from .. import __version__
 from ..analysis.gathered import SMALL
 from ..analysis.metrics import with_ends
 from ..analysis.report import REPORT_FILE, build_report, gather, gathering, is_of, orders_in, read_report
+from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
-from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
+from ..bags.reader import UNREADABLE, Bag, recovered
 from ..config.names import unknown
 from ..errors import BagError, RigError
 from . import layout
