@@ -28,7 +28,7 @@ class RunBag(FakeBag):
     """One upshift; ``opened`` lists the paths from which it was opened."""
 
     opened: list[str] = []
-    recovered = ""
+    recovered, library, end = "", "another recorder", {}
 
     def __init__(self, path):
         self.opened.append(str(path))
@@ -36,6 +36,15 @@ class RunBag(FakeBag):
 
     def run_info(self):
         return {"configuration": {"rig": "hydmag"}, "seed": 7}
+
+    def newest(self, topic):
+        return None
+
+    def disorder(self):
+        return []
+
+    def false_blocks(self):
+        return {}
 
 
 @pytest.fixture

@@ -11,15 +11,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from math import ceil, floor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.reader import Bag, Logger, recovered
+from ..bags.run_end import STATE
 from ..bags.sequence_numbers import Numbers
 from ..errors import BagError, RigError
 from ..transmission import Transmission
@@ -97,6 +99,9 @@ class Gathered:
         self._t0, self._end = 0.0, 0  # time of row 0 [s], number of rows
         self._refused: RigError | None = None
         self._numbers = Numbers()
+        self._false_blocks: dict[str, str] = {}
+        self._state: Any = None  # the rig's newest message of its state
+        self.end, self.library = small.end, small.library
         self._not_counted: RigError | None = None
         wanted: dict[str, list[str]] = {}
         if box is not None:
@@ -113,7 +118,11 @@ class Gathered:
         """Take what the report needs of the next piece."""
         self.counts.update(piece.counts)
         self.damage, self.last = piece.damage, max(self.last, piece.last)
-        self.began = self.began or piece.began
+        self.began, self.end = self.began or piece.began, piece.end or self.end
+        self._false_blocks = piece.false_blocks() | self._false_blocks
+        if piece.counts.get(STATE):
+            with suppress(RigError):
+                self._state = piece.newest(STATE)
         try:
             self._numbers.add(piece)
         except RigError as error:
@@ -276,6 +285,18 @@ class Gathered:
     def recovered(self) -> str:
         """One sentence on what recovery saved; empty for a sound bag."""
         return recovered(sum(self.counts.values()), self.last, self.damage)
+
+    def newest(self, topic: str) -> Any:
+        """Return the rig's newest state, as Bag.newest does; of other topics none is kept."""
+        return self._state if topic == STATE else None
+
+    def disorder(self) -> list[str]:
+        """Return what Bag.disorder does."""
+        return self._numbers.disorder(self._small)
+
+    def false_blocks(self) -> dict[str, str]:
+        """Return what Bag.false_blocks does."""
+        return self._false_blocks
 
     def gaps(self) -> dict[str, int]:
         """Return the number of lost messages by topic, as Bag.gaps does."""

@@ -10,19 +10,22 @@ import os
 import shutil
 import struct
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from .. import __version__
 from ..errors import RigError
 from . import limits
+from .cdr import stamp_and_seq
 from .metadata import read_profile
 from .opened import RUN_INFO, OpenedBags, class_of
 from .reader import Bag
 from .run_end import OF_COPY
-from .sequence_numbers import Numbers
+from .sequence_numbers import Numbers, has_one_sender
 from .writer import BagWriter
 
 # not the name of the recorder: its bags begin and end with their run, these may not
@@ -72,6 +75,49 @@ def check(bags: OpenedBags) -> Kept:
     return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage)
 
 
+class AsSent:
+    """Puts the messages of a rig that have the same log time as they were sent: each once, and in the order of their numbers.
+
+    Attributes
+    ----------
+    dropped : int
+        Messages that were there twice.
+    """
+
+    def __init__(self, bags: OpenedBags) -> None:
+        """Find the topics of the bags' rig; those of others stay as they are."""
+        whole = _of_rig(bags)
+        try:
+            self._known = set(bags.types) & whole.catalogue.all_topics.keys()
+        except RigError:
+            self._known = set()
+        self._numbered = {topic for topic in self._known if has_one_sender(whole, topic) and whole.is_counted(topic)}
+        self.dropped = 0
+
+    def rows(self, timeline: Iterator[tuple[int, tuple[str, bytes]]]) -> Iterator[tuple[int, tuple[str, bytes]]]:
+        """Yield the messages of a timeline, as OpenedBags.timeline does."""
+        for time, group in groupby(timeline, itemgetter(0)):
+            rows = [row for _, row in group]
+            if len(rows) > 1:
+                rows = self._put(rows)
+            yield from ((time, row) for row in rows)
+
+    def _put(self, rows: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+        kept = list(dict.fromkeys(rows)) if self._known.issuperset(topic for topic, _ in rows) else self._each_once(rows)
+        self.dropped += len(rows) - len(kept)
+        for name, count in Counter(topic for topic, _ in kept).items():
+            if count > 1 and name in self._numbered:
+                places = [place for place, (topic, _) in enumerate(kept) if topic == name]
+                in_order = sorted((kept[place] for place in places), key=lambda row: stamp_and_seq(row[1])[1])
+                for place, row in zip(places, in_order):
+                    kept[place] = row
+        return kept
+
+    def _each_once(self, rows: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+        met: set[tuple[str, bytes]] = set()
+        return [row for row in rows if row[0] not in self._known or not (row in met or met.add(row))]
+
+
 def _of_rig(bags: OpenedBags) -> Bag:
     """Return a bag with what the bags record about their rig."""
     return bags.bag([topic for topic, ros_type in bags.types.items() if ros_type == RUN_INFO])
@@ -104,7 +150,12 @@ def content_hash(bags: OpenedBags) -> tuple[dict[str, str], Kept]:
 
 
 def write(
-    bags: OpenedBags, out: Path, topics: Collection[str] | None = None, begin: int = 0, end: int = limits.LAST + 1
+    bags: OpenedBags,
+    out: Path,
+    topics: Collection[str] | None = None,
+    begin: int = 0,
+    end: int = limits.LAST + 1,
+    as_sent: AsSent | None = None,
 ) -> tuple[Path, Kept]:
     """Write the messages of some topics and times into a new bag, in order of log time.
 
@@ -118,6 +169,8 @@ def write(
         Topics to write; all by default.
     begin, end : int
         Log times [ns] from ``begin`` to before ``end``.
+    as_sent : AsSent, optional
+        Puts the rig's messages in order.
 
     Returns
     -------
@@ -139,8 +192,8 @@ def write(
                 if topics is None or topic in topics:
                     encoding, text, about = bags.channel(topic)
                     writer.describe(topic, ros_type, encoding, text, about, class_of(about), bags.topic_of(topic))
-            for time, (topic, data) in bags.timeline(bags.types):
-                held[topic] += 1
+            rows = counted(bags.timeline(bags.types), held)
+            for time, (topic, data) in rows if as_sent is None else as_sent.rows(rows):
                 if begin <= time < end and (topics is None or topic in topics):
                     writer.write(topic, bags.types[topic], data, time)
         os.replace(part, out)
@@ -150,6 +203,13 @@ def write(
         shutil.rmtree(part, ignore_errors=True)
     kept = _kept(bags, held)
     return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage)
+
+
+def counted(timeline: Iterator[tuple[int, tuple[str, bytes]]], held: Counter[str]) -> Iterator[tuple[int, tuple[str, bytes]]]:
+    """Yield the messages of a timeline and count them by topic in ``held``."""
+    for row in timeline:
+        held[row[1][0]] += 1
+        yield row
 
 
 def _kept(bags: OpenedBags, held: Counter[str]) -> Kept:

@@ -203,6 +203,10 @@ class Messages:
         except BagError:
             return False
 
+    def is_counted(self, topic: str) -> bool:
+        """Return True when the messages of a topic have a stamp and a sequence number."""
+        return topic in self._streams and self._counted(self._streams[topic])
+
     def require(self, topic: str, fields: Mapping[str, str]) -> None:
         """Check that a topic's messages have these fields, whatever else they have.
 

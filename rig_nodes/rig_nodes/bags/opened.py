@@ -25,7 +25,7 @@ from .metadata import read_profile
 from .pieces import PACKED, Metadata, in_order, plain, read_metadata
 from .reader import Bag
 from .records import ENCODING, Contents
-from .run_end import EVENTS, STATE, RunEnd, cut_off, end_by_topics
+from .run_end import EVENTS, STATE, RunEnd, cut_off, end_of_run
 from .sqlite_bag import from_sqlite
 
 KINDS = (".mcap", ".db3")
@@ -128,6 +128,11 @@ class OpenedBags:
             for (_, before), (after, _) in pairwise(self.spans)
         ]
 
+    @property
+    def main_span(self) -> tuple[int, int]:
+        """First and last log time [ns] of the longest stretch between holes in time."""
+        return max(self.spans, key=lambda span: span[1] - span[0], default=(0, 0))
+
     def time_at(self, seconds: float) -> int:
         """Return the log time [ns] so many seconds after the first message, holes in time not counted."""
         left = round(seconds * 1e9)
@@ -152,13 +157,13 @@ class OpenedBags:
 
     def end(self) -> tuple[RunEnd | None, str]:
         """Return how the run ended, as far as the bag shows it, and a sentence when the bag was cut off before that."""
+        if self._starts > 1:
+            return None, ""  # several bags together are no run
         last = self.pieces[-1]
-        topics = [topic for topic, ros_type in self.types.items() if topic in (STATE, EVENTS) or ros_type == RUN_INFO]
-        bag = self.bag(topics) if self._starts == 1 else None  # several bags together are no run
-        if bag is None:
-            return None, ""
-        bag.end, bag.library = last.end, last.library
-        return RunEnd.of(last.end) or end_by_topics(bag), "" if self.damage else cut_off(bag)
+        if recorded := RunEnd.of(last.end):
+            return recorded, ""
+        bag = self.bag([topic for topic, ros_type in self.types.items() if topic in (STATE, EVENTS) or ros_type == RUN_INFO])
+        return end_of_run(bag), "" if self.damage else cut_off(bag)
 
     def _piece(self, name: str) -> BagIndex:
         return next(piece for piece in self.pieces if name in piece.types)
@@ -198,7 +203,8 @@ class OpenedBags:
             streams[topic].times.append(time)
             streams[topic].payloads.append(data)
             streams[topic].places.append(place)
-        contents = Contents(dict(enumerate(streams.values())), list(self.damage), self.pieces[0].library)
+        last = self.pieces[-1]
+        contents = Contents(dict(enumerate(streams.values())), list(self.damage), last.library, last.end)
         return Bag.of(self.files[0], contents, columns)
 
     def lost(self, held: Counter[str]) -> dict[str, int]:

@@ -13,6 +13,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
+from .limits import LAST
+
 CLOCK = None  # stands in place of a message when the clock is due
 STRIDE = 0.05  # longest wall time [s] made up for at once; 50 ms at rate 10 are 500 messages of a 1 kHz topic
 BATCH = 1000  # largest number of due items handed out at once, so that a pause never waits for more
@@ -40,6 +42,7 @@ class Player:
         loop: bool = False,
         paused: bool = False,
         period: int = 5_000_000,
+        hole: int = LAST,
         early: Callable[[int], Sequence[tuple[int, Message]]] = lambda _: (),
     ) -> None:
         """Prepare a replay; it begins with the first :meth:`take`.
@@ -59,6 +62,8 @@ class Player:
             True to begin paused.
         period : int
             Recorded time between two clocks [ns].
+        hole : int
+            Recorded time without a message [ns] beyond which the replay goes on one period later with the next message.
         early : callable
             For a recorded time [ns], the messages from before it that are due when the replay begins there.
         """
@@ -66,13 +71,14 @@ class Player:
         self.clock = first  # last time of the clock [ns]
         self.passes = 0
         self.behind = 0.0
-        self._messages, self._period, self._early = messages, period, early
+        self._messages, self._period, self._hole, self._early = messages, period, hole, early
         self._span = first, end
         self._rest: Iterator[tuple[int, Message]] = iter(())
         self._ahead: tuple[int, Message] | None = None  # the next message of this pass
         self._first = first  # time at which this pass began
         self._last = first  # time of the last message taken in this pass
         self._tick = first
+        self._before_hole = -1  # time of the message before the last hole that was jumped over [ns]
         self._offset = 0.0  # recorded time since the beginning of the pass [ns], reached at _wall
         self._wall: float | None = None  # time of the caller's clock [s] at which _offset was reached
         self._jump: int | None = None  # recorded time at which the replay goes on [ns], where that is not the next one
@@ -169,7 +175,7 @@ class Player:
         float
             Delay [s], never negative.
         """
-        if self.paused or math.isinf(self.rate):
+        if self.paused or math.isinf(self.rate) or time <= self._before_hole:
             return 0.0
         due = max(time - self._first, 0)
         return max(0.0, now - self._wall + (self._offset - due) / self.rate / 1e9)
@@ -181,15 +187,25 @@ class Player:
     def _begin(self, due: list[Due], first: int) -> None:
         """Begin at a recorded time [ns], with the clock and with what holds from before."""
         self._first = self._last = self._tick = first
+        self._before_hole = -1
         self._rest = self._messages(first, self._span[1])
         self._ahead = next(self._rest, None)
         self._take_clock(due, first)
+        self._jump_over_hole()
         due += [(message, time) for time, message in self._early(first)]
 
     def _take_next(self, due: list[Due], ahead: tuple[int, Message]) -> None:
         self._last, message = ahead
         due.append((message, self._last))
         self._ahead = next(self._rest, None)
+        self._jump_over_hole()
+
+    def _jump_over_hole(self) -> None:
+        """Put the next message one period behind the last one where no message comes for longer than a hole."""
+        if self._ahead is not None and (gap := self._ahead[0] - self._last) > self._hole:
+            self._before_hole = self._last
+            self._first += gap - self._period
+            self._tick = self._ahead[0]
 
     def _take_clock(self, due: list[Due], time: int) -> None:
         """Make the clock due; the next clock follows on the grid of the pass."""

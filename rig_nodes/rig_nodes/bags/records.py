@@ -102,7 +102,8 @@ class Records:
         self.schemas: dict[int, tuple[str, str, str]] = {}
         self.held = 0  # unpacked bytes of the messages in ``contents``
         self.next_place = count().__next__
-        self._assigned: dict[int, Stream] = {}  # of ``contents``, the channels whose messages can be assigned
+        self._twice: dict[int, int] = {}  # channel that is described again otherwise -> first byte at which that is so
+        self._ended: set[int] = set()  # of these, the channels described again before the place of the reading
         self._unzip = zstandard.ZstdDecompressor(max_window_size=limits.CHUNK)
         self._texts = 0
 
@@ -110,7 +111,6 @@ class Records:
         """Return the messages gathered since the last call; the channels are kept."""
         taken, self.held = self.contents, 0
         self.contents = replace(taken, streams={number: stream.emptied() for number, stream in taken.streams.items()})
-        self._assigned = {number: self.contents.streams[number] for number in self._assigned}
         return taken
 
     def take_faults(self) -> list[Damage]:
@@ -147,7 +147,10 @@ class Records:
 
     def records(self, content: bytes, at: int, without: Container[int] = ()) -> None:
         """Read all records of ``content``, found at byte ``at`` of the file, but the messages of the channels ``without``."""
-        record, message, streams = RECORD.unpack_from, MESSAGE_HEAD.unpack_from, self._assigned
+        record, message, streams = RECORD.unpack_from, MESSAGE_HEAD.unpack_from, self.contents.streams
+        if self._twice:
+            self._ended = {number for number, place in self._twice.items() if place < at}
+            streams = self._assigned()
         next_place, last, head = self.next_place, limits.LAST, MESSAGE_HEAD.size
         position, end, garbled = 0, len(content), 0
         passed: dict[str, Damage] = {}
@@ -178,6 +181,7 @@ class Records:
                         self._schema(content, start, position, at)
                     elif opcode == CHANNEL:
                         self._channel(content, start, position, at)
+                        streams = self._assigned() if self._ended else streams
                     elif opcode < PRIVATE:
                         raise Damage(f"a record of kind {opcode} is among the messages, where it does not belong,", at)
                 except (struct.error, ValueError):
@@ -187,6 +191,7 @@ class Records:
             except Damage as damage:
                 garbled += 1
                 self._pass_over(damage, passed)
+                streams = self._assigned() if self._ended else streams
                 if garbled > MOST_FAULTS:
                     what = f"more than {MOST_FAULTS} records are at fault, what follows them is left out,"
                     self._pass_over(Damage(what, at), passed)
@@ -262,13 +267,16 @@ class Records:
         if fault is not None:
             raise fault
 
+    def _assigned(self) -> dict[int, Stream]:
+        """Return the channels whose messages can be assigned where the reading is."""
+        return {number: stream for number, stream in self.contents.streams.items() if number not in self._ended}
+
     def _assign(self, number: int, new: Stream, at: int) -> None:
         """Take a channel, or raise the fault of a second one of the same number."""
         known = self.contents.streams.setdefault(number, new)
-        if known is new:
-            self._assigned[number] = new
-        elif not known.same_as(new):
-            self._assigned.pop(number, None)
+        if not known.same_as(new):
+            self._twice[number] = min(at, self._twice.get(number, at))
+            self._ended.add(number)
             raise Damage(
                 f"channel {number} is given twice, as {known.topic} of {known.ros_type} and as {new.topic} of {new.ros_type},", at
             )

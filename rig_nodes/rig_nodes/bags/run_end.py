@@ -21,8 +21,13 @@ if TYPE_CHECKING:
 RECORD_NAME = "rig_end"  # of the metadata record, which holds the fields of RunEnd
 OF_RUN = " run"  # the library's name ends with it where that record will follow
 OF_COPY = "rig_bag "  # that of `rig bag` begins with it: it writes parts of runs
+NO_REPORT = "the run left no report"  # reason of an end that nobody has told
+CUT_OFF = "cut off"  # state of a run whose bag ends before it
+STOPPED = "stopped"  # state of a run whose recorder does not know why it was stopped
 STATE, EVENTS = "/rig/state", "/sequencer/events"
+WITHOUT_END = (None, "none", "fmu")  # sequences of runs that no event ends
 _ENDS = {"sequence_done": "ended", "sequence_failed": "failed", "sequence_cancelled": "failed"}  # events of a sequence's end
+NAMED = 3  # topics that a sentence names
 _TRIPPED = 3  # RigState.TRIPPED
 
 
@@ -35,18 +40,66 @@ class RunEnd:
 
     @classmethod
     def of(cls, record: Mapping[str, str]) -> RunEnd | None:
-        """Return what a bag's record says; None without one."""
-        return cls(record.get("state", ""), record.get("reason", "")) if record else None
+        """Return what a bag's record of the end says; None without one, and for a recorder that did not know."""
+        state = record.get("state", STOPPED)
+        return None if state == STOPPED else cls(state, record.get("reason", ""))
 
 
-def end_by_topics(bag: Bag) -> RunEnd | None:
-    """Return how a run ended by the messages of its sequencer and its rig; None when they do not show it.
+def end_of_run(bag: Bag) -> RunEnd | None:
+    """Return how the run of a bag ended, by its record of it, else by its messages; None when neither shows it.
 
     Parameters
     ----------
     bag : Bag
         The bag, which needs only STATE and EVENTS.
     """
+    return RunEnd.of(bag.end) or _by_messages(bag) or (RunEnd(STOPPED, bag.end.get("reason", "")) if bag.end else None)
+
+
+def with_end(bag: Bag, run: dict) -> dict:
+    """Return the run part of a report, with the end that the bag shows in place of none or of one that it denies.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag.
+    run : dict
+        The run part; a bad end in it stays, because whoever wrote it knew more than the bag.
+    """
+    end = run.get("end")
+    end = end if isinstance(end, dict) else {"reason": end or NO_REPORT}
+    state, unknown = end.get("state"), end.get("reason") == NO_REPORT
+    if state not in ("ended", CUT_OFF) and not unknown:
+        return run
+    if sentence := cut_off(bag):
+        return {**run, "end": {"state": CUT_OFF, "reason": sentence}}
+    found = end_of_run(bag) if unknown else None
+    return run if found is None else {**run, "end": {"state": found.state, "reason": found.reason}}
+
+
+def faults_of(bag: Bag, run: dict) -> list[str]:
+    """Return why the results of a bag may not be those of its run: it was cut off, or its messages are not as they were sent.
+
+    Parameters
+    ----------
+    bag : Bag
+        The bag, whole.
+    run : dict
+        The run part of its report (:func:`with_end`).
+    """
+    end = run.get("end")
+    cut = isinstance(end, dict) and end.get("state") == CUT_OFF
+    disorder = bag.disorder()
+    more = f"; {len(disorder) - NAMED} topics more" if len(disorder) > NAMED else ""
+    found = (
+        [f"the bag's messages are not as they were sent: {'; '.join(disorder[:NAMED])}{more}; `rig bag recover` puts them in order"]
+        if disorder
+        else []
+    )
+    return [end["reason"]] * cut + found + list(bag.false_blocks().values())
+
+
+def _by_messages(bag: Bag) -> RunEnd | None:
     try:
         for _, topic, name, text, _ in reversed(bag.events()):
             if topic == EVENTS and name in _ENDS:
@@ -72,12 +125,13 @@ def cut_off(bag: Bag) -> str:
     """
     if bag.end or bag.library.startswith(OF_COPY):
         return ""
-    found = end_by_topics(bag)
+    found = _by_messages(bag)
     if found is not None and (found.state == "ended" or not bag.library.endswith(OF_RUN)):
         return ""
     if not bag.library.endswith(OF_RUN):
         try:
-            if not bag.run_info().get("sequence") or bag.recorded_from > 0.0:
+            info = bag.run_info()
+            if info.get("sequence") in WITHOUT_END or info.get("imported") or bag.recorded_from > 0.0:
                 return ""
         except RigError:
             return ""

@@ -112,7 +112,7 @@ def _print_notes(path: str, bags: OpenedBags) -> None:
 
 def _write(args: argparse.Namespace) -> int:
     from ..bags import limits
-    from ..bags.copy import left_out, write
+    from ..bags.copy import AsSent, left_out, write
     from ..bags.opened import OpenedBags
     from ..errors import RigError, printable
 
@@ -126,8 +126,11 @@ def _write(args: argparse.Namespace) -> int:
                 raise RigError(f"--from and --to: nothing lies between them; the bag is {bags.length / 1e9:.3f} s long")
         if not any(bags.counts.values()):
             raise RigError(f"{bags.path}: holds no messages; there is nothing to write")
-        path, kept = write(bags, args.out, topics, begin, end)
+        as_sent = AsSent(bags) if args.work == "recover" else None
+        path, kept = write(bags, args.out, topics, begin, end, as_sent)
         print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
+        if as_sent is not None and as_sent.dropped:
+            print(f"rig: {bags.path}: {as_sent.dropped} messages that were there twice are written once", file=sys.stderr)
         _print_notes(bags.path, bags)
         for sentence in left_out(bags):
             print(printable(f"rig: {bags.path}: {sentence}"), file=sys.stderr)

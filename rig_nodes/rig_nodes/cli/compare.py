@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from importlib import import_module  # import is a word of Python
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 INTERMIXED = True
+LOST = 3  # exit code: compared, but something of a run is not in its bag
 
 
 def main(args: argparse.Namespace) -> int:
@@ -46,11 +48,12 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.side_by_side import compare
     from ..atomic_write import atomic_write
     from ..catalogue import catalogue
-    from ..errors import RigError
+    from ..errors import RigError, printable
 
     if len(args.runs) < 2:
         raise RigError(f"{args.runs[0]} alone cannot be compared; name two or more runs, bags or loggers' files")
-    sources = _sources(args)
+    faults: list[str] = []
+    sources = _sources(args, faults)
     found = compare(sources, args.align)
     box = sources[0].recording.transmission
     signals = catalogue(sources[0].record).signals
@@ -65,15 +68,21 @@ def main(args: argparse.Namespace) -> int:
         from ..view.compare_file import write_compare_file
 
         write_compare_file(found, signals, args.rrd)
-    return 0
+    for fault in faults:
+        print(f"rig: {printable(fault)}", file=sys.stderr)
+    return LOST if faults else 0
 
 
-def _sources(args: argparse.Namespace) -> list[Source]:
-    """Return what is to be compared; a file without a rig of its own has that of the first run, which a line states."""
+def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
+    """Return what is to be compared; a file without a rig of its own has that of the first run, which a line states.
+
+    ``faults`` takes a sentence for each thing that makes a bag another recording than its run was.
+    """
     from ..analysis.report import info_of, recording_of
     from ..analysis.side_by_side import Source
     from ..bags.reader import Bag
     from ..bags.rig_record import rig_record
+    from ..bags.run_end import faults_of, with_end
     from ..config.names import DEFAULT_RIG
     from ..errors import RigError
     from ..exchange.imported import read_measurement
@@ -91,6 +100,7 @@ def _sources(args: argparse.Namespace) -> list[Source]:
         bag.check_began()
         if not bag.structure.gears:
             raise RigError(f"{run}: is of a rig without gears; runs with shifts can be compared")
+        faults += [f"{run}: {fault}" for fault in faults_of(bag, with_end(bag, {}))]
     named = args.rig or (profile.rig if profile else None)
     record, named_by = None, ""
     if named:

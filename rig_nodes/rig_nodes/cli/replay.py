@@ -93,6 +93,8 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
+    from ..bags.index import HOLE
+    from ..bags.metadata import read_profile
     from ..bags.player import Player
     from ..config.names import unknown
     from ..errors import RigError
@@ -106,6 +108,8 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
             raise RigError(f"--remap: {unknown('topic in the bag', topic, bag.types)}")
     for sentence in bag.damage:
         _warn_damage(bag, sentence)
+    for sentence in (*bag.notes, *bag.holes_in_time):
+        _warn(f"{bag.path}: {sentence}")
     bag.on_damage = lambda sentence: _warn_damage(bag, sentence)
     with from_environment() as domain:
         domain.lead()
@@ -117,13 +121,17 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
         from ..nodes.qos import read_overrides
         from ..nodes.replay import Session, latched, obstacle, offered
 
-        profiles = {} if args.qos is None else read_overrides(args.qos, bag.types)
+        profiles = {} if args.qos is None else read_overrides(args.qos)
+        if others := [topic for topic in profiles if topic not in bag.types]:
+            _warn(f"{args.qos}: names topics that are not in the bag: {', '.join(others)}")
         sound = []
         for topic in topics:
             if why := obstacle(bag, topic):
                 _warn(f"{topic}: {bag.counts[topic]} messages are left out: {why}")
             else:
                 sound.append(topic)
+                if problem := read_profile(bag.channel(topic)[2].get("offered_qos_profiles", "")).problem:
+                    _warn(f"{topic}: its recorded quality of service cannot be read ({problem}); the default is offered")
         lasting = {topic for topic in sound if latched(offered(bag, topic, profiles.get(topic)))}
         if next(bag.timeline(lasting, end=begin), None) is None and next(bag.timeline(sound, begin, end), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
@@ -135,6 +143,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
             loop=args.loop,
             paused=args.paused,
             period=round(1e9 / args.clock),
+            hole=HOLE,
             early=lambda at: list(bag.timeline(lasting, end=at)),
         )
         print(
@@ -160,15 +169,15 @@ def _chosen(bag: OpenedBags, args: argparse.Namespace) -> tuple[int, int, list[s
     if not any(bag.counts.values()):
         why = f" ({'; '.join(bag.damage)})" if bag.damage else ""
         raise RigError(f"{bag.path}: holds no messages{why}; there is nothing to replay")
-    length = (bag.last - bag.first) / 1e9
+    length = bag.length / 1e9
     if args.start > length:
         raise RigError(f"--start {args.start:g}: the bag is {length:.3f} s long; give a time within it")
     topics = chosen(bag.types, ",".join(args.topics or ()), args.regex, args.exclude_regex)
-    begin, end = bag.first + round(args.start * 1e9), bag.last + 1
+    begin, end = bag.time_at(args.start), bag.last + 1
     if args.duration is not None:
-        end = min(end, begin + round(args.duration * 1e9))
+        end = min(end, bag.time_at(args.start + args.duration))
     if args.until is not None:
-        end = min(end, bag.first + round(args.until * 1e9))
+        end = min(end, bag.time_at(args.until))
     return begin, end, topics
 
 

@@ -20,6 +20,7 @@ from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_lim
 from ..analysis.report import REPORT_FILE, build_report, format_report, gather, info_of, is_of, read_report, write_report
 from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
+from ..bags.run_end import NO_REPORT, faults_of, with_end
 from ..config import load_yaml
 from ..errors import RigError, printable
 from ..exchange.kinds import is_loggers_file
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 HELP = "print the results of a run and rewrite its report.json, or make a page of them"
 METADATA = "metadata.yaml"
+LOST = 3  # exit code: the report is made, but something of the run is not in its bag
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,10 +121,14 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
     if another or (old and not bag.recovered and old["run"].get("recovered")):
         old = None  # it is of another run, or of this run while its bag was damaged
     run = old["run"] if old else _run_of(bag, folder, {} if another else facts_of(folder))
+    run = run if bag.recovered else with_end(bag, run)
     damaged_since = bag.recovered and run.get("recovered") != bag.recovered
     if damaged_since:
         run = _run_of_the_rest(bag, folder, run, old is not None)
     report = build_report(bag, run, annex, args.truth)
+    faults = [] if bag.recovered else faults_of(bag, run)
+    if faults:
+        report["run"]["problems"] = [*faults, *report["run"].get("problems", [])]
     _judge(report, limits)
     _show(report, args.json)
     if bag.recovered:
@@ -137,7 +143,9 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
     if not bag.recovered and lost:
         print(f"rig: lost: {lost}", file=sys.stderr)
     write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Lost: {lost}."] if lost else []))
-    return 1 if bag.recovered else 0
+    if faults:
+        print(f"rig: {bag.path}: {printable('; '.join(faults))}", file=sys.stderr)
+    return 1 if bag.recovered else LOST if faults else 0
 
 
 def _run_of(bag: Gathered, folder: Path, facts: dict[str, dict]) -> dict:
@@ -145,7 +153,7 @@ def _run_of(bag: Gathered, folder: Path, facts: dict[str, dict]) -> dict:
     known = info_of(bag)
     if facts:
         return run_part(bag, folder, known, end_of(facts, bag.structure.shifts))
-    return {**known, "end": {"reason": "the run left no report"}}
+    return {**known, "end": {"reason": NO_REPORT}}
 
 
 def _run_of_the_rest(bag: Gathered, folder: Path, run: dict, reported: bool) -> dict:

@@ -20,10 +20,12 @@ from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
     from ..graph.domain import Domain
+    from ..view.convert import View
 
 HELP = "show a run or a running rig in Rerun, or make a picture"
 TOOLS = ("plotjuggler", "foxglove")
 PR_SET_PDEATHSIG = 1
+LOST = 3  # exit code: shown, but the run was cut off
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -117,19 +119,17 @@ def _recorded(args: argparse.Namespace) -> int:
     from ..view.convert import make_view
     from ..view.viewer import command_for, has_display, open_window
 
-    campaign = is_campaign(args.run)
+    campaign, code = is_campaign(args.run), 0
     if campaign:
         if wrong := [flag for flag in ("tab", "window", "shift") if getattr(args, flag)]:
             raise RigError(f"--{wrong[0]}: {args.run} is a campaign of many runs; give it with one of them")
         path = write_campaign(args.run)
         print(f"{path} written", flush=True)
     else:
-        if args.picture and not args.window and _draw_close(args):
-            return 0
+        if args.picture and not args.window and (drawn := _draw_close(args)):
+            return _tell_notes(drawn)
         view = make_view(args.run, args.window, args.shift)
-        path = view.path
-        for note in view.notes:
-            print(f"rig: {note}", file=sys.stderr)
+        path, code = view.path, _tell_notes(view)
         print(f"{path} {'written' if view.written else 'is up to date'}", flush=True)
     if args.picture:
         _draw(args, path, args.picture, campaign)
@@ -144,7 +144,16 @@ def _recorded(args: argparse.Namespace) -> int:
         except RigError as error:
             # the view itself is written, so a picture that was not requested is no reason to fail
             print(f"rig: {error}", file=sys.stderr)
-    return 0
+    return code
+
+
+def _tell_notes(view: View) -> int:
+    """Print what the bag of a view lacks; return 3 for a run that was cut off."""
+    from ..errors import printable
+
+    for note in view.notes:
+        print(f"rig: {printable(note)}", file=sys.stderr)
+    return LOST if view.cut_off else 0
 
 
 def _draw(args: argparse.Namespace, view: Path, picture: Path, campaign: bool) -> None:
@@ -170,18 +179,18 @@ def _take(args: argparse.Namespace, view: Path, picture: Path) -> None:
     print(f"picture: {picture}")
 
 
-def _draw_close(args: argparse.Namespace) -> bool:
-    """Draw the tab of the shifts from their own stretches of the bag; return False for another tab."""
+def _draw_close(args: argparse.Namespace) -> View | None:
+    """Draw the tab of the shifts from their own stretches of the bag; return None for another tab."""
     from ..view.convert import make_close_view
     from ..view.picture import require_driver
 
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
-        view = Path(folder, "picture.rrd")
-        if not make_close_view(args.run, view, args.tab, args.shift):
-            return False
-        require_driver()
-        _take(args, view, args.picture)
-    return True
+        path = Path(folder, "picture.rrd")
+        view = make_close_view(args.run, path, args.tab, args.shift)
+        if view is not None:
+            require_driver()
+            _take(args, path, args.picture)
+    return view
 
 
 def _live(args: argparse.Namespace) -> int:

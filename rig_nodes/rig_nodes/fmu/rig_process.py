@@ -52,7 +52,7 @@ class Recording:
     """
 
     def __init__(self, folder: Path, rig: Rig, config: RigConfig, seed: int) -> None:
-        from ..bags.writer import BagWriter
+        from ..bags.writer import LIBRARY_OF_RUN, BagWriter
         from ..testbench.bag_outputs import BagOutputs
         from ..testbench.sequence import Sequence
         from ..testbench.simulate import run_record
@@ -62,7 +62,7 @@ class Recording:
         if any(folder.iterdir()):
             raise RigError(f"the parameter record names the folder {folder}, which is not empty; name a new one")
         self.record = run_record(config, Sequence("fmu", "driven through FMI", 0.0), seed)
-        self._bag = BagWriter(folder, "fmu", topics=config.catalogue.all_topics)
+        self._bag = BagWriter(folder, "fmu", topics=config.catalogue.all_topics, library=LIBRARY_OF_RUN)
         self._bag.__enter__()
         self.outputs = BagOutputs(self._bag, rig, self.record, commands=True)
 
@@ -83,13 +83,14 @@ class Recording:
         from ..testbench.rig_base import RigStatus
 
         self.outputs.finish()
-        self._bag.__exit__(None, None, None)
         tripped = self.rig.status == RigStatus.TRIPPED
         end = (
             {"state": "tripped", "reason": self.rig.reason}
             if tripped
             else {"state": "ended", "reason": "the importer ended the run"}
         )
+        self._bag.end(**end)
+        self._bag.__exit__(None, None, None)
         run = {
             **self.record,
             "mode": "fmu",

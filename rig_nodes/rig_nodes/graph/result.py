@@ -17,7 +17,7 @@ from typing import Protocol
 from ..bags.opened import OpenedBags, class_of
 from ..bags.pieces import files_of_run, read_metadata
 from ..bags.reader import Bag
-from ..bags.writer import BagWriter
+from ..bags.writer import LIBRARY_OF_RUN, BagWriter
 from ..catalogue import Topic, catalogue, installed_topics
 from ..errors import RigError
 from .supervisor import MODULES, End, processes_of
@@ -71,9 +71,11 @@ def join_pieces(folder: Path) -> None:
     sent: set[tuple[str, bytes]] = set()  # messages on latched topics
     with OpenedBags(pieces[:1]) as first:
         of_rig = first.bag([topic for topic, ros_type in first.types.items() if ros_type == RUN_INFO]).catalogue.all_topics
-    with BagWriter(joined, pieces[0].stem.rpartition("_")[0], topics=of_rig) as writer:
+    with BagWriter(joined, pieces[0].stem.rpartition("_")[0], topics=of_rig, library=LIBRARY_OF_RUN) as writer:
+        end: dict[str, str] = {}
         for piece in pieces:
             with OpenedBags([piece]) as bag:
+                end = bag.pieces[-1].end
                 classes = {topic: class_of(bag.channel(topic)[2]) for topic in bag.types}
                 for time, (topic, data) in bag.timeline(bag.types):
                     # a latched message that was sent again to a later subscriber is already there
@@ -82,6 +84,8 @@ def join_pieces(folder: Path) -> None:
                             continue
                         sent.add((topic, data))
                     writer.write(topic, bag.types[topic], data, time, classes[topic])
+        if end:
+            writer.end(**end)
     for piece in pieces:
         piece.unlink()
     for path in joined.iterdir():

@@ -318,6 +318,8 @@ class Supervisor:
         for names in END_ORDER:
             group = [self.children[name] for name in names if name in self.children]
             for child in group:
+                if child.name == "recorder":
+                    child.send(end={"state": self.end.state, "reason": self.end.reason})
                 # SIGINT tells the container to leave the rig in its safe state, with a reason in the bag.
                 early = child.name == "container" and self.end.state != "ended"
                 child.signal(signal.SIGINT if early else signal.SIGTERM)

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rclpy.duration import Duration
+from rclpy.duration import Duration, Infinite
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
 from ..catalogue import QOS
@@ -101,18 +101,19 @@ def _seconds(duration: Duration) -> float:
     return seconds if 0.0 < seconds < 2e9 else math.inf
 
 
-WORDS = {"history": HistoryPolicy, "reliability": ReliabilityPolicy, "durability": DurabilityPolicy}
+WORDS = {"history": HistoryPolicy, "reliability": ReliabilityPolicy, "durability": DurabilityPolicy, "liveliness": LivelinessPolicy}
+DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+SWITCHES = ("avoid_ros_namespace_conventions",)
+INFINITE = "infinite"
 
 
-def read_overrides(path: Path, topics: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def read_overrides(path: Path) -> dict[str, dict[str, Any]]:
     """Read the file of `ros2 bag play --qos-profile-overrides-path`: for topics, fields of the profiles to offer.
 
     Parameters
     ----------
     path : Path
-        YAML file: topic, and below it ``history``, ``depth``, ``reliability``, ``durability`` or ``deadline`` (``sec``, ``nsec``).
-    topics : mapping
-        The topics that there are.
+        YAML file: topic, and below it fields of rosbag2's profiles (WORDS, DURATIONS, SWITCHES, ``depth``).
 
     Returns
     -------
@@ -122,33 +123,51 @@ def read_overrides(path: Path, topics: Mapping[str, Any]) -> dict[str, dict[str,
     Raises
     ------
     RigError
-        When the file cannot be read, or names a topic, a field or a value that there is not.
+        When the file cannot be read, or names a field or a value that there is not.
     """
-    found: dict[str, dict[str, Any]] = {}
     given = load_yaml(path)
     if not isinstance(given, Mapping) or not all(isinstance(fields, Mapping) for fields in given.values()):
         raise RigError(f"{path}: expected topics with fields of their profiles, as '/motor/state: {{reliability: best_effort}}'")
-    for topic, fields in given.items():
-        if topic not in topics:
-            raise RigError(f"{path}: {unknown('topic in the bag', str(topic), topics)}")
-        found[topic] = {name: _value(name, value, f"{path}: {topic}") for name, value in fields.items()}
-    return found
+    return {
+        str(topic): {name: _value(name, value, f"{path}: {topic}") for name, value in fields.items()}
+        for topic, fields in given.items()
+    }
 
 
 def _value(name: str, value: Any, where: str) -> Any:
     """Return the value of a field of a QoSProfile; RigError when there is no such field or value."""
     if name in WORDS:
-        words = {policy.short_key: policy for policy in WORDS[name] if policy.short_key not in ("unknown", "best_available")}
-        if value not in words:
+        policies = [policy for policy in WORDS[name] if policy.short_key not in ("unknown", "best_available")]
+        values = {policy.short_key: policy for policy in policies} | {policy.value: policy for policy in policies}
+        if isinstance(value, bool) or value not in values:
+            words = [f"{policy.short_key} ({policy.value})" for policy in policies]
             raise RigError(f"{where}: {name} is {value}; expected {' or '.join(words)}")
-        return words[value]
+        return values[value]
     if name == "depth":
-        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 1_000_000:
-            raise RigError(f"{where}: depth is {value}; expected a whole number from 1 to 1000000")
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 1_000_000:
+            raise RigError(f"{where}: depth is {value}; expected a whole number from 0 to 1000000")
         return value
-    if name == "deadline":
-        try:
-            return Duration(seconds=int(value["sec"]), nanoseconds=int(value["nsec"]))
-        except (TypeError, KeyError, ValueError):
-            raise RigError(f"{where}: deadline is {value}; expected 'sec' and 'nsec'") from None
-    raise RigError(f"{where}: {unknown('field of a profile', str(name), [*WORDS, 'depth', 'deadline'])}")
+    if name in DURATIONS:
+        return _duration(name, value, where)
+    if name in SWITCHES:
+        if not isinstance(value, bool):
+            raise RigError(f"{where}: {name} is {value}; expected true or false")
+        return value
+    fields = [*WORDS, "depth", *DURATIONS, *SWITCHES]
+    raise RigError(f"{where}: {unknown('field of a profile', str(name), fields)}")
+
+
+def _duration(name: str, value: Any, where: str) -> Duration:
+    """Return a duration; 0 and ``infinite`` are none at all."""
+    if value == INFINITE:
+        return Infinite
+    expected = f"expected 'sec' and 'nsec', whole numbers from 0, or {INFINITE}"
+    try:
+        seconds, nanoseconds = value["sec"], value["nsec"]
+        if type(seconds) is not int or type(nanoseconds) is not int or min(seconds, nanoseconds) < 0:
+            raise ValueError(value)
+        return Duration(seconds=seconds, nanoseconds=nanoseconds)
+    except OverflowError:
+        return Infinite
+    except (TypeError, KeyError, ValueError):
+        raise RigError(f"{where}: {name} is {value}; {expected}") from None

@@ -26,7 +26,8 @@ from rosbag2_interfaces.srv import IsPaused, Pause, Resume, Snapshot, SplitBagfi
 from ..bags import cdr
 from ..bags.definitions import installed
 from ..bags.recording import Recording
-from ..bags.writer import BagWriter
+from ..bags.run_end import STOPPED
+from ..bags.writer import LIBRARY_OF_RUN, BagWriter
 from ..catalogue import Topic, installed_topics
 from ..errors import RigError
 from ..graph.recording_options import OPTIONS as RECORDING_OPTIONS
@@ -48,6 +49,7 @@ FLUSH_PERIOD = 0.1  # s of messages that a killed recorder may lose
 WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
 AHEAD_NS = 1_000_000_000  # ns that a stamp may be ahead of the rig's own time
 IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message after which everything has arrived
+ORDER = 0.5  # s in which the supervisor's word on the end has come with its signal
 LONGEST_DRAIN = 5.0  # s that a user's node, which goes on sending, can put off the end
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
@@ -360,7 +362,8 @@ def work(process: Process) -> None:
     name, piece = arguments.name, arguments.piece
     while piece and (arguments.out / f"{name}_{piece}.mcap").exists():
         piece += 1  # the recorder before this one had begun further files
-    with BagWriter(arguments.out, name, piece, topics, layout=layout(arguments)) as writer:
+    end = EndOfRun(process)
+    with BagWriter(arguments.out, name, piece, topics, LIBRARY_OF_RUN, layout(arguments)) as writer:
         recording = Recording(writer, choice.takes_own, round(arguments.keep_last * 1e9), arguments.start_paused)
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
@@ -377,6 +380,7 @@ def work(process: Process) -> None:
                 node.others.look()
             drain(process, node)
         finally:
+            end.store(writer)
             node.close()
     process.leave(
         [node],
@@ -391,6 +395,33 @@ def work(process: Process) -> None:
     )
     if node.failure is not None:
         raise node.failure
+
+
+class EndOfRun:
+    """What the supervisor says about the end of the run, for the bag.
+
+    A supervisor that was killed says nothing, and the bag then has no record of an end. A recorder without a supervisor is stopped
+    by whoever started it.
+    """
+
+    def __init__(self, process: Process) -> None:
+        """Listen to the supervisor of a process."""
+        self._supervised = process.arguments.status_fd is not None
+        self._said: dict[str, str] = {}
+        self._come = threading.Event()
+        process.follow_orders(self._take)
+
+    def _take(self, order: dict) -> None:
+        if "end" in order:
+            self._said = order["end"]
+            self._come.set()
+
+    def store(self, writer: BagWriter) -> None:
+        """Have the bag end with what was said."""
+        if not self._supervised:
+            writer.end(STOPPED, "the recorder was stopped")
+        elif self._come.wait(ORDER):
+            writer.end(**self._said)
 
 
 def topics_of(arguments: argparse.Namespace) -> tuple[dict[str, Topic], set[str]]:

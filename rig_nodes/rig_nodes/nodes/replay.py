@@ -23,7 +23,7 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.validate_topic_name import validate_topic_name
@@ -109,7 +109,7 @@ def offered(bag: OpenedBags, topic: str, fields: Mapping[str, Any] | None = None
             profile.deadline = Duration(nanoseconds=recorded.deadline_ns)
     for name, value in (fields or {}).items():
         setattr(profile, name, value)
-    if fields and "depth" in fields:
+    if fields and fields.get("depth"):
         return profile
     profile.depth = min(HISTORY, max(1, bag.counts[topic])) if latched(profile) else HISTORY
     return profile
@@ -124,10 +124,14 @@ def obstacle(bag: OpenedBags, topic: str) -> str:
     """Return why a topic of a bag cannot be published, empty when it can."""
     ros_type = bag.types[topic]
     encoding, text, _ = bag.channel(topic)
+    if bag.topic_of(topic) != topic:
+        return "the topic has another type beside this one"
     if topic == CLOCK_TOPIC:
         return "the replay has a clock of its own"
     if not encoding.startswith("cdr/"):
         return f"it is encoded as {encoding.partition('/')[0] or 'nothing'}, not as ROS 2 messages are"
+    if not ros_type:
+        return "the bag names no type of its messages"
     try:
         validate_topic_name(topic)
         message_class(ros_type)
@@ -169,7 +173,8 @@ class Output:
         self.publisher = node.create_publisher(message_type, topic, profile)
         self.topic, self.session = topic, session
         self.count = 0
-        self._window = max(1, 3 * profile.depth // 4)
+        # with "keep all" a full history holds up the publisher itself
+        self._window = HISTORY if profile.history == HistoryPolicy.KEEP_ALL else max(1, 3 * profile.depth // 4)
         self._open = self._open_bytes = 0  # messages and bytes sent since everything was confirmed
         self._silent = False
 

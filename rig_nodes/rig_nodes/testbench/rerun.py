@@ -191,6 +191,7 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
         finally:
             stops.held = True  # the bag is finished now
             outputs.finish()
+        new.end("ended", "the re-run ended")
     return notes
 
 
@@ -379,6 +380,7 @@ def _write_answers(bag: Bag, config: RigConfig, record: dict, rows: list[tuple],
     with BagWriter(folder, name, topics=config.catalogue.all_topics) as writer:
         for time, topic, data in messages:
             writer.write(topic, bag.types[topic], data, time)
+        writer.end("ended", "the re-run ended")
 
 
 def different_topics(parent: Bag, new: Bag) -> list[str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..alfa46.settings import check_gains
-from ..bags.writer import BagWriter
+from ..bags.writer import LIBRARY_OF_RUN, BagWriter
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS, TICK_SAMPLES
 from ..config.schema import SWITCH
 from ..controllers.plug import DECLARED, Answer, Plug
@@ -386,7 +386,7 @@ def simulate(
     end = {"state": "ended", "reason": "the sequence ended"}
 
     stops = Uninterrupted()
-    with stops, BagWriter(folder, sequence.name, topics=config.catalogue.all_topics) as bag:
+    with stops, BagWriter(folder, sequence.name, topics=config.catalogue.all_topics, library=LIBRARY_OF_RUN) as bag:
         outputs = BagOutputs(bag, rig, record, config.structure.shifts, controller)
         runner = runner_on(rig, outputs, config, sequence, controller)
 
@@ -430,6 +430,7 @@ def simulate(
                 controller.close()
             stops.held = True  # the bag is finished now
             outputs.finish()
+        bag.end(**end)
     plugged = {}
     if config.structure.shifts:
         of_controller = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": DECLARED}

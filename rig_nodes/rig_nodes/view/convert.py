@@ -24,6 +24,8 @@ from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag, recovered
+from ..bags.run_end import CUT_OFF, NO_REPORT
+from ..bags.sequence_numbers import Numbers
 from ..config.names import unknown
 from ..errors import BagError, RigError
 from . import layout
@@ -42,17 +44,19 @@ if TYPE_CHECKING:
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
+OF_ROS = ("/rosout", "/diagnostics", "/parameter_events")  # topics of every ROS 2 graph, which nobody expects in a plot
 LONG = 60.0  # s; the viewer cannot hold every row of the loggers of a longer stretch
 EARLY = 0.1  # s; a bag that holds the beginning of its run has messages before this time
 
 
 @dataclass(frozen=True)
 class View:
-    """The view of a run: its file, whether it was written anew, and sentences on what the bag lacks."""
+    """The view of a run: its file, whether it was written anew, sentences on what the bag lacks, and whether it was cut off."""
 
     path: Path
     written: bool
     notes: list[str]
+    cut_off: bool
 
 
 def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted: Sequence[int] | str | None = None) -> View:
@@ -85,9 +89,10 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted
         import_rerun()
         path = index.files[0].parent / VIEW_FILE
         key = _key(index, window, wanted)
-        if _key_of(path) == key:
-            return View(path, False, list(index.damage))
-        return View(path, True, _make(_Source(index, run, window, wanted), path, key))
+        fresh = _key_of(path) != key
+        notes = _make(_Source(index, run, window, wanted), path, key) if fresh else list(index.damage)
+        lacks, cut_off = _lacks(index)
+        return View(path, fresh, notes + lacks, cut_off)
 
 
 def _make(source: _Source, path: Path, key: str) -> list[str]:
@@ -151,7 +156,7 @@ def make_tab_view(
     rec.disconnect()
 
 
-def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequence[int] | str | None) -> bool:
+def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequence[int] | str | None) -> View | None:
     """Write only what the tab of the moments needs, with its layout, for a picture of it, without reading the whole bag.
 
     Parameters
@@ -167,8 +172,8 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
 
     Returns
     -------
-    bool
-        False, with no file written, for another tab, or for a run whose report is not beside the bag.
+    View or None
+        None, with no file written, for another tab, or for a run whose report is not beside the bag.
     """
     with OpenedBags([run]) as index:
         if not index.last:
@@ -176,7 +181,7 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         source = _Source(index, run, None, wanted)
         tab = source.tab(tab)
         if source.report is None or tab not in [one.page.key for one in source.close]:
-            return False
+            return None
         rr = import_rerun()
         rec = rr.RecordingStream(APPLICATION, recording_id="close", send_properties=False)
         rec.save(path, default_blueprint=source.blueprint(tab))
@@ -186,7 +191,8 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         _send_texts(rr, rec, source, source.report, [])
         rec.flush()
         rec.disconnect()
-    return True
+        lacks, cut_off = _lacks(index)
+        return View(path, True, index.damage + lacks, cut_off)
 
 
 def import_rerun() -> ModuleType:
@@ -248,9 +254,14 @@ class _Source:
         self.names, self.own = _names(self.pages, index, self.small)
         self.events = self.small.events()
         self.report, self.run, self.notes = _report(self.small)
+        if self.report is None:
+            end, cut = index.end()
+            reason = cut or (end.reason if end else NO_REPORT)
+            self.run["end"] = {"state": CUT_OFF if cut else end.state if end else None, "reason": reason}
         orders = orders_in(self.events)
         offset = log_offset(self.small)
-        self.ends = (index.first - offset) / 1e9, (index.last - offset) / 1e9
+        first, last = index.main_span
+        self.ends = (first - offset) / 1e9, (last - offset) / 1e9
         self.reader = Reader(index, self.pages, self.small, offset)
         at_rest = [order[0] for order in orders if self.reader.engages_at_rest(order)]
         self.orders = layout.shifts_of(orders, self.pages.box, at_rest)
@@ -342,15 +353,17 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         notes += index.damage
     if source.span is None or report is None:
         gathered = gathering(source.bag, source.small, source.run) if report is None else None
-        held = last = 0
+        held, last, numbers = 0, 0, Numbers()
         for piece in Bag.pieces(source.bag, PIECE, recover=True):
             if source.span is None:
                 curves.add(piece)
                 rec.flush()
             if gathered is not None:
                 gathered.add(piece)
+            numbers.add(piece)
             held, last = held + sum(piece.counts.values()), max(last, piece.last)
         notes = [recovered(held, last, piece.damage)] if piece.damage else []
+        notes += numbers.disorder(source.small)
         if report is None:
             report = build_report(gathered, source.run)
     curves.finish()
@@ -382,6 +395,16 @@ def _pages(small: Bag) -> Pages:
         return Pages(small.record)
     except UNREADABLE as error:
         raise small.no_rig(error) from None
+
+
+def _lacks(index: OpenedBags) -> tuple[list[str], bool]:
+    """Return sentences on what the view does not show of the bag, with the reasons, and True when the run was cut off."""
+    _, cut = index.end()
+    known = _pages(_small(index)).known.all_topics
+    others = [name for name in index.types if name not in known and name not in OF_ROS and index.counts[name]]
+    reasons = [f"{name} ({why})" if (why := index.not_understood(name)) else name for name in others]
+    left_out = [f"not shown, as no signals of the rig come from them: {', '.join(reasons)}"] * bool(reasons)
+    return [cut] * bool(cut) + index.notes + index.holes_in_time + left_out, bool(cut)
 
 
 def _small(index: OpenedBags) -> Bag:
@@ -419,7 +442,7 @@ def _report(small: Bag) -> tuple[dict | None, dict, list[str]]:
         info = small.run_info()
     except RigError as error:
         notes.append(str(error))
-    return None, {**info, "end": {"reason": "the run left no report"}}, notes
+    return None, info, notes
 
 
 def _send_events(rr: ModuleType, rec: RecordingStream, events: list[tuple[float, str, str, str, float]]) -> None:

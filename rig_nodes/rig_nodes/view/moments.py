@@ -373,6 +373,8 @@ class MomentCurves:
         self, rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple[Part, Colour]], end: float, width: float
     ) -> None:
         """Send bars; the text of a bar that is too short for it is placed after the last bar."""
+        if not bars:
+            return  # the run ended before the first of them
         looks: dict[str, tuple[str, tuple[int, ...]]] = {}
         at, states, beside = [], [], []
         for n, (part, colour) in enumerate(bars):
