@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, Writer
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
 
 MS = 1_000_000
 LOGGER = "/instruments/hmg4000"
@@ -116,6 +117,24 @@ def test_a_cut_bag_is_read_as_far_as_it_goes_and_a_damaged_chunk_is_told_when_it
         times = [time for time, _ in index.timeline(list(index.types))]
         assert times == [time for time, _, _ in Bag(run).timeline() if not part.first <= time <= part.last]
         assert reports == index.damage and len(reports) == 1 and f"at byte {part.start}" in reports[0]
+
+
+def test_a_hole_in_time_is_named_and_no_option_counts_it(tmp_path, capfd):
+    day = 86_400 * 1000 * MS
+    rows = [("/x", time, b"\0\1\0\0\1") for time in (0, 10 * MS, *(20_000 * day + ms * MS for ms in range(0, 1000, 10)))]
+    for chunk_size in (100, 1 << 20):  # the hole lies between chunks, or within one
+        path = tmp_path / f"{chunk_size}.mcap"
+        written_by_others(path, rows, chunk_size=chunk_size)
+        with OpenedBags([path]) as bags:
+            assert bags.spans == [(0, 10 * MS), (20_000 * day, 20_000 * day + 990 * MS)]
+            assert bags.length == 1000 * MS and bags.time_at(0.5) == 20_000 * day + 490 * MS
+        assert main(["bag", "info", str(path)]) == 0
+        said = capfd.readouterr()
+        assert "102 messages, 1.000 s from 0.000 s" in said.out
+        assert "no message between 0.010 s and 1728000000.000 s, 20000 days, which are jumped over" in said.err
+        assert main(["bag", "cut", str(path), "--from", "0.5", "--to", "0.6", "--out", str(tmp_path / f"cut {chunk_size}")]) == 0
+        assert Bag(tmp_path / f"cut {chunk_size}").counts == {"/x": 10}
+        capfd.readouterr()
 
 
 MEMORY = """

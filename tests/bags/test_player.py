@@ -218,6 +218,27 @@ def test_a_stall_is_not_made_up_for_and_is_told():
     assert [number for number, _ in player.take(2.0015) if number != CLOCK] == [51]
 
 
+@pytest.mark.parametrize("loop", [False, True])
+def test_a_hole_in_time_is_jumped_over_and_takes_one_clock_period(loop):
+    far = 20_000 * 86_400 * 1000 * MS
+    times = [T0, T0 + 3 * MS, T0 + far, T0 + far + 20 * MS]
+    player = Player(recorded(times), T0, times[-1] + 1, period=10 * MS, loop=loop, hole=86_400 * 1000 * MS)
+    taken = []
+    for wall in range(100):
+        due = player.take(wall * STEP)
+        taken += [(wall, number, time) for number, time in due]
+        assert not due or player.lateness(due[-1][1], wall * STEP) < 0.002, "what came before the hole is not late by it"
+    messages = [(wall, number) for wall, number, _ in taken if number is not CLOCK]
+    expected = [(0, 0), (3, 1), (13, 2), (33, 3), *([(43, 0), (46, 1), (56, 2), (76, 3), (86, 0), (89, 1)] if loop else ())]
+    assert [number for _, number in messages[: len(expected)]] == [number for _, number in expected]
+    assert loop or len(messages) == len(expected)
+    assert all(abs(wall - due) <= 1 for (wall, _), (due, _) in zip(messages, expected))
+    assert len(taken) < 40, "the clock is not published through the hole"
+    seeking = Player(recorded(times), T0, times[-1] + 1, period=10 * MS, hole=86_400 * 1000 * MS)
+    seeking.seek(T0 + far // 2)
+    assert [number for wall in range(20) for number, _ in seeking.take(wall * STEP) if number is not CLOCK] == [2]
+
+
 def test_lateness_counts_from_when_a_message_was_due():
     player = Player(recorded(TIMES), T0, END, rate=2.0)
     player.take(50.0)

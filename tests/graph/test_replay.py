@@ -19,7 +19,8 @@ import pytest
 from builtin_interfaces.msg import Duration, Time
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.duration import Infinite
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from rosbag2_interfaces.srv import Burst, GetRate, IsPaused, Pause, Play, PlayNext, Resume, Seek, SetRate, Stop, TogglePaused
 from rosgraph_msgs.msg import Clock
 from running_graph import BRIEF, Client
@@ -372,10 +373,16 @@ def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
 @pytest.mark.parametrize(
     "text, sentence",
     [
-        ("/motor/stat: {depth: 1}", "topic in the bag '/motor/stat'; did you mean '/motor/state'"),
-        ("/motor/state: {reliability: good}", "reliability is good; expected system_default or reliable or best_effort"),
-        ("/motor/state: {depth: 0}", "depth is 0; expected a whole number"),
+        (
+            "/motor/state: {reliability: good}",
+            "reliability is good; expected system_default (0) or reliable (1) or best_effort (2)",
+        ),
+        ("/motor/state: {liveliness: 7}", "liveliness is 7; expected system_default (0) or automatic (1) or manual_by_topic (3)"),
+        ("/motor/state: {depth: -1}", "depth is -1; expected a whole number"),
         ("/motor/state: {deadline: 3}", "deadline is 3; expected 'sec' and 'nsec'"),
+        ("/motor/state: {lifespan: {sec: 1}}", "lifespan is {'sec': 1}; expected 'sec' and 'nsec'"),
+        ("/motor/state: {lifespan: {sec: 1.5, nsec: 0}}", "expected 'sec' and 'nsec', whole numbers from 0, or infinite"),
+        ("/motor/state: {avoid_ros_namespace_conventions: 1}", "is 1; expected true or false"),
         ("/motor/state: {qos: 1}", "field of a profile 'qos'"),
         ("- 1", "expected topics with fields"),
     ],
@@ -383,7 +390,36 @@ def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
 def test_a_wrong_quality_of_service_is_one_sentence(text, sentence, tmp_path):
     (tmp_path / "qos.yaml").write_text(text)
     with pytest.raises(RigError, match=re.escape(sentence)):
-        read_overrides(tmp_path / "qos.yaml", Bag(SAMPLE).types)
+        read_overrides(tmp_path / "qos.yaml")
+
+
+DOCUMENTED = """
+/motor/state:
+  history: {keep_all}
+  depth: 0
+  reliability: {reliable}
+  durability: {volatile}
+  deadline: {{sec: 0, nsec: 0}}
+  lifespan: {{sec: 9223372036, nsec: 854775807}}
+  liveliness: {automatic}
+  liveliness_lease_duration: infinite
+  avoid_ros_namespace_conventions: false
+/of/another/bag: {{depth: 10}}
+"""
+WORDS = {"keep_all": "keep_all", "reliable": "reliable", "volatile": "volatile", "automatic": "system_default"}
+NUMBERS = {"keep_all": 2, "reliable": 1, "volatile": 2, "automatic": 0}
+
+
+@pytest.mark.parametrize("values", [WORDS, NUMBERS], ids=["words", "numbers"])
+def test_the_profiles_that_rosbag2_documents_are_taken(values, tmp_path, domain):
+    (tmp_path / "qos.yaml").write_text(DOCUMENTED.format(**values))
+    found = read_overrides(tmp_path / "qos.yaml")["/motor/state"]
+    profile = QoSProfile(depth=1, **{name: value for name, value in found.items() if name != "depth"})
+    assert (profile.history, profile.durability) == (HistoryPolicy.KEEP_ALL, DurabilityPolicy.VOLATILE)
+    assert profile.deadline.nanoseconds == 0 and profile.lifespan == profile.liveliness_lease_duration == Infinite
+    if values is WORDS:
+        output = Replay(domain, SAMPLE, "--rate", "max", "--topics", "/motor/state", "--qos", tmp_path / "qos.yaml").end(0)
+        assert output.count("names topics that are not in the bag: /of/another/bag") == 1 and "518 messages in" in output
 
 
 def test_a_damaged_bag_is_replayed_less_its_damage_which_is_told_and_counted_as_lost(domain, tmp_path):

@@ -15,6 +15,7 @@ import pytest
 from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
 
 CONNECTED = "all nodes are connected"
 
@@ -58,6 +59,7 @@ def test_a_thread_that_dies_is_a_process_that_dies_and_names_it():
 def test_a_lost_message_is_named_in_the_last_line(tmp_path, allowed, code, word):
     ended, output = rig_run(tmp_path / "run", "--speed", "max", "--drop", "/motor/m_wej:20", *allowed, sequence=BRIEF)
     assert ended == code, output
+    assert Bag(tmp_path / "run").end == {"state": "ended", "reason": "the sequence ended"}
     assert output.splitlines()[-1] == f"rig: {word}: 1 messages did not reach the bag: /motor/m_wej 1"
     assert part_of(tmp_path / "run")["lost_by_topic"] == {"/motor/m_wej": 1}
 
@@ -130,3 +132,16 @@ def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):
     assert bag.counts["/instruments/controller"] > 100
     printed = float(re.search(r"up to ([\d.]+) s stays readable", done.stderr)[1])
     assert max(time for topic in bag.counts for time, _ in bag.messages(topic)) / 1e9 == pytest.approx(printed, abs=2e-3)
+
+
+def test_a_run_whose_supervisor_was_killed_is_called_cut_off(tmp_path, capfd):
+    run = RigRun(tmp_path / "run", "--speed", "1")
+    run.until("shift to II")
+    traces = Traces(run)
+    run.process.kill()
+    run.end()
+    traces.wait_gone()
+    assert main(["bag", "check", str(run.folder)]) == 3
+    assert main(["report", str(run.folder)]) == 3
+    said = capfd.readouterr()
+    assert said.err.count("the run was cut off at") == 2 and "end: the run was cut off at" in said.out and "whole" not in said.out

@@ -93,6 +93,10 @@ class Messages:
         stream = self._stream(topic)
         return stream.encoding, stream.text, stream.metadata
 
+    def topic_of(self, name: str) -> str:
+        """Return the topic of a channel; it is the name unless one topic has several types."""
+        return self._stream(name).topic
+
     def messages(self, topic: str) -> Iterator[tuple[int, object]]:
         """Yield the log time [ns] and the decoded message of every message of a topic, in order."""
         stream = self._stream(topic)

@@ -1,0 +1,188 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A bag that ends before its run, and one whose messages are not as they were sent, are called so by every verb."""
+
+import json
+import struct
+from pathlib import Path
+
+import crafted
+import pytest
+from mcap.writer import Writer
+
+from rig_nodes.bags.pieces import files_of_run
+from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.run_end import RECORD_NAME
+from rig_nodes.bags.writer import LIBRARY, LIBRARY_OF_RUN, BagWriter, Layout
+from rig_nodes.catalogue import catalogue
+from rig_nodes.cli.main import main
+
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
+LOGGER = "/instruments/hmg4000"
+END = {"state": "ended", "reason": "the sequence ended"}
+CUT_OFF = "the run was cut off at 1.290 s: the bag holds no record of its end"
+
+
+@pytest.fixture(scope="module")
+def sample():
+    return Bag(SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def rewritten(sample, tmp_path_factory):
+    """rewritten(name, rows, library, end) -> folder of a bag with these messages, as a program of others writes it."""
+    root = tmp_path_factory.mktemp("rewritten")
+
+    def write(name, rows, library=LIBRARY_OF_RUN, end=END):
+        folder = root / name
+        if not folder.exists():
+            folder.mkdir()
+            with open(folder / "run_0.mcap", "wb") as file:
+                writer = Writer(file)
+                writer.start("ros2", library)
+                numbers = {}
+                for topic, kind in sample.types.items():
+                    _, text, about = sample.channel(topic)
+                    numbers[topic] = writer.register_channel(
+                        topic, "cdr", writer.register_schema(kind, "ros2msg", text.encode()), about
+                    )
+                for time, topic, data in rows:
+                    writer.add_message(numbers[topic], time, data, time)
+                if end:
+                    writer.add_metadata(RECORD_NAME, end)
+                writer.finish()
+        return folder
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def half(sample, rewritten):
+    rows = sample.timeline()
+    return rewritten("half", rows[: len(rows) // 2], end=None)
+
+
+def rig(capfd, *arguments):
+    code = main([*map(str, arguments)])
+    captured = capfd.readouterr()
+    return code, captured.out, captured.err
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [["bag", "check"], ["bag", "info"], ["report"], ["view", "--no-open"], ["compare", SAMPLE]],
+    ids=lambda verb: " ".join(map(str, verb[:2])),
+)
+def test_a_bag_without_the_end_of_its_run_is_called_cut_off(verb, half, capfd):
+    code, out, err = rig(capfd, *verb, half)
+    assert code == 3 and CUT_OFF in err, err
+    assert "whole" not in out
+    if verb == ["report"]:
+        assert f"end: {CUT_OFF}" in out
+        assert json.loads((half / "report.json").read_text())["run"]["end"] == {"state": "cut off", "reason": CUT_OFF}
+
+
+def test_the_end_that_a_bag_records_is_that_of_its_report(half, sample, rewritten, capfd):
+    failed = {"state": "failed", "reason": "alfa46 killed by signal 9 (SIGKILL)"}
+    rows = sample.timeline()
+    folder = rewritten("failed", rows[: len(rows) // 2], end=failed)
+    assert rig(capfd, "bag", "check", folder)[0] == 0
+    assert "; failed: alfa46 killed by signal 9 (SIGKILL)" in rig(capfd, "bag", "info", folder)[1]
+    code, out, _ = rig(capfd, "report", folder)
+    assert code == 0 and "end: alfa46 killed by signal 9 (SIGKILL)" in out
+
+
+@pytest.mark.parametrize("library", [LIBRARY, "python mcap 1.6.0"])
+def test_without_a_record_the_events_of_the_sequence_show_the_end(library, sample, rewritten, capfd):
+    rows = sample.timeline()
+    whole = rewritten(f"whole {library}", rows, library, None)
+    assert rig(capfd, "bag", "check", whole)[::2] == (0, "")
+    code, _, err = rig(capfd, "bag", "check", rewritten(f"half {library}", rows[: len(rows) // 2], library, None))
+    assert code == 3 and CUT_OFF in err
+
+
+def test_parts_of_runs_and_bags_of_no_rig_are_not_cut_off(half, sample, tmp_path, capfd):
+    assert rig(capfd, "bag", "cut", SAMPLE, "--to", 1, "--out", tmp_path / "part")[0] == 0
+    assert rig(capfd, "bag", "check", tmp_path / "part")[::2] == (0, "")
+    (tmp_path / "foreign.mcap").write_bytes(crafted.one())
+    assert rig(capfd, "bag", "check", tmp_path / "foreign.mcap")[::2] == (0, "")
+    with BagWriter(tmp_path / "late", "late", library="libmcap 1.4") as late:  # another recorder that came in the middle
+        for time, topic, data in Bag(half).timeline():
+            if time > 500_000_000 or topic == "/rig/run_info":
+                late.write(topic, sample.types[topic], data, time)
+    assert rig(capfd, "bag", "info", tmp_path / "late")[0] == 0
+
+
+def test_the_last_of_several_files_has_the_end_and_without_it_the_rest_is_cut_off(sample, tmp_path, capfd):
+    with BagWriter(tmp_path / "run", "run", library=LIBRARY_OF_RUN, layout=Layout(length=500_000_000)) as writer:
+        for time, topic, data in sample.timeline():
+            writer.write(topic, sample.types[topic], data, time)
+        writer.end(**END)
+    assert rig(capfd, "bag", "check", tmp_path / "run")[::2] == (0, "")
+    *_, last = files_of_run(tmp_path / "run")
+    last.unlink()
+    assert rig(capfd, "bag", "check", tmp_path / "run")[0] == 3, "metadata.yaml lists the file"
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    code, _, err = rig(capfd, "bag", "check", tmp_path / "run")
+    assert code == 3 and "the run was cut off at" in err
+
+
+def test_a_run_by_hand_whose_end_nobody_recorded_was_cut_off(messages, tmp_path, capfd):
+    for end in ({}, {"state": "ended", "reason": "ended by hand"}):
+        folder = tmp_path / f"run {len(end)}"
+        with BagWriter(folder, "run", library=LIBRARY_OF_RUN) as writer:
+            for topic, ns, data in messages(0.05):
+                writer.write(topic, catalogue().topics[topic].ros_type, data, ns)
+            if end:
+                writer.end(**end)
+        assert rig(capfd, "bag", "check", folder)[0] == (0 if end else 3)
+
+
+def with_rows(sample, row):
+    """Returns the message of a row with another number of rows in the head of a block."""
+    time, topic, data = row
+    if topic != LOGGER:
+        return row
+    leaf = next(leaf for leaf in sample._definition(sample._stream(topic)).leaves if leaf.path == "rows")
+    changed = bytearray(data)
+    struct.pack_into("<I", changed, 4 + leaf.offset, 7)
+    return time, topic, bytes(changed)
+
+
+DISORDER = {
+    "doubled": (lambda sample, rows: rows + rows, f"{LOGGER}: 517 of 1034 messages are there twice"),
+    "each twice": (lambda sample, rows: [row for row in rows for _ in (0, 1)], f"{LOGGER}: 517 of 1034 messages are there twice"),
+    "reversed": (lambda sample, rows: rows[::-1], f"{LOGGER}: 516 of 517 messages come behind later ones"),
+    "two exchanged": (
+        lambda sample, rows: [*rows[:5000], *rows[7000:9000], *rows[5000:7000], *rows[9000:]],
+        "/motor/state: 1 of 518 messages come behind later ones",
+    ),
+    "false row counts": (
+        lambda sample, rows: [with_rows(sample, row) for row in rows],
+        f"a block of {LOGGER} does not hold the 63 values that its head says",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", DISORDER)
+def test_messages_that_are_not_as_they_were_sent_are_named(what, sample, rewritten, capfd):
+    change, words = DISORDER[what]
+    folder = rewritten(what, change(sample, sample.timeline()))
+    faults = Bag(folder).check()
+    assert any(words in fault for fault in faults), faults
+    code, _, err = rig(capfd, "bag", "check", folder)
+    assert code == 3 and "damaged, " in err
+    code, out, err = rig(capfd, "report", folder)
+    assert code == 3 and "problem: " in out
+    assert ("does not hold the 63 values" if "row" in what else "not as they were sent") in out + err
+    assert "1: I -> II" in out or "no shift metrics" in out, "a shift never vanishes without a word"
+
+
+@pytest.mark.parametrize("what", ["doubled", "each twice", "reversed", "two exchanged"])
+def test_recovery_writes_them_as_they_were_sent(what, sample, rewritten, tmp_path, capfd):
+    folder = rewritten(what, DISORDER[what][0](sample, sample.timeline()))
+    code, _, err = rig(capfd, "bag", "recover", folder, "--out", tmp_path / "saved")
+    assert code == 0 and ("13995 messages that were there twice are written once" in err) == (what in ("doubled", "each twice"))
+    assert Bag(tmp_path / "saved").canonical_hash() == sample.canonical_hash()
+    assert rig(capfd, "bag", "check", tmp_path / "saved")[0] == 0
