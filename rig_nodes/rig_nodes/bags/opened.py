@@ -12,7 +12,7 @@ from __future__ import annotations
 import heapq
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from operator import itemgetter
@@ -29,6 +29,7 @@ from .run_end import EVENTS, STATE, RunEnd, cut_off, end_of_run
 from .sqlite_bag import from_sqlite
 
 KINDS = (".mcap", ".db3")
+OF_ROS = ("/rosout", "/diagnostics", "/parameter_events")  # topics of every ROS 2 graph, which nobody expects among signals
 RUN_INFO = "rig_msgs/msg/RunInfo"
 
 
@@ -154,6 +155,11 @@ class OpenedBags:
         form, _, language = encoding.partition("/")
         definition = f"a definition in {language}" if language else "no definition"
         return f"its messages are {form or 'of no stated encoding'}, with {definition}"
+
+    def not_of(self, known: Container[str]) -> list[str]:
+        """Return the topics with messages that are not among the known ones of a rig, nor of every ROS 2 graph, with reasons."""
+        others = [name for name in self.types if self.counts[name] and name not in known and name not in OF_ROS]
+        return [f"{name} ({why})" if (why := self.not_understood(name)) else name for name in others]
 
     def end(self) -> tuple[RunEnd | None, str]:
         """Return how the run ended, as far as the bag shows it, and a sentence when the bag was cut off before that."""

@@ -12,6 +12,7 @@ import json
 import re
 import struct
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -362,14 +363,16 @@ class Bag(Messages):
         return numbers.disorder(self)
 
     def false_blocks(self) -> dict[str, str]:
-        """Return by topic a sentence on blocks of samples that do not hold what their heads say."""
+        """Return by topic a sentence on blocks of samples that do not hold what their heads say; blocks of other forms are none."""
         found = {}
         for topic, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/SampleBlock" and self.counts[topic]:
-                try:
-                    self._blocks(topic)
-                except BagError as error:
-                    found[topic] = str(error).removeprefix(f"{self.path}: ")
+                with suppress(BagError):
+                    self.require(topic, _BLOCK)
+                    try:
+                        self._blocks(topic)
+                    except BagError as error:
+                        found[topic] = str(error).removeprefix(f"{self.path}: ")
         return found
 
     def begin_by(self, numbers: Numbers) -> float:

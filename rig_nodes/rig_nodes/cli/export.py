@@ -9,6 +9,7 @@ rig_record.h.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ INTERMIXED = True  # files may come before and behind options
 HELP = "write a run as CSV, Parquet, MDF4, MAT or CAN log; an FMU, the CAN database, the Modbus registers or rig_record.h"
 RUNS = ("csv", "parquet", "mf4", "mat")
 CAN_LOGS = ("blf", "asc", "log")
+LOST = 3  # exit code: exported, but the run was cut off
 DEFAULTS = {
     "fmu": "{rig}.fmu",
     "controller-fmu": "{source}.fmu",
@@ -119,7 +121,7 @@ def main(args: argparse.Namespace) -> int:
 def _run(args: argparse.Namespace) -> int:
     """Write the signals of a run."""
     from ..config.units import quantity
-    from ..errors import RigError
+    from ..errors import RigError, printable
     from ..exchange.files import KINDS as ENDINGS
     from ..exchange.files import Order, export
     from ..exchange.groups import Signals
@@ -152,7 +154,12 @@ def _run(args: argparse.Namespace) -> int:
         line.leave()
     count = sum(len(group.columns) for group in signals.groups)
     print(f"written to {target}: {count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}")
-    return 0
+    if signals.left_out:
+        others = printable(", ".join(signals.left_out))
+        print(f"rig: not exported, as no signals of the rig come from them: {others}", file=sys.stderr)
+    if signals.cut_off:
+        print(f"rig: {run}: {signals.cut_off}", file=sys.stderr)
+    return LOST if signals.cut_off else 0
 
 
 def _can_log(args: argparse.Namespace, run: Path, target: Path) -> int:

@@ -75,6 +75,10 @@ class Signals:
         The groups, loggers first, each in the order of the catalogue.
     small : Bag
         Events and description of the whole run.
+    left_out : list of str
+        Topics of the bag that are not the rig's and give no signals.
+    cut_off : str
+        A sentence when the run was cut off, else empty.
     """
 
     def __init__(self, run: str | Path, chosen: Sequence[str] = (), units: str = SI) -> None:
@@ -98,6 +102,8 @@ class Signals:
             self._run, self.path, self._counts = run, index.files[0], index.counts
             self.small = index.bag([topic for topic, ros_type in index.types.items() if ros_type in DESCRIBING])
             self.last = index.last
+            self.left_out = index.not_of(self.small.catalogue.all_topics)
+            _, self.cut_off = index.end()
         if not self.last:
             raise BagError(f"{self.path}: {nothing_in(self.small.damage)}")
         self.groups = _chosen(self._all(units), chosen, self.path)

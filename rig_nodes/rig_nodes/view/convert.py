@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
-OF_ROS = ("/rosout", "/diagnostics", "/parameter_events")  # topics of every ROS 2 graph, which nobody expects in a plot
 LONG = 60.0  # s; the viewer cannot hold every row of the loggers of a longer stretch
 EARLY = 0.1  # s; a bag that holds the beginning of its run has messages before this time
 
@@ -400,10 +399,8 @@ def _pages(small: Bag) -> Pages:
 def _lacks(index: OpenedBags) -> tuple[list[str], bool]:
     """Return sentences on what the view does not show of the bag, with the reasons, and True when the run was cut off."""
     _, cut = index.end()
-    known = _pages(_small(index)).known.all_topics
-    others = [name for name in index.types if name not in known and name not in OF_ROS and index.counts[name]]
-    reasons = [f"{name} ({why})" if (why := index.not_understood(name)) else name for name in others]
-    left_out = [f"not shown, as no signals of the rig come from them: {', '.join(reasons)}"] * bool(reasons)
+    others = index.not_of(_pages(_small(index)).known.all_topics)
+    left_out = [f"not shown, as no signals of the rig come from them: {', '.join(others)}"] * bool(others)
     return [cut] * bool(cut) + index.notes + index.holes_in_time + left_out, bool(cut)
 
 
