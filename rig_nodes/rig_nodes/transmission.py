@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, TypeVar
 
 from .description.driveline import build_driveline, held_ratio, inertias_of
 from .description.structure import Device, End, Structure, key_of, structure_of
+from .description.transducer_types import measured_range
 from .parts import part as parts
 from .plant.kiss_point import kiss_pressure
 
@@ -170,6 +171,8 @@ class Transmission:
     """Shafts, clutches and gears of a rig; the gears are in the order of their numbers, neutral first.
 
     ``drive_yields`` is why the input's speed is not held during a shift, for a sentence; empty where a drive holds it.
+    ``ranges`` gives the lowest and the highest value [SI] that the transducer of a signal can show; a signal that is shown true has
+    none.
     """
 
     input: End
@@ -178,6 +181,7 @@ class Transmission:
     gears: tuple[Gear, ...]
     inertias: Inertias
     drive_yields: str = ""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
 
     @cached_property
     def ratios(self) -> dict[int, float]:
@@ -265,9 +269,13 @@ class Transmission:
         """Return whether an order changes between two different gears, neither of which is neutral."""
         return from_gear != to_gear and from_gear in self.ratios and to_gear in self.ratios
 
+    def turns_round(self, from_gear: int, to_gear: int) -> bool:
+        """Return whether a change of gear turns the output's direction round, so that it passes standstill."""
+        return self.changes(from_gear, to_gear) and self.ratios[from_gear] * self.ratios[to_gear] < 0.0
+
     def slower_ratio(self, one: int, other: int) -> float:
-        """Return the ratio of that of two gears in which the output is slower, which (7.3) and (7.4) both use."""
-        return max(self.ratios[one], self.ratios[other])
+        """Return the ratio of that of two gears in which the output is slower, which (7.3) and (7.4) both use, without its sign."""
+        return max(abs(self.ratios[one]), abs(self.ratios[other]))
 
     def ways(self) -> dict[str, tuple[int, int]]:
         """Return the changes to the next gear up and down by name, e.g. ``I-II`` -> (1, 2)."""
@@ -345,8 +353,8 @@ def made_of(record: Mapping) -> Transmission:
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
     driving, one = tied_to(structure, inertias, ends[0])
     driven, reduction = tied_to(structure, inertias, ends[1])
-    inertias_of_both = Inertias(driving * one**2, driven, reduction)
-    return Transmission(structure.input, structure.output, clutches, tuple(gears), inertias_of_both, _yields(structure))
+    both, shown = Inertias(driving * one**2, driven, reduction), ranges_of(structure, record)
+    return Transmission(structure.input, structure.output, clutches, tuple(gears), both, _yields(structure), shown)
 
 
 def _yields(structure: Structure) -> str:
@@ -371,6 +379,26 @@ def _yields(structure: Structure) -> str:
 def _joins(structure: Structure) -> list[tuple[str, ...]]:
     """Return the bodies that each coupling joins."""
     return [tuple(one.wires["joins"]) for one in structure.of_role(parts.COUPLING) if "joins" in one.wires]
+
+
+def ranges_of(structure: Structure, record: Mapping) -> dict[str, tuple[float, float]]:
+    """Return the lowest and the highest value [SI] that each transducer of a rig can show; none where they show true values.
+
+    Parameters
+    ----------
+    structure : Structure
+        What the rig is made of.
+    record : mapping
+        Its values, as a bag holds them.
+    """
+    if not record["effects"]["transducers"]:
+        return {}
+    fitted = record["instruments"]
+    return {
+        one.name: measured_range(one.type, one.low, fitted[f"{one.like}_range"], fitted.get(f"{one.like}_class", 0.0))
+        for one in structure.transducers
+        if fitted.get(f"{one.like}_range") and fitted.get(f"{one.like}_fitted", True)
+    }
 
 
 def _clutch(device: Device, structure: Structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:

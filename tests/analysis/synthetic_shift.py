@@ -14,7 +14,7 @@ import numpy as np
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.description.structure import structure_of
-from rig_nodes.errors import RigError
+from rig_nodes.errors import BagError
 from rig_nodes.transmission import transmission_of
 
 I1, I2 = 47 / 34, 41 / 40
@@ -39,6 +39,13 @@ class Shift:
     engage: float = 0.35  # engaging pressure passes its kiss pressure
     release: float = 0.62  # releasing pressure passes its kiss pressure
     length: float = 3.0
+
+    @property
+    def overlap(self) -> float:
+        """Time for which both clutches have a tenth of their closed capacity; negative for one in which neither has."""
+        kiss_old, _ = (clutch.kiss_pressure for clutch in transmission_of().clutches[:: 1 if self.up else -1])
+        bend = self.fall + (2.3e6 - 0.8e6) / self.fall_rate
+        return self.release - 0.1 * (2.3e6 - kiss_old) / (0.8e6 - kiss_old) * (self.release - bend) - (self.engage + 0.03)
 
     def channels(self) -> dict[str, np.ndarray]:
         t = np.arange(int(round(self.length / PERIOD))) * PERIOD - 1.0
@@ -113,8 +120,8 @@ class FakeBag:
 
     def fields(self, topic, names):
         held = self._messages.get(topic, [])
-        if held and (unknown := [name for name in names if not hasattr(held[0][1], name)]):
-            raise RigError(f"{topic} has no field '{unknown[0]}'")
+        if missing := [name for name in names for _, message in held[:1] if not hasattr(message, name)]:
+            raise BagError(f"{topic} has no field '{missing[0]}'")
         return np.array([t * 1e-9 for t, _ in held]), [np.array([getattr(m, n) for _, m in held]) for n in names]
 
     def gaps(self):

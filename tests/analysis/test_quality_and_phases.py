@@ -3,11 +3,12 @@
 
 """The verdict on a shift and its phases, on the synthetic shift whose true values are known."""
 
+import numpy as np
 import pytest
 from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.metrics import shifts
-from rig_nodes.analysis.phases import FILL, INERTIA, TORQUE, phases_of, times_of
+from rig_nodes.analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, phases_of, times_of
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
 from rig_nodes.transmission import transmission_of
@@ -34,13 +35,17 @@ def test_a_shift_in_time_without_dip_and_peak_is_good(row):
 @pytest.mark.parametrize(
     ("changes", "expected", "words"),
     [
-        ({"input_torque_max_nm": 263.6}, "fair", "M_wej rose to 3.4 times the torque that the load requires"),
+        ({"input_torque_high_nm": 263.6}, "fair", "M_wej rose to 3.4 times the torque that the load requires"),
         ({"t_c_s": 0.8}, "fair", "it took 0.800 s from the order, over 0.725 s"),
         ({"t_c_s": 1.2}, "poor", "over 1 s"),
         ({"k": 0.94}, "poor", "the output dipped to 94 % of its speed"),
         ({"k": 0.3}, "failed", "the output dipped to 30 %"),
         ({"k": 0.0, "output_speed_min_rpm": 0.2}, "failed", "the output stood still"),
-        ({"t_c_s": None, "k": None, "input_torque_max_nm": None}, "failed", "gear II was not reached"),
+        ({"t_c_s": None, "k": None, "input_torque_high_nm": None}, "failed", "gear II was not reached"),
+        ({"output_speed_low_rpm": 800.0}, "poor", "the output dipped to 74 % of its speed"),
+        ({"input_torque_low_nm": 10.0}, "fair", "M_wej fell to 10 Nm, 17 % of the torque that the load requires"),
+        ({"input_torque_low_nm": -26.0, "reversed_s": 0.03}, "fair", "M_wej fell to -26 Nm, against the load for 30 ms"),
+        ({"input_torque_high_nm": None, "input_torque_at_least_nm": 500.0}, "fair", "M_wej rose to at least 6.4 times"),
         (
             {"k": 0.94, "output_speed_min_rpm": 0.2, "t_c_s": 1.2},
             "failed",
@@ -76,6 +81,25 @@ def test_the_phases_meet_at_kiss_point_departure_and_lock_up(row):
     assert ends["t_p"] == pytest.approx((1.6, 1.7), abs=4e-3) and ends["t_o"][1] - ends["t_o"][0] == pytest.approx(row["t_o_s"])
 
 
-def test_without_lock_up_only_the_fill_is_marked_and_a_hole_has_no_torque_phase(row):
-    assert [one.name for one in phases_of(row | {"t_c_s": None})] == [FILL] and times_of(row | {"t_c_s": None}) == []
-    assert [one.name for one in phases_of(row | {"kiss_s": 0.65})] == [FILL, INERTIA]
+def test_without_lock_up_only_what_came_before_it_is_marked(row):
+    unreached = row | {"t_c_s": None, "t_p_s": None}
+    assert [one.name for one in phases_of(unreached)] == [FILL, TORQUE] and times_of(unreached) == []
+    assert [one.name for one in phases_of(unreached | {"departure_s": None})] == [FILL]
+
+
+def test_an_output_that_no_clutch_carries_is_interrupted_from_its_departure_to_the_kiss_point():
+    case = Shift(peak=160.0, fall=0.2, release=0.4, depart=0.45, engage=0.6)
+    (row,) = shifts(case.recording())
+    fill, interrupted, inertia = phases_of(row)
+    assert [one.name for one in (fill, interrupted, inertia)] == [FILL, INTERRUPTED, INERTIA]
+    assert (interrupted.start, interrupted.end) == pytest.approx((1.45, 1.6), abs=4e-3) and fill.end == interrupted.end
+    assert row["interrupted_s"] == pytest.approx(0.15, abs=4e-3) and inertia.start == interrupted.end
+
+
+def test_an_output_that_is_never_driven_again_is_interrupted_to_the_end_of_the_search():
+    case = Shift(peak=70.0, fall=0.2, release=0.4, depart=0.45, engage=0.6)
+    channels = case.channels()
+    n_wyj = channels["n_wyj"][0] * np.interp(np.arange(30_000) * 1e-4, [1.45, 2.2], [1.0, 0.0])
+    (row,) = shifts(case.recording(p2=0.0 * channels["p2"], n_wyj=n_wyj))
+    assert [one.name for one in phases_of(row)] == [INTERRUPTED]
+    assert row["interrupted_s"] == pytest.approx(1.55, abs=0.01), "the recording ends at 3 s"

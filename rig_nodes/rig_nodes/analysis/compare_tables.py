@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from ..catalogue import Signal
 from ..transmission import Transmission
 from .report import columns_of
+from .shown import in_unit, shown
 from .side_by_side import Comparison, short_names
 
 Table = tuple[list[str], list[list[str]]]  # heads and rows
@@ -34,14 +35,15 @@ def clock_lines(found: Comparison) -> list[str]:
 
 def metric_tables(found: Comparison, box: Transmission) -> list[Table]:
     """Return a table of the metrics for each recording after the first, with the recordings' names as heads."""
-    shown = {key: (heading, factor, digits) for heading, key, factor, digits in columns_of(box)}
+    columns = {key: (heading, factor, digits) for heading, key, factor, digits in columns_of(box)}
     names, tables = short_names(found.names), []
     for run in range(1, len(names)):
         rows = []
-        for row in (row for row in found.metrics if row["run"] == run and row["metric"] in shown):
-            heading, factor, digits = shown[row["metric"]]
-            values = [_fixed(row[key], factor, digits + 1) for key in ("first", "other", "difference", "error")]
-            rows.append([str(row["shift"]), heading, *values, _fixed(row["in_errors"], 1.0, 2)])
+        for row in (row for row in found.metrics if row["run"] == run and row["metric"] in columns):
+            heading, factor, digits = columns[row["metric"]]
+            values = [shown(*in_unit(row[key], row["error"], factor), digits + 1) for key in ("first", "other", "difference")]
+            ends = [_fixed(row["error"], factor, digits + 1), _fixed(row["in_errors"], 1.0, 2)]
+            rows.append([str(row["shift"]), heading, *values, *ends])
         tables.append((["shift", "metric", names[0], names[run], "difference", "+-", "in errors"], rows))
     return tables
 

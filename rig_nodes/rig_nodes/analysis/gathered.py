@@ -24,12 +24,14 @@ from ..bags.reader import Bag, Logger, recovered
 from ..bags.run_end import STATE
 from ..bags.sequence_numbers import Numbers
 from ..errors import BagError, RigError
-from ..transmission import Transmission
+from ..transmission import Transmission, ranges_of
 from . import energy, no_change, state_at_order
 from .annex_a import AROUND as ANNEX
 from .annex_a import BLOCK as ANNEX_BLOCK
 from .annex_a import shift_metrics_annex_a
 from .bench_report import pressed_clutch
+from .clipped import Clipping
+from .clutch_torques import STATE as CLUTCH
 from .metrics import BEFORE, LONGEST, Recording, is_shift, shift_metrics, shifts, with_ends
 from .ranges import LOGGER, Ranges
 
@@ -62,6 +64,8 @@ class Gathered:
         True when time has passed in the run, as in Bag.
     ranges : Ranges
         Lowest, mean, highest and last value of each signal of a rig without gears.
+    clipping : Clipping
+        What it found at an end of its transducer's range.
     """
 
     def __init__(
@@ -103,6 +107,7 @@ class Gathered:
         self._state: Any = None  # the rig's newest message of its state
         self.end, self.library = small.end, small.library
         self._not_counted: RigError | None = None
+        self.clipping = Clipping(box.ranges if box is not None else ranges_of(small.structure, small.record))
         wanted: dict[str, list[str]] = {}
         if box is not None:
             wanted |= {topic: list(names.values()) for topic, names in energy.all_fields(small.structure, box).items()}
@@ -112,6 +117,8 @@ class Gathered:
         self._fields: dict[str, dict[str, list[np.ndarray]]] = {
             topic: {name: [] for name in ("", *names)} for topic, names in wanted.items()
         }  # times under the name ""
+        for clutch in box.clutches if box is not None else ():
+            self._fields[clutch.state] |= {name: [] for name in CLUTCH if name not in self._fields[clutch.state]}
         self._no_fields: dict[str, RigError] = {}
 
     def add(self, piece: Bag) -> None:
@@ -152,6 +159,7 @@ class Gathered:
         if self._last is None:
             self._t0 = logger.t0
         first = round((logger.t0 - self._t0) / logger.period)
+        self.clipping.add(logger.channels, logger.period)
         # copies, because the channels of a logger are views of all its columns
         names = logger.channels if self._box is None else [name for name in self._box.channels if name in logger.channels]
         self._parts.append((first, {name: logger.channels[name].copy() for name in names}))

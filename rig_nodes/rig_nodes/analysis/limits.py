@@ -18,6 +18,7 @@ from ..config.schema import where_of
 from ..config.units import UNITS, quantity
 from ..errors import RigError, brief
 from .results import Result, number
+from .shown import shown
 
 MET, MISSED, UNDECIDED, NOT_FOUND = "met", "missed", "undecided", "not found"
 EXAMPLE = "'LOW .. HIGH' with units, where one end may be left out, e.g. '.. 700 ms' or '0.95 ..'"
@@ -171,8 +172,8 @@ def limit_lines(verdicts: Iterable[Mapping]) -> list[str]:
     lines = []
     for one in verdicts:
         unit = "" if one["unit"] == "-" else f" {one['unit']}"
-        value, error = (number(one[key], one["digits"]) for key in ("value", "error"))
-        value = (value or "-") + (f" +- {error}" if error else "")
+        error = number(one["error"], one["digits"])
+        value = shown(one["value"], one["error"], one["digits"]) + (f" +- {error}" if error else "")
         lines.append(f"limit {one['verdict']}: {one['place']}: {one['name']} {value}{unit}, limit {range_text(one)}{unit}")
     return lines
 

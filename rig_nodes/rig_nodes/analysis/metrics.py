@@ -9,8 +9,8 @@ All filters are symmetric in time:
 
 * pressures: mean over 1 ms, as the laboratory did (10 samples of 10 kHz). A class 0.25 transducer of 40 MPa
   then scatters by about 0.015 MPa, which at the 13 MPa/s of an emptying clutch corresponds to 1 ms.
-* pressures against the kiss pressure: mean over 5 ms. A released clutch empties slowly there, 0.5 MPa/s, and
-  scatter would lengthen the overlap by counting a pressure that is above the kiss point by chance.
+* pressures against the kiss pressure and the level of the overlap: mean over 5 ms. A released clutch empties slowly there, and
+  scatter would lengthen the overlap by counting a pressure that is above the level by chance.
 * torques and speeds: mean over 2 ms, the laboratory's 20 samples for torque. Lock-up leaves a corner in the
   speeds; 2 ms move the 0.05 % crossing of a 0.1 s speed change by less than 1 ms, and reduce scatter to less
   than a quarter.
@@ -30,6 +30,9 @@ from math import pi
 import numpy as np
 
 from ..transmission import Clutch, Shift, Transmission, transmission_of
+from .clipped import drop_clipped
+from .clutch_pressures import fill_pressures
+from .course import COURSE_KEYS, fill_course
 from .definitions import undefined_on, withhold
 from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .lacking import what_is_missing
@@ -51,20 +54,24 @@ KEYS = (
     "e_loss_j",
     "e_loss_settled_j",
     "overlap_s",
+    "overlap_mpas",
     "kiss_s",
+    "kiss_mpas",
+    "departure_s",
+    *COURSE_KEYS,
     "valid",
     "t_order_s",
     "why",
     "undefined",
 )
-UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # unit of a key by its last word; any other key has no unit
+DETAILS = ("torques", "clipped")  # keys of a row in addition, which are no single value: course.fill_course, clipped.drop_clipped
+UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J", "mpas": "MPa/s"}  # unit of a key by its last word; any other key has no unit
 RPM = 30.0 / pi
 STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
 
 BEFORE = 0.2  # s before the order from which the initial state of the shift is taken
 LONGEST = 3.0  # s after the order in which a shift is searched; untuned shifts took over 1 s
 PRESSURE_MEAN = 1e-3  # s
-KISS_MEAN = 5e-3  # s
 TORQUE_SPEED_MEAN = 2e-3  # s
 HOLD = 20e-3  # s for which the mean slip must stay within the threshold
 SLIP_UP, SLIP_DOWN = 0.05e-2, 0.1e-2  # thesis 7.1.5
@@ -197,7 +204,7 @@ def shift_metrics(recording: Recording, order: tuple[float, int, int], next_orde
         One value per key.
     """
     t_order, from_gear, to_gear = order
-    row = dict.fromkeys(KEYS)
+    row = dict.fromkeys((*KEYS, *DETAILS))
     row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
     shift = _Shift.cut(recording, order, next_order_time, row["why"])
     if shift is not None:
@@ -299,45 +306,80 @@ class _Shift:
         """Name of the gear that is ordered."""
         return self.box.names[self.new]
 
+    @property
+    def way(self) -> float:
+        """1 where the output of the ordered gear turns forwards, -1 where it turns backwards."""
+        return 1.0 if self.box.ratios[self.new] > 0.0 else -1.0
+
+    @property
+    def turns_round(self) -> bool:
+        """True for a change of direction."""
+        return self.box.turns_round(self.shift.from_gear, self.shift.to_gear)
+
+    def lowest(self, first: int, last: int) -> float:
+        """Return the output speed that is lowest in the direction of the ordered gear, between two samples [rad/s]."""
+        return self.way * float((self.way * self.smooth[self.box.output.speed][first : last + 1]).min())
+
     def fill(self, row: dict) -> None:
         """Put every metric that can be found into ``row``, and a reason for every other one."""
+        drop_clipped(self, row, self.measure(row))
+
+    def measure(self, row: dict) -> int:
+        """Put the metrics and their reasons into ``row`` as the channels show them; return the last sample that was used."""
+        last = self.raw[self.box.input.speed].size - 1
         row["input_speed_rpm"] = self.before(self.box.input.speed) * RPM
         row["input_speed_change_rpm"] = self.change_before(self.box.input.speed) * RPM
         row["output_torque_nm"] = self.before(self.box.output.torque)
         if self.was_in():
-            return
+            return last
         old_slip = self.check_old_gear()
-        row["overlap_s"] = self.overlap()
-        row["kiss_s"] = self.kiss()
+        fill_pressures(row, self)
         start = self.pressure_start()
         end = self.slip_end(start)
-        if end is None:
-            self.check_slipping()
-            return
-        if end < self.order:
+        if end is not None and end < self.order:
             self.why.append(f"the speeds were those of gear {self.name} before it was ordered")
-            return
-        row["t_c_s"] = (end - self.order) * self.period
+            return last
         departure = self.speed_departure(old_slip)
         if departure is not None:
+            row["departure_s"] = (departure - self.order) * self.period
+            if self.old is not None and self.shift.engaging:
+                kiss = (last - self.order) * self.period if row["kiss_s"] is None else row["kiss_s"]
+                row["interrupted_s"] = max(0.0, kiss - row["departure_s"])
+        elif end is not None and (self.old is None or old_slip is not None):
+            self.why.append(f"{self.box.output.speed} never left its old value")
+        settled = None if end is None or "t_o_s" in undefined_on(self.box) else self.settled(end)
+        if end is not None:  # one that never settled is judged as long as the settled torque is looked for
+            last = min(last, end + self.samples(SETTLED_AFTER)) if settled is None else settled
+        row["course_s"] = (last - self.order) * self.period
+        fill_course(row, self, last)
+        if end is None:
+            self.check_slipping()
+            return last
+        row["t_c_s"] = (end - self.order) * self.period
+        if departure is not None:
             row["t_p_s"] = (end - departure) * self.period
-        settled = None if "t_o_s" in undefined_on(self.box) else self.settled(end)
         if settled is not None:
             row["t_o_s"] = (settled - end) * self.period
-        if start is None:
-            return
+        if start is not None:
+            self.fill_window(row, start, end, settled)
+        return last
+
+    def fill_window(self, row: dict, start: float, end: int, settled: int | None) -> None:
+        """Put in the metrics of the time t_d from the start of a pressure's change to the end of the shift."""
         row["t_dt_s"] = (end - start) * self.period
         first = int(round(start))
         row["input_torque_max_nm"] = float(self.smooth[self.box.input.torque][first : end + 1].max())
-        lowest = float(self.smooth[self.box.output.speed][first : end + 1].min())
-        row["output_speed_min_rpm"] = lowest * RPM
-        if self.old is not None:
-            # the input speed is that before the order, which is the laboratory's nominal speed
-            row["k"] = lowest / self.before(self.box.input.speed) * self.box.slower_ratio(self.old, self.new)
-            self.check_standstill(first, end)
         row["e_loss_j"] = self.energy_loss(first, end)
         if settled is not None:
             row["e_loss_settled_j"] = self.energy_loss(first, settled)
+        if self.turns_round:
+            return  # the output passes standstill by intent
+        lowest = self.lowest(first, end)
+        row["output_speed_min_rpm"] = lowest * RPM
+        if self.old is not None:
+            # the input speed is that before the order, which is the laboratory's nominal speed
+            row["k"] = self.way * lowest / self.before(self.box.input.speed) * self.box.slower_ratio(self.old, self.new)
+            self.check_standstill(first, end)
 
     def was_in(self) -> bool:
         """Return True, and add a reason, when a gear was engaged although the order was given as one from neutral."""
@@ -407,7 +449,7 @@ class _Shift:
     def threshold(self) -> tuple[float, float]:
         """Return the slip threshold of the definition and the slip that the instruments add to it (module docstring)."""
         n_in, n_out = self.box.input.speed, self.box.output.speed
-        ratio, speed = self.box.ratios[self.new], self.before(n_in)
+        ratio, speed = abs(self.box.ratios[self.new]), self.before(n_in)
         half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
         width = odd_width(TORQUE_SPEED_MEAN, self.period)
         noise = (
@@ -448,7 +490,7 @@ class _Shift:
 
     def check_standstill(self, first: int, end: int) -> None:
         """Add a reason when the output stood still between two samples of the shift, because the drive was interrupted."""
-        stood = self.smooth[self.box.output.speed][first : end + 1] < STANDSTILL
+        stood = self.way * self.smooth[self.box.output.speed][first : end + 1] < STANDSTILL
         if stood.any():
             self.why.append(f"the output stood still for {np.count_nonzero(stood) * self.period:.3f} s, the drive was interrupted")
 
@@ -467,7 +509,7 @@ class _Shift:
         for clutch in self.shift.engaging:
             pressure, earlier = (self.raw[clutch.pressure][part] for part in (tail, slice(2 * tail.start, tail.start)))
             if pressure.mean() < clutch.kiss_pressure or abs(pressure.mean() - earlier.mean()) > 0.05 * pressure.mean():
-                return  # the clutch is open, which overlap() reports, or its pressure still moves
+                return  # the clutch is open, which clutch_pressures reports, or its pressure still moves
         speed = self.smooth[self.box.output.speed][tail]
         growth = float(speed[-1] - speed[0]) / ((speed.size - 1) * self.period)
         carried = torque + self.box.inertias.on_output * growth
@@ -503,7 +545,6 @@ class _Shift:
         level = max(4.0 * float(np.std(smooth[: self.order])), 0.2e-2)
         at = first_true(all_ahead(np.abs(smooth) > level, self.samples(5e-3)), self.order)
         if at is None:
-            self.why.append(f"{self.box.output.speed} never left its old value")
             return None
         sign = np.sign(smooth[at])
         return ramp_start(sign * raw, sign * smooth, at, 2e-2, self.samples(20e-3))
@@ -542,33 +583,6 @@ class _Shift:
         work = float(np.sum(0.5 * (power[1:] + power[:-1])) * self.period)
         stored = [self.box.inertias.kinetic(self.smooth[into.speed][i], self.smooth[out.speed][i]) for i in (first, last)]
         return work - float(stored[1] - stored[0])
-
-    def pressed(self, clutches: tuple[Clutch, ...]) -> np.ndarray:
-        """Return where all of some clutches have more than their kiss pressure, from the order on."""
-        width = odd_width(KISS_MEAN, self.period)
-        smooth = [running_mean(self.raw[clutch.pressure], width)[self.order :] for clutch in clutches]
-        return np.logical_and.reduce([p > clutch.kiss_pressure for p, clutch in zip(smooth, clutches)])
-
-    def overlap(self) -> float | None:
-        """Return the time in which both the releasing and the engaging clutches have more than their kiss pressure [s].
-
-        It is negative when there is a time in which neither have it.
-        """
-        open_ones = [clutch for clutch in self.shift.engaging if not self.pressed((clutch,)).any()]
-        self.why += [f"{clutch.pressure} never rose above {clutch.kiss_pressure / 1e6:.2f} MPa" for clutch in open_ones]
-        if open_ones or not self.shift.engaging or not self.shift.releasing:
-            return None
-        up, old = self.pressed(self.shift.engaging), self.pressed(self.shift.releasing)
-        both, neither = np.count_nonzero(up & old), np.count_nonzero(~up & ~old)
-        return float((both if both else -neither) * self.period)
-
-    def kiss(self) -> float | None:
-        """Return the time from the order until all engaging clutches have more than their kiss pressure [s]; None when never.
-
-        :meth:`overlap` gives the reason for a clutch that never has it.
-        """
-        at = first_true(self.pressed(self.shift.engaging)) if self.shift.engaging else None
-        return None if at is None else at * self.period
 
 
 def smoothed(box: Transmission, raw: dict[str, np.ndarray], period: float) -> dict[str, np.ndarray]:

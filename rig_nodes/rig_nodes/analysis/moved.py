@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from .definitions import reasons_in
 from .metrics import KEYS
 from .report import columns_of, shift_name, shown_transmission
+from .shown import in_unit, shown_shortly
 
 REST = 1e-9  # share of two numbers below which their difference is one of rounding
 NOT_MEASURED = ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined")
@@ -41,14 +42,14 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
         for key in (key for key in KEYS if key not in NOT_MEASURED):
             known = [side[i][key] for side in errors if i < len(side) and side[i].get(key) is not None]
             error = max(known, default=None)
-            difference = None if a[key] is None or b[key] is None else without_rest(b[key] - a[key], a[key], b[key])
+            difference = None if a.get(key) is None or b.get(key) is None else without_rest(b[key] - a[key], a[key], b[key])
             in_errors = None if difference is None or not error else difference / error
             rows.append(
                 {
                     "shift": i + 1,
                     "metric": key,
-                    "first": a[key],
-                    "other": b[key],
+                    "first": a.get(key),
+                    "other": b.get(key),
                     "difference": difference,
                     "error": error,
                     "in_errors": in_errors,
@@ -88,7 +89,7 @@ def moved_lines(first: Mapping, other: Mapping) -> list[str]:
     lines, within = [], []
     for row in rows:
         (heading, factor), times = names[row["metric"]], row["in_errors"]
-        values = ["-" if row[side] is None else f"{row[side] * factor:z.4g}" for side in ("first", "other")]
+        values = [shown_shortly(*in_unit(row[side], row["error"], factor)) for side in ("first", "other")]
         if values[0] == values[1] if times is None else abs(times) <= 1.0:
             within.append(abs(times or 0.0))
             continue

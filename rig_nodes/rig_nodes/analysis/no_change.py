@@ -20,6 +20,7 @@ from ..transmission import Transmission
 from .coast_down import coast_down
 from .engagement import engagement_metrics
 from .metrics import RPM, STANDSTILL, Recording, orders_of, stands
+from .shown import in_unit, shown
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay
 
@@ -89,7 +90,7 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
         )
     for row in found["engagements"]:
         parts = [
-            f"{text} {row[key] * factor:z.{digits}f}{_error(row, key, factor, digits)} {unit}"
+            f"{text} {_with_error(row, key, factor, digits)} {unit}"
             for text, key, factor, digits, unit in (
                 ("engaged in", "engagement_s", 1e3, 0, "ms"),
                 (f"peak {box.input.torque}", "engagement_peak_nm", 1.0, 1, "Nm"),
@@ -105,16 +106,17 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
         lines.append(f"no coast-down: {'; '.join(row['why'])}")
     elif row is not None:
         lines.append(
-            f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
-            f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
-            f"{box.input.torque} {row['coast_down_torque_nm']:z.2f}{_error(row, 'coast_down_torque_nm', 1.0, 2)} Nm before, "
-            f"tangent time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s"
+            f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side "
+            f"{_with_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
+            f"{box.input.torque} {_with_error(row, 'coast_down_torque_nm', 1.0, 2)} Nm before, "
+            f"tangent time {_with_error(row, 'coast_down_tangent_s', 1.0, 3)} s"
         )
     return lines
 
 
-def _error(row: dict, key: str, factor: float, digits: int) -> str:
-    return f" +- {row['errors'][key] * factor:.{digits}f}" if key in row["errors"] else ""
+def _with_error(row: dict, key: str, factor: float, digits: int) -> str:
+    value, error = in_unit(row[key], row["errors"].get(key), factor)
+    return shown(value, error, digits) + ("" if error is None else f" +- {error:.{digits}f}")
 
 
 def _response(bag: Bag | Gathered, recording: Recording, order: tuple[float, int, int]) -> dict:

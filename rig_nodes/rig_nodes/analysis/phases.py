@@ -3,7 +3,7 @@
 
 """When the phases of a shift begin and end, and between which moments its times t_c, t_d, t_p and t_o are counted.
 
-The page of `rig report --html` marks them in its plots. Everything follows from the metrics of the shift.
+The page of `rig report --html` and the view mark them in their plots. Everything follows from the metrics of the shift.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-FILL, TORQUE, INERTIA = "fill", "torque phase", "inertia phase"
+FILL, TORQUE, INTERRUPTED, INERTIA = "fill", "torque phase", "interrupted", "inertia phase"
 
 
 @dataclass(frozen=True)
@@ -25,28 +25,31 @@ class Part:
 
 
 def moments_of(row: Mapping) -> dict[str, float]:
-    """Return the times [s] of order, kiss point and lock-up of a row of shift metrics, as far as they were found."""
-    order = row["t_order_s"]
-    found = {"order": order, "kiss point": row.get("kiss_s"), "lock-up": row["t_c_s"]}
-    return {name: order + (since if name != "order" else 0.0) for name, since in found.items() if since is not None}
+    """Return the times [s] of order, kiss point, departure of the output and lock-up of a shift, as far as they were found."""
+    found = {"order": 0.0, "kiss point": row.get("kiss_s"), "departure": row.get("departure_s"), "lock-up": row["t_c_s"]}
+    return {name: row["t_order_s"] + since for name, since in found.items() if since is not None}
 
 
 def phases_of(row: Mapping) -> list[Part]:
-    """Return the phases of a shift that was completed, or its fill alone when no lock-up was found.
+    """Return the phases of a shift, as far as they were found.
 
     Fill lasts from the order until all engaging clutches have their kiss pressure. In the torque phase the new clutch takes over
-    torque while the output still turns at its old speed. The inertia phase begins with the first departure of the output speed
-    and ends with lock-up. When the output departs before the kiss point there is no torque phase.
+    torque while the output still turns at its old speed, until it departs from that. When it departs before the kiss point, no
+    clutch carries it: the drive is interrupted to the kiss point, or as long as the shift was searched for one, and fill and
+    interruption overlap. The inertia phase follows and ends with lock-up.
     """
     moments = moments_of(row)
     order, kiss, locked = (moments.get(name) for name in ("order", "kiss point", "lock-up"))
     parts = [] if order is None or kiss is None else [Part(FILL, order, kiss)]
-    if locked is None or row["t_p_s"] is None:
+    if row.get("departure_s") is None:
         return parts
-    departure = locked - row["t_p_s"]
-    if kiss is not None and departure > kiss:
+    departure, interrupted = order + row["departure_s"], row.get("interrupted_s") or 0.0
+    if interrupted > 0.0:
+        parts.append(Part(INTERRUPTED, departure, departure + interrupted))
+    elif kiss is not None and departure > kiss:
         parts.append(Part(TORQUE, kiss, departure))
-    return [*parts, Part(INERTIA, departure, locked)]
+    start = departure + interrupted
+    return parts if locked is None or locked <= start else [*parts, Part(INERTIA, start, locked)]
 
 
 def times_of(row: Mapping) -> list[Part]:

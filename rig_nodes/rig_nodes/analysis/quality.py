@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The verdict on the quality of a shift: does the output keep turning, how high is the torque's peak, how long does it take.
+"""The verdict on a shift: does the output keep turning, how far does the torque leave the load, how long does it take.
 
-analysis.report puts it beside the metrics from which alone it follows. The limits and their sources are explained in
+analysis.report puts it beside the metrics from which alone it follows, which cover the course from the order until the torque has
+settled. The limits and their sources are explained in
 docs/how_to/report.md.
 """
 
@@ -12,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..transmission import Transmission
+from .causes import cause
+from .course import asked_of_input
 from .metrics import RPM, STANDSTILL
 
 GOOD, FAIR, POOR, FAILED = GRADES = ("good", "fair", "poor", "failed")  # from the best to the worst
@@ -23,11 +26,14 @@ SLOW_UP, SLOW_DOWN, UNTUNED = 0.725, 0.5, 1.0
 # Highest input torque by that which the load asks: the last application factor of ISO 6336-6 table B.1, for heavy shocks of motor
 # and machine. A higher peak alone makes a shift no worse than fair, because the laboratory accepted such peaks at small loads.
 SHOCK = 2.25
-LEAST_TORQUE = 10.0  # Nm, ten errors of the torque meter, below which a ratio of torques is meaningless
+HOLE = 0.5  # lowest input torque by that which the load asks in the gear that asks less; this project's choice
 
 
 def quality_of(row: Mapping, box: Transmission) -> dict | None:
     """Return the verdict on a shift.
+
+    Nothing is judged of a signal at the end of its range. A change of direction passes standstill by intent and takes the time
+    that this needs: it is judged by whether the gear was reached and by its peak.
 
     Parameters
     ----------
@@ -45,51 +51,80 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
     """
     if not box.changes(row["from_gear"], row["to_gear"]):
         return None
+    clipped = row.get("clipped") or []
+    speeds_known = not {box.input.speed, box.output.speed} & set(clipped)
     reasons: list[tuple[str, str]] = []
     judged = False
-    if row["t_c_s"] is None and row["input_speed_rpm"] is not None:
+    if row["t_c_s"] is None and row["input_speed_rpm"] is not None and speeds_known:
         reasons.append((FAILED, f"gear {box.names[row['to_gear']]} was not reached"))
     elif row["t_c_s"] is not None:
-        judged = True
+        judged = not clipped
         slow = SLOW_UP if row["to_gear"] > row["from_gear"] else SLOW_DOWN
-        if row["t_c_s"] > slow:
+        if row["t_c_s"] > slow and not box.turns_round(row["from_gear"], row["to_gear"]):
             grade = POOR if row["t_c_s"] > UNTUNED else FAIR
             reasons.append((grade, f"it took {row['t_c_s']:.3f} s from the order, over {UNTUNED if grade == POOR else slow:g} s"))
-    if row["k"] is not None:
-        judged = True
-        if _stood(row):
-            reasons.append((FAILED, "the output stood still: the drive was interrupted"))
-        elif row["k"] < K_DIP:
-            grade = FAILED if row["k"] < K_LOST else POOR
-            reasons.append((grade, f"the output dipped to {100.0 * row['k']:.0f} % of its speed in the slower gear"))
-    ratio = peak_ratio(row, box)
-    if ratio is not None and ratio > SHOCK:
-        tied = row["overlap_s"]
-        both = f", and both clutches were pressed for {1e3 * tied:.0f} ms" if tied and tied > 0.0 else ""
-        reasons.append((FAIR, f"{box.input.torque} rose to {ratio:.1f} times the torque that the load requires{both}"))
+    reasons += [*_of_speed(row, box), *_of_torque(row, box)]
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)
     return {
         "grade": GRADES[worst] if judged or reasons else None,
-        "peak_ratio": ratio,
+        "peak_ratio": peak_ratio(row, box),
         "reasons": [text for _, text in sorted(reasons, key=lambda one: -GRADES.index(one[0]))],
     }
 
 
-def _stood(row: Mapping) -> bool:
-    return row["output_speed_min_rpm"] is not None and row["output_speed_min_rpm"] < STANDSTILL * RPM
+def _of_speed(row: Mapping, box: Transmission) -> list[tuple[str, str]]:
+    """Return the reasons that the output speed gives; it is compared with that of the slower gear, as in k."""
+    lowest = [abs(row[key]) for key in ("output_speed_min_rpm", "output_speed_low_rpm") if row.get(key) is not None]
+    if row["k"] is None or not lowest:
+        return []
+    if min(lowest) < STANDSTILL * RPM:
+        return [(FAILED, "the output stood still: the drive was interrupted")]
+    share = min(row["k"], min(lowest) / row["input_speed_rpm"] * box.slower_ratio(row["from_gear"], row["to_gear"]))
+    if share >= K_DIP:
+        return []
+    why = cause(row, box, "low") if _hole(row, box) is None else ""
+    text = f"the output dipped to {100.0 * share:.0f} % of its speed in the slower gear{_because(why)}"
+    return [(FAILED if share < K_LOST else POOR, text)]
+
+
+def _of_torque(row: Mapping, box: Transmission) -> list[tuple[str, str]]:
+    """Return the reasons that the input torque gives, each with its cause at that instant."""
+    name, ratio, bound, reasons = box.input.torque, peak_ratio(row, box), row.get("input_torque_at_least_nm"), []
+    asked = asked_of_input(row, box)
+    if ratio is not None and ratio > SHOCK:
+        text = f"{name} rose to {ratio:.1f} times the torque that the load requires"
+        reasons.append((FAIR, text + _because(cause(row, box, "high"))))
+    elif bound is not None and asked is not None and bound / asked > SHOCK:
+        reasons.append((FAIR, f"{name} rose to at least {bound / asked:.1f} times the torque that the load requires"))
+    if (low := _hole(row, box)) is not None:
+        how = (
+            f", against the load for {1e3 * row['reversed_s']:.0f} ms"
+            if row["reversed_s"]
+            else f", {100.0 * low:.0f} % of the torque that the load requires"
+        )
+        reasons.append((FAIR, f"{name} fell to {row['input_torque_low_nm']:.0f} Nm{how}{_because(cause(row, box, 'low'))}"))
+    return reasons
+
+
+def _because(why: str) -> str:
+    return f" ({why})" if why else ""
+
+
+def _hole(row: Mapping, box: Transmission) -> float | None:
+    """Return the lowest input torque by that which the load asks in the gear that asks less, where it is a hole or a reversal."""
+    asked, low = asked_of_input(row, box, least=True), row.get("input_torque_low_nm")
+    if asked is None or low is None or asked < 0.0 or box.turns_round(row["from_gear"], row["to_gear"]):
+        return None
+    return low / asked if low < HOLE * asked else None
 
 
 def peak_ratio(row: Mapping, box: Transmission) -> float | None:
     """Return the highest input torque of a shift by the torque that the load asks of the input in the gear that asks more.
 
-    The load is the output torque before the order; losses are not counted. None when one is not known or the load asks less than
-    LEAST_TORQUE.
+    None when one is not known or the load asks too little (course.asked_of_input), or drives.
     """
-    peak, load = row["input_torque_max_nm"], row["output_torque_nm"]
-    if peak is None or load is None:
-        return None
-    asked = load / min(abs(box.ratios[gear]) for gear in (row["from_gear"], row["to_gear"]))
-    return peak / asked if asked > LEAST_TORQUE else None
+    peak, asked = row.get("input_torque_high_nm"), asked_of_input(row, box)
+    return None if peak is None or asked is None or asked < 0.0 else peak / asked
 
 
 def sentence_of(verdict: Mapping | None) -> str:

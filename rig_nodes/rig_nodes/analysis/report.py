@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,10 @@ from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
+from .clipped import clipped_in
+from .clutch_torques import put_torques
 from .comparison import annex_lines, truth_lines
+from .course import COURSE_KEYS
 from .definitions import reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
 from .gathered import SMALL, Gathered
@@ -37,6 +40,7 @@ from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
 from .quality import quality_of, sentence_of
 from .ranges import range_lines, signal_ranges
+from .shown import in_unit, shown
 from .state_at_order import begun_lines, put_states
 from .uncertainty import Instrument, instruments_of, uncertainty
 
@@ -63,6 +67,13 @@ def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
         ("E_loss J", "e_loss_j", 1.0, 0),
         ("settled J", "e_loss_settled_j", 1.0, 0),
         ("overlap ms", "overlap_s", 1e3, 0),
+        (f"{into.torque} high Nm", "input_torque_high_nm", 1.0, 1),
+        ("t_high ms", "t_high_s", 1e3, 0),
+        (f"{into.torque} low Nm", "input_torque_low_nm", 1.0, 1),
+        ("t_low ms", "t_low_s", 1e3, 0),
+        ("reversed ms", "reversed_s", 1e3, 0),
+        (f"{out.speed} low rpm", "output_speed_low_rpm", 1.0, 0),
+        ("interrupted ms", "interrupted_s", 1e3, 0),
     )
 
 
@@ -110,6 +121,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         from .bench_report import bench_report
 
         found = bench_report(bag, record, problems)
+        problems += clipped_in(bag, record)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
             "bench": plain(found),
             "signals": plain(bag.ranges.rows() if isinstance(bag, Gathered) else signal_ranges(bag)),
@@ -123,7 +135,9 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
         recording, rows = bag.shifts() if isinstance(bag, Gathered) else _with_shifts(recording_of(bag, box))
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
+    problems += clipped_in(bag, record)
     if not imported:
+        put_torques(bag, rows, box)
         put_states(bag, record, box, rows)
     gathered = bag if isinstance(bag, Gathered) else None
     metrics = _metrics(recording, rows, instruments, annex_a, problems, None if imported else bag, gathered)
@@ -444,8 +458,9 @@ def format_report(report: dict) -> str:
         lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
         return _shown([*lines, "", *_run_lines(report["run"])])
     box = shown_transmission(report)
-    rows, errors, verdicts = report["shifts"], report.get("uncertainty", []), verdicts_in(report)
-    lines = _shift_table(rows, errors, verdicts, box) if rows else [no_shift(report)]
+    rows, verdicts = report["shifts"], verdicts_in(report)
+    errors = report.get("uncertainty") or [{} for _ in rows]
+    lines = _shift_tables(rows, errors, verdicts, box) if rows else [no_shift(report)]
     names = [shift_name(number, row, box) for number, row in enumerate(rows, 1)]
     for name, row, verdict in zip(names, rows, verdicts):
         lines += [f"  {name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
@@ -455,9 +470,9 @@ def format_report(report: dict) -> str:
     lines += [WHERE_DEFINED] if rows else []
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     if "annex_a" in report:
-        lines += ["", *annex_lines(columns_of(box), names, rows, report["annex_a"])]
+        lines += ["", *annex_lines(columns_of(box), names, rows, errors, report["annex_a"])]
     if "truth" in report:
-        lines += ["", *truth_lines(names, rows, report["truth"], box)]
+        lines += ["", *truth_lines(names, rows, errors, report["truth"], box)]
     return _shown([*lines, "", *_energy_lines(report, box), *_basis_lines(report), *_run_lines(report["run"])])
 
 
@@ -516,19 +531,35 @@ def numbered_way(number: int, row: Mapping, box: Transmission, arrow: str = " ->
     return f"{number}: {box.way(row['from_gear'], row['to_gear'], arrow)}"
 
 
-def _shift_table(rows: list[dict], errors: list[dict], verdicts: list[dict | None], box: Transmission) -> list[str]:
+def _shift_tables(rows: list[dict], errors: list[dict], verdicts: list[dict | None], box: Transmission) -> list[str]:
+    """Return the metrics of the definitions with the verdicts, then those of the course from order to settled torque."""
+    ends = [["valid", "quality"]]
+    ends += [["yes" if row["valid"] else "NO", (verdict or {}).get("grade") or "-"] for row, verdict in zip(rows, verdicts)]
     columns = columns_of(box)
-    table = [["shift"] + [heading for heading, *_ in columns] + ["valid", "quality"]]
-    for i, (row, verdict) in enumerate(zip(rows, verdicts)):
-        cells = ["-" if row[key] is None else f"{row[key] * factor:z.{digits}f}" for _, key, factor, digits in columns]
-        grade = (verdict or {}).get("grade") or "-"
-        table.append([numbered_way(i + 1, row, box), *cells, "yes" if row["valid"] else "NO", grade])
-        if i < len(errors) and errors[i]:
-            table.append(
-                ["  +-"]
-                + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else "" for _, key, factor, digits in columns]
-                + ["", ""]
-            )
+    course = [one for one in columns if one[1] in COURSE_KEYS]
+    tables = [_shift_table(rows, errors, [one for one in columns if one not in course], ends, "shift", box)]
+    if any(row.get("input_torque_high_nm") is not None for row in rows):
+        tables.append(_shift_table(rows, errors, course, [[]] * len(ends), "from order to settled", box))
+    return [line for table in tables for line in table]
+
+
+def _shift_table(
+    rows: list[dict],
+    errors: list[dict],
+    columns: Sequence[tuple[str, str, float, int]],
+    ends: list[list[str]],
+    title: str,
+    box: Transmission,
+) -> list[str]:
+    """Return a row for each shift, and one with its errors; ``ends`` has the head and the cells of the last columns."""
+    table = [[title, *(heading for heading, *_ in columns), *ends[0]]]
+    for i, row in enumerate(rows):
+        own = errors[i]
+        cells = [shown(*in_unit(row.get(key), own.get(key), factor), digits) for _, key, factor, digits in columns]
+        table.append([numbered_way(i + 1, row, box), *cells, *ends[i + 1]])
+        if own:
+            table.append(["  +-", *(f"{own[key] * factor:.{digits}f}" if key in own else "" for _, key, factor, digits in columns)])
+            table[-1] += [""] * len(ends[0])
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
     return [
         "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths)))

@@ -15,6 +15,7 @@ from ..config.units import UNITS
 from ..transmission import Transmission
 from .bench_report import bench_numbers
 from .report import columns_of, shift_name, shown_transmission
+from .shown import shown
 
 TIMES, CURVES = 1e3, 1e-6  # factors to ms and MPa
 ENDS = ("lowest", "highest")  # the kinds of results that are the range of a signal
@@ -75,10 +76,8 @@ class Result:
     @property
     def text(self) -> str:
         """The value with its error, without the unit."""
-        if self.value is None:
-            return "-"
-        error = "" if self.error is None else f" ± {number(self.error, self.digits)}"
-        return f"{number(self.value, self.digits)}{error}"
+        error = "" if self.error is None or self.value is None else f" ± {number(self.error, self.digits)}"
+        return f"{shown(self.value, self.error, self.digits)}{error}"
 
     def as_dict(self) -> dict:
         """Return plain values for JSON."""
@@ -128,7 +127,7 @@ def _of_shifts(report: Mapping, box: Transmission) -> list[Result]:
         own = errors[i] if i < len(errors) else {}
         for heading, key, factor, digits in columns_of(box):
             name, unit = name_and_unit(heading)
-            found.append(Result(key, name, place, kind, unit, digits, _times(row[key], factor), _times(own.get(key), factor)))
+            found.append(Result(key, name, place, kind, unit, digits, _times(row.get(key), factor), _times(own.get(key), factor)))
     return found
 
 
@@ -209,12 +208,18 @@ def spread(results: Iterable[Iterable[Result]]) -> list[dict]:
     return rows
 
 
+def spread_cells(row: Mapping) -> list[str]:
+    """Return lowest, mean and highest of a row of :func:`spread` as text."""
+    return [shown(row[key], row["error"], row["digits"]) for key in ("lowest", "mean", "highest")]
+
+
 def spread_lines(rows: Iterable[Mapping]) -> list[str]:
     """Return the table of :func:`spread` for the terminal."""
     table = [["of", "result", "unit", "values", "lowest", "mean", "highest", "+-"]]
     for row in rows:
-        numbers = [number(row[key], row["digits"]) for key in ("lowest", "mean", "highest", "error")]
-        table.append([row["kind"], row["name"], row["unit"], str(row["runs"]), *numbers])
+        table.append(
+            [row["kind"], row["name"], row["unit"], str(row["runs"]), *spread_cells(row), number(row["error"], row["digits"])]
+        )
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
     return [
         "  ".join(cell.ljust(width) if i < 3 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths))).rstrip()

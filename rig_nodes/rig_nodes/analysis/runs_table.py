@@ -21,7 +21,8 @@ from .limits import Limit, Verdict, judged
 from .metrics import KEYS
 from .quality import GRADES
 from .report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
-from .results import ENDS, Result, number, results_of, spread
+from .results import ENDS, Result, results_of, spread
+from .shown import shown
 from .state_at_order import unlike
 
 PROCEDURE_FILE = "procedure.json"
@@ -150,8 +151,9 @@ def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
         own = [member for member in members if member.label == label]
         cells = [label, str(len(own))]
         for key, column in columns.items():
-            values = [one.value for member in own for one in member.results if (one.kind, one.key) == key and one.value is not None]
-            cells.append(number(sum(values) / len(values), column.digits) if values else "-")
+            those = [one for member in own for one in member.results if (one.kind, one.key) == key and one.value is not None]
+            error = max((one.error for one in those if one.error is not None), default=None)
+            cells.append(shown(sum(one.value for one in those) / len(those) if those else None, error, column.digits))
         grades = [grade for member in own for grade in member.grades]
         rows.append([*cells, *([max(grades, key=GRADES.index) if grades else "-"] if graded else [])])
     return [*head, *(["worst quality"] if graded else [])], rows

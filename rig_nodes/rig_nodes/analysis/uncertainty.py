@@ -20,9 +20,6 @@ from .metrics import RPM, SETTLED_BAND, SETTLED_BAND_NM, TORQUE_SPEED_MEAN
 
 STEEP_RISE = 45e-3  # s in which the steeper pressure of chapter 9, and with it the torque, rises from contact to its end
 TORQUE_CLEAR = 10.0  # Nm, a change that is certainly a rise of torque
-# Pa/s at which a released clutch at least passes its kiss pressure: while the piston returns, its springs hold the pressure near
-# it. HydmAG's p1 passes the 0.1 MPa above its kiss point in 1.35 s, p2 its 0.063 MPa in 0.45 s.
-KISS_RATE = 70e3
 
 
 @dataclass(frozen=True)
@@ -106,12 +103,14 @@ def uncertainty(
 
     * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque
       meter's error, plus the amount by which a mean over 2 ms, or a sample of a slower logger, lowers the peak of a torque that
-      rises to it in 45 ms and then breaks down (this part only reads low).
+      rises to it in 45 ms and then breaks down (this part only reads low); the highest and the lowest torque alike, from one to
+      the other. The time of an extreme: the torque meter's error on that rise. A reversed torque is taken as half a sine.
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error divided by the slope of the signal
       that crosses a threshold there. Slip ends count both encoders' resolution divided by the slip's rate, which is the change of
       ratio over t_p. The releasing pressure falls as fitted in chapter 9; its error counts in full although a constant
-      part of it would cancel. t_c starts at the order, which is known. Torque decays
-      exponentially from its peak into the settled band within t_o.
+      part of it would cancel. Overlap and kiss point: the transducer's error by the rates at which it passed the levels that
+      decide them. t_c starts at the order, which is known. Torque decays exponentially from its peak into the settled band
+      within t_o.
     * Energies: torques by w t, speeds by M t and J w at both ends, and the times' errors by the power that they cut off; the
       torque over the shift is taken as its peak, the output speed as its lowest.
 
@@ -134,7 +133,8 @@ def uncertainty(
     use = instruments_of(None) if instruments is None else instruments
     box = transmission or transmission_of()
     torque, speed = use["torque"].error, use["speed"].error
-    found = {"input_speed_rpm": speed * RPM, "output_torque_nm": torque, "output_speed_min_rpm": speed * RPM}
+    found = {"input_speed_rpm": speed * RPM, "output_torque_nm": torque}
+    found |= dict.fromkeys(("output_speed_min_rpm", "output_speed_low_rpm"), speed * RPM)
     if row["input_torque_max_nm"] is not None:
         found["input_torque_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["input_torque_max_nm"]) / STEEP_RISE
     w_in = None if row["input_speed_rpm"] is None else row["input_speed_rpm"] / RPM
@@ -145,9 +145,27 @@ def uncertainty(
             ratio * speed * RPM / row["input_speed_rpm"] * (1.0 + abs(row["output_speed_min_rpm"]) / row["input_speed_rpm"])
         )
     if w_in:
-        found |= _times(row, use, w_in, box, period)
+        found |= _times(row, use, w_in, box, period) | _course(row, torque, period)
         found |= _energies(row, found, torque, speed, w_in, box)
     return {key: value for key, value in found.items() if row.get(key) is not None}
+
+
+def _course(row: dict, torque: float, period: float) -> dict[str, float]:
+    """Return the errors of the extremes of the input torque, of their times, and of the time in which it is reversed."""
+    ends, found = period + 0.5 * TORQUE_SPEED_MEAN, {}
+    high, low = row.get("input_torque_high_nm"), row.get("input_torque_low_nm")
+    if high is None or low is None:
+        return found
+    swing = max(high - low, torque)
+    found |= dict.fromkeys(
+        ("input_torque_high_nm", "input_torque_low_nm"), torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * swing / STEEP_RISE
+    )
+    found |= dict.fromkeys(("t_high_s", "t_low_s"), ends + torque * STEEP_RISE / swing)
+    if reversed_s := row.get("reversed_s"):
+        found["reversed_s"] = 2.0 * (
+            ends + torque * reversed_s / (math.pi * max(-low if row["output_torque_nm"] > 0.0 else high, torque))
+        )
+    return found
 
 
 def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission, period: float) -> dict[str, float]:
@@ -159,7 +177,7 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
     if row["t_p_s"]:
         # from neutral, the slip of the new gear goes from 1 to 0
         change = abs(1.0 - box.ratios[new] / box.ratios[old]) if old in box.ratios else 1.0
-        resolution = use["speed"].error * (1.0 + box.ratios[new]) / w_in
+        resolution = use["speed"].error * (1.0 + abs(box.ratios[new])) / w_in
         slip_end = ends + resolution * row["t_p_s"] / change
         found["t_p_s"] = 2.0 * slip_end
         found["t_c_s"] = slip_end
@@ -168,9 +186,17 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
         )
     if slip_end is not None and row["t_o_s"] is not None and row["input_torque_max_nm"]:
         found["t_o_s"] = slip_end + ends + _settling_error(row, use["torque"].error, box)
-    if old in box.ratios and moved.releasing:
-        # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other one's
-        found["overlap_s"] = ends + max(use[clutch.pressure].error for clutch in moved.releasing) / KISS_RATE
+    pressure = max((use[clutch.pressure].error for clutch in (*moved.releasing, *moved.engaging)), default=0.0)
+    if row.get("overlap_mpas"):
+        found["overlap_s"] = 2.0 * ends + 1e-6 * pressure / row["overlap_mpas"]
+    if row.get("kiss_mpas"):
+        found["kiss_s"] = ends + 1e-6 * pressure / row["kiss_mpas"]
+    if row.get("departure_s") is not None:
+        change = abs(1.0 - box.ratios[new] / box.ratios[old]) if old in box.ratios else 1.0
+        span = row["t_p_s"] or row.get("interrupted_s") or 0.0
+        found["departure_s"] = ends + use["speed"].error * (1.0 + abs(box.ratios[new])) / w_in * span / change
+        if row.get("interrupted_s"):
+            found["interrupted_s"] = found["departure_s"] + found.get("kiss_s", 0.0)
     return found
 
 
@@ -180,7 +206,7 @@ def _settling_error(row: dict, torque: float, box: Transmission) -> float:
     A torque that decays as exp(-t/T) from an excess P into a band B within t_o = T ln(P/B) enters it with the slope B/T.
     """
     peak = row["input_torque_max_nm"]
-    settled = abs(row["output_torque_nm"] or 0.0) / box.ratios[row["to_gear"]]
+    settled = abs(row["output_torque_nm"] or 0.0) / abs(box.ratios[row["to_gear"]])
     band = max(SETTLED_BAND * settled, SETTLED_BAND_NM)
     excess = max(peak - settled, math.e * band)  # a lower peak enters its band more steeply than this
     return torque * row["t_o_s"] / (band * math.log(excess / band))
@@ -188,10 +214,10 @@ def _settling_error(row: dict, torque: float, box: Transmission) -> float:
 
 def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, box: Transmission) -> dict[str, float]:
     """Return the errors of both energy losses; empty when the row lacks their inputs."""
-    needed = ("input_torque_max_nm", "output_speed_min_rpm", "t_dt_s", "output_torque_nm")
+    needed = ("input_torque_max_nm", "t_dt_s", "output_torque_nm")
     if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
         return {}
-    w_out, m_in, m_out = w_in / box.ratios[row["to_gear"]], row["input_torque_max_nm"], row["output_torque_nm"]
+    w_out, m_in, m_out = w_in / abs(box.ratios[row["to_gear"]]), row["input_torque_max_nm"], row["output_torque_nm"]
     rate = torque * (w_in + w_out) + speed * (m_in + abs(m_out))
     ends = 2.0 * speed * (box.inertias.driving * w_in + box.inertias.on_output * w_out)
     found = {}

@@ -99,6 +99,7 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
     from ..analysis.bench_report import OF_A_RUN
     from ..analysis.quality import quality_of
     from ..analysis.results import Result, results_of
+    from ..analysis.uncertainty import instruments_of, uncertainty
     from ..sweep.plan import plan_of
     from ..sweep.store import JOURNAL, decode, read_manifest
     from ..testbench.configuration import load_rig
@@ -107,6 +108,7 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
     config = load_rig(plan.rig, plan.fixed)
     record = config.as_dict()
     box = config.transmission if config.structure.gears else None
+    instruments = instruments_of(record) if box else {}
     units = {one.name: f" {one.unit}" if one.unit else "" for one in plan.varied}
     path, members = folder / JOURNAL, []
     lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
@@ -116,7 +118,8 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
         label, failed = values or f"seed {entry['seed']}", entry["end"]["state"] != "ended"
         results, grades = [], []
         if box is not None and entry["shifts"]:
-            results = results_of({"run": {"configuration": record}, "shifts": entry["shifts"]})
+            errors = [uncertainty(row, instruments, box) for row in entry["shifts"]]
+            results = results_of({"run": {"configuration": record}, "shifts": entry["shifts"], "uncertainty": errors})
             grades = [one["grade"] for row in entry["shifts"] if (one := quality_of(row, box)) and one["grade"]]
         for row in entry.get("table", {}).get("rows", ()):
             columns = entry["table"]["columns"].items()

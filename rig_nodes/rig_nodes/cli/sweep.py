@@ -245,10 +245,11 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     ends: dict[str, int] = {}
     reasons: dict[str, int] = {}
     values: dict[str, dict[str, list[float]]] = {}
+    errors: dict[str, dict[str, float]] = {}
+    instruments = instruments_of(config.as_dict()) if box else {}
     table: dict[str, list[float]] = {}
     shifts = valid = 0
     starts: list[tuple[str, dict, dict]] = []
-    instruments = instruments_of(config.as_dict()) if box else None
     for entry in entries:
         for row in entry.get("table", {}).get("rows", ()):
             for (name, unit), cell in zip(entry["table"]["columns"].items(), row):
@@ -265,6 +266,8 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
             if not row["valid"] or not box.changes(row["from_gear"], row["to_gear"]):
                 continue
             way = box.way(row["from_gear"], row["to_gear"])
+            for key, error in uncertainty(row, instruments, box).items():
+                errors.setdefault(way, {})[key] = max(error, errors.get(way, {}).get(key, 0.0))
             for key, *_ in SHOWN:
                 if row[key] is not None:
                     values.setdefault(way, {}).setdefault(key, []).append(row[key])
@@ -272,18 +275,15 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
         way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()} for way, of in values.items()
     }
     summed = {name: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for name, x in table.items()}
-    return {
-        "ends": ends,
-        "reasons": reasons,
-        "shifts": shifts,
-        "valid_shifts": valid,
-        "spread": spread,
-        "table": summed,
-        "starts": unlike(starts, box, "shifts") if box else [],
-    }
+    largest = {way: {key: of[key] for key, *_ in SHOWN if key in of} for way, of in errors.items()}
+    found = {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid}
+    starts_differ = unlike(starts, box, "shifts") if box else []
+    return {**found, "spread": spread, "largest_errors": largest, "table": summed, "starts": starts_differ}
 
 
 def _text(summary: dict) -> str:
+    from ..analysis.shown import in_unit, shown
+
     lines = [
         f"{summary['finished']} of {summary['members']} members finished"
         + ("" if summary["table"] else f", {summary['shifts']} shifts, {summary['valid_shifts']} of them valid")
@@ -298,7 +298,8 @@ def _text(summary: dict) -> str:
         lines.append(f"{way}, valid shifts: lowest, median, highest")
         for key, name, factor, digits in SHOWN:
             if key in of:
-                lines.append(f"  {name:<13}" + "".join(f"{value * factor:>z10.{digits}f}" for value in of[key]))
+                error = summary["largest_errors"].get(way, {}).get(key)
+                lines.append(f"  {name:<13}" + "".join(f"{shown(*in_unit(x, error, factor), digits):>10}" for x in of[key]))
     lines += summary["starts"]
     if summary["table"]:
         width = max(map(len, summary["table"]))

@@ -49,6 +49,25 @@ class TransducerType:
     filtered: bool = False
 
 
+def measured_range(kind: str, low: float, high: float, largest: float) -> tuple[float, float]:
+    """Return the ends of what a transducer can show.
+
+    Parameters
+    ----------
+    kind : str
+        Its type, a key of TRANSDUCER_TYPES.
+    low : float
+        Lower end of the range that the rig gives it; below 0 it measures both signs.
+    high : float
+        End of its range, as the rig's instruments give it.
+    largest : float
+        Its class, a share of the range.
+    """
+    signed = TRANSDUCER_TYPES[kind].signed or low < 0.0
+    # one that does not measure both signs shows its error below zero too
+    return (-high if signed else -largest * high), high
+
+
 def _class() -> Any:
     return param("ratio", 0.0, 0.1, _CLASS, 0.0)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..description.transducer_types import TRANSDUCER_TYPES
+from ..description.transducer_types import TRANSDUCER_TYPES, measured_range
 from ..errors import RigError
 from ..instruments import transducers as parts
 from ..instruments.noise import channel_key, uniform
@@ -103,9 +103,7 @@ class Gauges:
             offset = gain = 0.5 * value("class")  # together the class, at the end of the range
             offset *= high
         table[parts.OFFSET, c], table[parts.GAIN, c] = offset * drawn(0), 1.0 + gain * drawn(1)
-        # a transducer shows its error below zero too
-        low = -high if signed else -value("class") * high
-        table[parts.LOW, c], table[parts.HIGH, c] = low, high
+        table[parts.LOW, c], table[parts.HIGH, c] = measured_range(one.type, one.low, high, value("class"))
         table[parts.NOISE, c], table[parts.HUM, c] = value("noise"), value("hum")
         if beside:  # a valve's wire runs beside its own
             table[parts.PICKUP, c] = value("pickup")

@@ -22,6 +22,8 @@ import numpy as np
 from ..analysis.metrics import RPM
 from ..analysis.report import REPORT_FILE, columns_of, read_report, shown_transmission
 from ..analysis.runs_table import read_procedure
+from ..analysis.shown import in_unit, shown
+from ..analysis.uncertainty import instruments_of, uncertainty
 from ..bags.opened import KINDS
 from ..bags.pieces import PACKED
 from ..bags.reader import UNREADABLE
@@ -64,6 +66,8 @@ class Campaign:
         Unit and value of each condition, row by row; NaN for a run without this condition.
     rows : list of mapping
         Metrics of one shift each (analysis.metrics).
+    errors : list of mapping
+        Largest errors of each row's metrics (analysis.uncertainty).
     box : Transmission
         The transmission that was shifted.
     """
@@ -72,6 +76,7 @@ class Campaign:
     names: list[str]
     conditions: dict[str, tuple[str, list[float]]]
     rows: list[Mapping[str, Any]]
+    errors: list[Mapping[str, float]]
     box: Transmission
 
 
@@ -99,7 +104,7 @@ def _reports(folder: Path) -> list[Path]:
 
 
 def _of_reports(folder: Path) -> Campaign:
-    names, rows, given, box = [], [], [], None
+    names, rows, errors, given, box = [], [], [], [], None
     of_series = {
         name: {key: _written(key, value) for key, value in (one.get("conditions") or {}).items() if key != "series"}
         for one in read_procedure(folder).get("series", ())
@@ -109,11 +114,13 @@ def _of_reports(folder: Path) -> Campaign:
         report = read_report(run) or {}
         if box is None and report.get("shifts"):
             box = shown_transmission(report)
-        for row in report.get("shifts", []):
+        own = report.get("uncertainty") or []
+        for n, row in enumerate(report.get("shifts", [])):
             names.append(run.name)
             rows.append(row)
+            errors.append(own[n] if n < len(own) else {})
             given.append(of_series.get(run.name) or report["run"].get("parameters") or {})
-    return Campaign(folder.name, names, _conditions(given), rows, box or transmission_of())
+    return Campaign(folder.name, names, _conditions(given), rows, errors, box or transmission_of())
 
 
 def _written(name: str, value: object) -> str:
@@ -137,11 +144,13 @@ def _of_sweep(folder: Path) -> Campaign:
     try:
         record = rig_record(json.loads((table.schema.metadata or {})[MANIFEST])["configuration"])
         box = transmission_of(record) if rows else transmission_of()
+        instruments = instruments_of(record) if rows else {}
     except UNREADABLE as error:
         raise RigError(
             f"{folder / RESULTS}: does not name its rig ({type(error).__name__}: {error}); make the sweep anew"
         ) from None
-    return Campaign(folder.name, [str(row["member"]) for row in rows], _conditions(given), rows, box)
+    errors = [uncertainty(row, instruments, box) for row in rows]
+    return Campaign(folder.name, [str(row["member"]) for row in rows], _conditions(given), rows, errors, box)
 
 
 def _conditions(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, list[float]]]:
@@ -285,9 +294,9 @@ def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]
     columns = [one for one in columns_of(found.box) if one[1] in PLOTTED]
     head = ["run", *(f"{name} {unit}".strip() for name, (unit, _) in conditions.items() if name != "row"), "shift"]
     rows = [[*head, *(heading for heading, *_ in columns), "valid"]]
-    for n, (name, row) in enumerate(zip(found.names, found.rows)):
+    for n, (name, row, own) in enumerate(zip(found.names, found.rows, found.errors)):
         held = [f"{values[n]:g}" for condition, (_, values) in conditions.items() if condition != "row"]
-        cells = ["-" if row.get(key) is None else f"{row[key] * factor:z.{digits}f}" for _, key, factor, digits in columns]
+        cells = [shown(*in_unit(row.get(key), own.get(key), factor), digits) for _, key, factor, digits in columns]
         rows.append([name, *held, _way(found, row), *cells, "yes" if row.get("valid") else "**no**"])
     more = len(rows) - 1 - MOST_ROWS
     parts = [f"# {found.title}", f"{len(set(found.names))} runs, {len(found.rows)} shifts", markdown_table(rows[: MOST_ROWS + 1])]

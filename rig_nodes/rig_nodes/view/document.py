@@ -15,6 +15,7 @@ from ..analysis.no_change import measured_lines
 from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
 from ..analysis.report import columns_of, no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
+from ..analysis.shown import in_unit, shown
 from ..transmission import Transmission
 
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
@@ -56,10 +57,11 @@ def report_document(report: dict, problems: list[str]) -> str:
 
 
 def _shift_table(report: dict, box: Transmission) -> str:
-    columns, rows = columns_of(box), report["shifts"]
+    columns, rows, errors = columns_of(box), report["shifts"], report.get("uncertainty") or []
     table = [["shift", *(heading for heading, *_ in columns), "valid", "quality"]]
     for number, (row, verdict) in enumerate(zip(rows, verdicts_in(report)), 1):
-        cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in columns]
+        own = errors[number - 1] if number <= len(errors) else {}
+        cells = [shown(*in_unit(row.get(key), own.get(key), factor), digits) for _, key, factor, digits in columns]
         title = numbered_way(number, row, box, ARROW)
         table.append([title, *cells, "yes" if row.get("valid") else "**no**", (verdict or {}).get("grade") or "-"])
     if len(rows) <= WIDEST:

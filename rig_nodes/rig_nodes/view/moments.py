@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, without_slip
-from ..analysis.phases import FILL, INERTIA, TORQUE, Part, moments_of, phases_of, times_of
+from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, Part, moments_of, phases_of, times_of
 from ..bags import cdr
 from ..bags.reader import UNREADABLE
 from ..errors import RigError
@@ -37,8 +37,9 @@ EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values
 STEP = 8.0  # s; part of a long stretch that is in memory at a time
 COARSE = 4  # with at least so many moments in one column, they are drawn at 1 kHz
-FILLING, LOCKED = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0)
-PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INERTIA: ALARM}
+FILLING, LOCKED, UNDRIVEN = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0), (0xA8, 0x3E, 0xA8)
+PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INTERRUPTED: UNDRIVEN, INERTIA: ALARM}
+MARK_COLOURS: dict[str, Colour] = {"kiss point": WAITING, "departure": ALARM, "lock-up": LOCKED}
 TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
 BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
 
@@ -128,7 +129,9 @@ def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
     lanes: dict[str, list[tuple[Part, Colour]]] = {}
     if row is not None:
         since = [Part(one.name, one.start - shift.order, one.end - shift.order) for one in phases_of(row)]
-        lanes["phases"] = [(one, PHASE_COLOURS[one.name]) for one in since]
+        for one in since:  # a lane shows one phase at a time; one that overlaps another has a lane of its own
+            apart = any(one.start < part.end - 1e-9 for part, _ in lanes.get("phases", []))
+            lanes.setdefault(one.name if apart else "phases", []).append((one, PHASE_COLOURS[one.name]))
         if not overlaid:
             spans = {
                 one.name: Part(f"{one.name} {1e3 * (one.end - one.start):.0f} ms", one.start, one.end) for one in times_of(row)
@@ -137,9 +140,8 @@ def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
             for lane, names in (("t_c_t_o", ("t_c", "t_o")), ("t_d", ("t_d",)), ("t_p", ("t_p",))):
                 if bars := [(moved[name], SETTLING if name == "t_o" else TIME_COLOUR) for name in names if name in moved]:
                     lanes[lane] = bars
-            begins = [(one.start, PHASE_COLOURS[one.name]) for one in since if one.name != FILL]
-            locked = moments_of(row).get("lock-up")
-            marks += begins + ([] if locked is None else [(locked - shift.order, LOCKED)])
+            moments = moments_of(row)
+            marks += [(moments[name] - shift.order, colour) for name, colour in MARK_COLOURS.items() if name in moments]
     start, end = shift.window
     return Moment(
         f"shift_{shift.number}", shift.title, shift.order, start - shift.order, end - shift.order, tuple(marks), lanes, {}

@@ -18,7 +18,8 @@ from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
 from ..analysis.no_change import measured_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
 from ..analysis.report import columns_of, shown_transmission, verdicts_in
-from ..analysis.results import ENDS, Result, name_and_unit, number, results_of
+from ..analysis.results import ENDS, Result, name_and_unit, number, results_of, spread_cells
+from ..analysis.shown import shown
 from ..analysis.state_at_order import begun_lines
 from ..transmission import Transmission
 from .html_page import Cell, page, table
@@ -163,8 +164,8 @@ def _controller(controller: Mapping) -> str:
 def _limits(verdicts: Sequence[Mapping]) -> list[str]:
     rows: list[list[Cell]] = []
     for one in verdicts:
-        value, error = (number(one[key], one["digits"]) for key in ("value", "error"))
-        value = (value or "-") + (f"\n± {error}" if error else "")
+        error = number(one["error"], one["digits"])
+        value = shown(one["value"], one["error"], one["digits"]) + (f"\n± {error}" if error else "")
         unit = "" if one["unit"] == "-" else one["unit"]
         css = one["verdict"].replace(" ", "").replace("notfound", "missed")
         rows.append([f"{one['name']}\n{one['place']}", value, range_text(one), unit, (one["verdict"], css)])
@@ -252,7 +253,11 @@ def _bench(report: Mapping) -> list[str]:
 def _plots(plots: Plots) -> list[str]:
     figures = plots.shift_figures()
     note = f"Plots of the first {MOST_SHIFTS} shifts; {plots.left_out} more are in the bag." if plots.left_out else ""
-    legend = "Shaded: fill, torque phase and inertia phase. Dashed lines: order, kiss point and lock-up." if figures else ""
+    legend = (
+        "Shaded: the phases, as the bars name them. Dashed lines: order, kiss point, departure of the output, lock-up."
+        if figures
+        else ""
+    )
     return [
         *_section(
             "Plots of the shifts", [_words([legend], "note") if legend else "", *figures, _words([note], "note") if note else ""]
@@ -361,10 +366,11 @@ def campaign_page(
     """
     head, rows = runs
     verdicts, listed = limits
-    ends = ["lowest", "mean", "highest", *(["error"] if any(row["error"] is not None for row in spread) else [])]
+    known = any(row["error"] is not None for row in spread)
+    ends = ["lowest", "mean", "highest", *(["error"] if known else [])]
     numbers = [
-        [row["kind"], row["name"], "" if row["unit"] == "-" else row["unit"], str(row["runs"])]
-        + [number(row[key], row["digits"]) for key in ends]
+        [row["kind"], row["name"], "" if row["unit"] == "-" else row["unit"], str(row["runs"]), *spread_cells(row)]
+        + ([number(row["error"], row["digits"])] if known else [])
         for row in spread
     ]
     return page(

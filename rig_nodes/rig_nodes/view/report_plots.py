@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.phases import FILL, INERTIA, TORQUE, moments_of, phases_of, times_of
+from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, moments_of, phases_of, times_of
 from ..analysis.ranges import LOGGER
 from ..analysis.report import shift_name
 from ..bags.pieces import PIECE
@@ -29,8 +29,13 @@ if TYPE_CHECKING:
 
 MOST_SHIFTS = 12  # largest number of shifts whose plots are on a page
 BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order, after the settled torque, and after an order without an end
-PHASES = {FILL: "#4a90d9", TORQUE: "#e0a020", INERTIA: "#58a05a"}
-ENDS = {FILL: "fill, to the kiss point", TORQUE: "torque phase", INERTIA: "inertia phase, to lock-up"}
+PHASES = {FILL: "#4a90d9", TORQUE: "#e0a020", INTERRUPTED: "#c04040", INERTIA: "#58a05a"}
+ENDS = {
+    FILL: "fill, to the kiss point",
+    TORQUE: TORQUE,
+    INTERRUPTED: "interrupted: no clutch carries",
+    INERTIA: "inertia phase, to lock-up",
+}
 TIME = "#666"
 SPARE = (*COLOURS[4:], *COLOURS[:4])  # colours of signals without one of their own, those least like the others first
 

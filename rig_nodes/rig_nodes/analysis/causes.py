@@ -1,0 +1,97 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Why the input torque of a shift was high or low, from what both clutches carried at that instant, and what to change.
+
+analysis.quality adds it to its reasons. Torques are reduced to the input shaft; a positive one drives the output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..transmission import Clutch, Shift, Transmission
+from .course import LEAST_TORQUE, asked_of_input
+
+LOCKED = 2e-3  # s after lock-up from which the gear counts as engaged
+TIED = 0.25  # share of the engaging clutch's torque from which the releasing one that opposes it is named as a cause
+SWING = 0.3  # s after lock-up within which the course of the torque is still that of the shift
+
+
+def cause(row: Mapping, box: Transmission, which: str) -> str:
+    """Return the cause of the highest or the lowest input torque with its remedy; empty when the torques do not show one.
+
+    With A and B the torques of both clutches, a and b the ratios of their gears and a the larger one, the input torque is
+    A + B = (a A + b B) / b - A (a / b - 1). The first part reaches the output: it drives the load and accelerates it, it is small
+    in a hole, and negative where a clutch brakes the output. The second part counts when A is negative while B is not: both gears
+    are held at once, a tie-up, which can only raise the input torque. After lock-up neither clutch decides.
+
+    Parameters
+    ----------
+    row : mapping
+        Row of metrics.shift_metrics, with ``torques``.
+    box : Transmission
+        The transmission.
+    which : str
+        ``high`` or ``low``.
+    """
+    found, asked = (row.get("torques") or {}).get(which), asked_of_input(row, box)
+    at, reached = row[f"t_{which}_s"], row[f"input_torque_{which}_nm"]
+    if found is None or asked is None or asked < 0.0 or at is None:
+        return ""
+    moved = box.shift(row["from_gear"], row["to_gear"])
+    old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
+    releasing, engaging, clear = found["releasing"], found["engaging"], max(found["error"], LEAST_TORQUE)
+    opposed = releasing * engaging < 0.0 and min(abs(releasing), abs(engaging)) > clear
+    step = abs(box.ratios[row["from_gear"]] / box.ratios[row["to_gear"]])
+    slower, step = (releasing, step) if step > 1.0 else (engaging, 1.0 / step)
+    tied = f"{old} carries {releasing:.0f} Nm and {new} {engaging:.0f} Nm, a tie-up: release {old} earlier or engage {new} later"
+    if which == "low":
+        return _cause_of_low(row, box, (releasing, engaging), clear, moved)
+    if opposed and max(0.0, -slower) * (step - 1.0) >= 0.5 * (reached - asked):
+        return tied
+    if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
+        return _swing(row, at, moved.engaging, new)
+    if engaging > max(releasing, asked):
+        against = f" against {-releasing:.0f} Nm of {old}" if opposed else ""
+        late = f"release {old} earlier and " if opposed and -releasing > TIED * engaging else ""
+        return (
+            f"{new} carries {engaging:.0f} Nm as it slips{against}, and the load requires {asked:.0f} Nm: "
+            f"{late}{_softer(moved.engaging, new)}"
+        )
+    return ""
+
+
+def _cause_of_low(row: Mapping, box: Transmission, carried: tuple[float, float], clear: float, moved: Shift) -> str:
+    (releasing, engaging), at = carried, row["t_low_s"]
+    old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
+    if engaging < -clear:
+        return f"{new} carries {engaging:.0f} Nm and brakes the output: engage {new} later, or {_softer(moved.engaging, new)}"
+    if releasing < -clear:
+        return f"{old} carries {releasing:.0f} Nm and brakes the output: release {old} earlier"
+    if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
+        return _swing(row, at, moved.engaging, new)
+    if releasing + engaging < 0.9 * (asked_of_input(row, box, least=True) or 0.0):
+        both = f"{old} and {new} together carry {releasing + engaging:.0f} Nm"
+        return f"{both}, a torque hole: engage {new} earlier or release {old} later"
+    return ""
+
+
+def _named(clutches: tuple[Clutch, ...], else_: str) -> str:
+    return " and ".join(clutch.name for clutch in clutches) or else_
+
+
+def _softer(clutches: tuple[Clutch, ...], name: str) -> str:
+    pressures = " and ".join(clutch.pressure for clutch in clutches if clutch.pressure)
+    return f"let {pressures} rise more slowly" if pressures else f"engage {name} more slowly"
+
+
+def _swing(row: Mapping, at: float, clutches: tuple[Clutch, ...], name: str) -> str:
+    """Return the cause of an extreme behind lock-up; empty when it is so late that the drive or the load made it."""
+    after = at - row["t_c_s"]
+    if after > SWING or row["t_p_s"] is None:
+        return ""
+    return (
+        f"{1e3 * after:.0f} ms after lock-up, as inertia swings on: the speeds were drawn together in {1e3 * row['t_p_s']:.0f} ms; "
+        f"{_softer(clutches, name)}"
+    )

@@ -1,0 +1,163 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Signals at the end of their transducer's range, where the true value lies beyond what is shown.
+
+analysis.metrics infers nothing from such a signal in a shift, and analysis.report names every one of a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..catalogue import catalogue
+from ..errors import RigError
+from ..transmission import ranges_of
+
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
+    from ..catalogue import Signal
+    from .gathered import Gathered
+    from .metrics import _Shift
+
+RPM = 30.0 / np.pi
+BEYOND = "its true values lie beyond, and nothing is concluded from it"
+ROOM = 1e-3  # share of the range that counts as its end: two steps of a converter of 12 bits with a sign
+
+
+def at_an_end(values: np.ndarray, ends: tuple[float, float], from_zero: bool = False) -> np.ndarray:
+    """Return where a signal shows an end of its range.
+
+    The lower end counts for a transducer that measures both signs. The one of a transducer that begins at zero is where a
+    pressure or a speed rests; it counts when the true value is known to go below. A signal that goes beyond an end is of another
+    transducer than the rig's.
+
+    Parameters
+    ----------
+    values : (n,) array of float
+        The signal [SI].
+    ends : (float, float)
+        What its transducer can show (Transmission.ranges).
+    from_zero : bool
+        True to count the lower end in any case.
+
+    Returns
+    -------
+    (n,) array of bool
+        Where it is at an end.
+    """
+    low, high = ends
+    room = ROOM * (high - low)
+    out = np.zeros(len(values), dtype=bool)
+    if not len(values) or not np.nanmax(np.abs(values)) <= high + room:
+        return out
+    out = np.asarray(values) >= high - room
+    if from_zero or low <= -high:
+        out = out | (np.asarray(values) <= low + room)
+    return out
+
+
+def drop_clipped(shift: _Shift, row: dict, last: int) -> None:
+    """Take out of ``row`` what a channel at the end of its range would decide, with the reason in place of its inferences."""
+    into, out = shift.box.input, shift.box.output
+    backwards = any(shift.box.ratios.get(gear, 1.0) < 0.0 for gear in (shift.old, shift.new))
+    moved = [clutch.pressure for clutch in (*shift.shift.releasing, *shift.shift.engaging)]
+    for name in (into.speed, out.speed, into.torque, out.torque, *moved):  # a speed takes all other reasons away
+        if (ends := shift.box.ranges.get(name)) is None:
+            continue
+        clipped = at_an_end(shift.raw[name][: last + 1], ends, name == out.speed and backwards)
+        if not clipped.any():
+            continue
+        row["clipped"] = [*(row["clipped"] or []), name]
+        shift.why[:] = [] if name in (into.speed, out.speed) else [one for one in shift.why if not one.startswith(f"{name} ")]
+        for key in _decided_by(shift, row, name, bool(clipped[: shift.order].any())):
+            row[key] = None
+        if name == into.torque and shift.raw[name][: last + 1].max() > 0.5 * ends[1]:
+            row["input_torque_at_least_nm"] = ends[1]
+        end = ends[int(abs(shift.raw[name][int(clipped.argmax())] - ends[1]) < ROOM * (ends[1] - ends[0]))]
+        seconds = np.count_nonzero(clipped) * shift.period
+        shift.why.append(f"{name} is at the end of its range, {_spoken(shift, name, end)}, for {seconds:.3f} s; {BEYOND}")
+
+
+def _decided_by(shift: _Shift, row: dict, name: str, before: bool) -> list[str]:
+    """Return the keys of a row that a channel decides; ``before`` the order also those of the state that the shift starts from."""
+    into, out = shift.box.input, shift.box.output
+    keep = {"from_gear", "to_gear", "t_order_s", "why", "valid", "clipped", "input_torque_at_least_nm"}
+    if name in (into.speed, out.speed):
+        keep |= {"output_torque_nm", "overlap_s", "overlap_mpas", "kiss_s", "kiss_mpas"} | (
+            set() if name == into.speed and before else {"input_speed_rpm"}
+        )
+        return [key for key in row if key not in keep]
+    if name == into.torque:
+        torques = ("input_torque_high_nm", "t_high_s", "input_torque_low_nm", "t_low_s", "reversed_s", "t_o_s", "torques")
+        return ["input_torque_max_nm", "e_loss_j", "e_loss_settled_j", *torques]
+    if name == out.torque:
+        return ["e_loss_j", "e_loss_settled_j", *(["output_torque_nm", "reversed_s"] if before else [])]
+    window = ("t_dt_s", "input_torque_max_nm", "output_speed_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
+    return ["overlap_s", *window]
+
+
+def _spoken(shift: _Shift, name: str, value: float) -> str:
+    """Return a value of a channel in the unit in which people read it."""
+    into, out = shift.box.input, shift.box.output
+    if name in (into.torque, out.torque):
+        return f"{value:z.4g} Nm"
+    return f"{value * RPM:z.4g} rpm" if name in (into.speed, out.speed) else f"{value / 1e6:z.4g} MPa"
+
+
+class Clipping:
+    """Counts the rows of a run's logger in which a signal is at the end of its range, piece by piece."""
+
+    def __init__(self, ranges: Mapping[str, tuple[float, float]]) -> None:
+        """Prepare; ``ranges`` is that of the transmission or of transmission.ranges_of."""
+        self._ranges = ranges
+        self._seconds: dict[str, float] = {}
+        self._beyond: set[str] = set()
+
+    def add(self, channels: Mapping[str, np.ndarray], period: float) -> None:
+        """Add rows of the logger's channels [SI], ``period`` seconds apart."""
+        for name, ends in self._ranges.items():
+            values = np.asarray(channels.get(name, ()), dtype=float)
+            values = values[np.isfinite(values)]
+            if not len(values):
+                continue
+            if np.abs(values).max() > ends[1] + ROOM * (ends[1] - ends[0]):
+                self._beyond.add(name)
+            rows = int(np.count_nonzero(at_an_end(values, ends)))
+            self._seconds[name] = self._seconds.get(name, 0.0) + rows * period
+
+    def sentences(self, signals: Mapping[str, Signal]) -> list[str]:
+        """Return a sentence on each signal that was at an end of its range; ``signals`` is the catalogue's."""
+        out = []
+        for name, seconds in self._seconds.items():
+            if seconds and name not in self._beyond and (one := signals.get(name)):
+                end = float(one.shown(np.array([self._ranges[name][1]]))[0])
+                out.append(
+                    f"{name} was at the end of its range, {end:.4g} {one.display_unit}, for {seconds:.4g} s: "
+                    "its true values there lie beyond"
+                )
+        return out
+
+
+def clipped_in(bag: Bag | Gathered, record: Mapping) -> list[str]:
+    """Return a sentence on each signal of a bag's logger that was at an end of its range; none for a bag without rows.
+
+    Parameters
+    ----------
+    bag : Bag or Gathered
+        The bag.
+    record : mapping
+        The record of its rig.
+    """
+    clipping = getattr(bag, "clipping", None)
+    if clipping is None:
+        clipping = Clipping(ranges_of(bag.structure, record))
+        try:
+            logger = bag.logger(fill=True)
+        except RigError:
+            return []  # the report gives the reason
+        clipping.add(logger.channels, logger.period)
+    return clipping.sentences(catalogue(record).signals)

@@ -1,0 +1,134 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the releasing and the engaging clutch carry at one instant of a shift, reduced to the input shaft.
+
+The verdict's reasons follow from it (analysis.causes). A simulated run records the torque of each clutch; in a measured one it is
+what the balances of both shafts leave, with an error that the losses and the accelerations make large.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import RigError
+from .clutch_pressures import pressed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ..bags.reader import Bag
+    from ..transmission import Transmission
+    from .gathered import Gathered
+    from .metrics import _Shift
+
+STATE = ("torque", "slip")
+SHAFTS, SPEEDS = "/gearbox/state", ("speed_in", "speed_out")
+CORNER, SLOPE = 1e-3, 8e-3  # s; an acceleration is taken over SLOPE, up to CORNER before the instant, because lock-up is a corner
+TORQUE_ERROR = 1.01  # Nm, thesis tab. 7.1
+
+
+def split_by_logger(shift: _Shift, at: int) -> dict[str, float] | None:
+    """Return the torques of both clutches from the logger's channels.
+
+    With ``a`` and ``b`` the ratios of both gears, the torques A and B that their clutches pass on from the input shaft satisfy
+    A + B = M_in and a A + b B = M_out + J dw_out/dt + loss; the loss is that before the order. A clutch whose pressure lies below
+    its kiss pressure carries nothing, which needs no second balance.
+
+    Parameters
+    ----------
+    shift : _Shift
+        The shift.
+    at : int
+        The sample.
+
+    Returns
+    -------
+    dict or None
+        ``releasing``, ``engaging`` and their largest ``error`` [Nm]; None from neutral and next to the order.
+    """
+    box, corner, span = shift.box, shift.samples(CORNER), shift.samples(SLOPE)
+    if shift.old is None or at - corner - span < 0 or span < 4:
+        return None
+    part = slice(at - corner - span, at - corner)
+    a, b = box.ratios[shift.old], box.ratios[shift.new]
+    carried = float(shift.smooth[box.input.torque][at])
+    for clutches, empty, full in (
+        (shift.shift.engaging, "engaging", "releasing"),
+        (shift.shift.releasing, "releasing", "engaging"),
+    ):
+        if clutches and not pressed(shift, clutches)[at - shift.order]:
+            return {full: carried, empty: 0.0, "error": TORQUE_ERROR}
+    loss = a * shift.before(box.input.torque) - shift.before(box.output.torque)
+    growth = float(np.polyfit(shift.period * np.arange(span), shift.raw[box.output.speed][part], 1)[0])
+    into, out = (float(np.mean(shift.raw[end.torque][part])) for end in (box.input, box.output))
+    engaging = (a * into - out - loss - box.inertias.on_output * growth) / (a - b)
+    error = (abs(loss) + TORQUE_ERROR * (abs(a) + 1.0)) / abs(a - b)
+    return {"releasing": carried - engaging, "engaging": engaging, "error": error}
+
+
+def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> None:
+    """Replace the torques of rows by those that a simulated run has recorded; a bag without them leaves the rows as they are.
+
+    Parameters
+    ----------
+    bag : Bag or Gathered
+        The recording.
+    rows : list of dict
+        Rows of metrics.shift_metrics.
+    box : Transmission
+        The transmission.
+    """
+    try:
+        known = {clutch.name: bag.fields(clutch.state, list(STATE)) for clutch in box.clutches} if rows else {}
+        t, speeds = bag.fields(SHAFTS, list(SPEEDS)) if rows else (np.empty(0), [])
+    except RigError:
+        return  # a bag of another version
+    if not len(t) or not all(len(one[0]) for one in known.values()):
+        return
+    for row in rows:
+        moved = box.shift(row["from_gear"], row["to_gear"])
+        if not row.get("torques") or len(moved.engaging) > 1 or len(moved.releasing) > 1:
+            continue  # with two clutches for one gear, a torque of one is no torque of the gear
+        for name in row["torques"] if box.changes(row["from_gear"], row["to_gear"]) else ():
+            at, carried = row["t_order_s"] + row[f"t_{name}_s"], row[f"input_torque_{name}_nm"]
+            found = {
+                role: _reduced(known[one.name], box.ratios[gear], (t, *speeds), row["t_order_s"], at)
+                for role, those, gear in (
+                    ("releasing", moved.releasing, row["from_gear"]),
+                    ("engaging", moved.engaging, row["to_gear"]),
+                )
+                for one in those
+            }
+            if found:
+                row["torques"][name] = _nearest(found, carried)
+
+
+def _reduced(
+    state: tuple[np.ndarray, list[np.ndarray]], ratio: float, shafts: tuple[np.ndarray, ...], order: float, at: float
+) -> np.ndarray:
+    """Return a clutch's torque reduced to the input, at the states before and behind an instant [Nm].
+
+    Its power is torque times slip in the clutch and torque times slip of the gear at the input shaft, so the ratio of the slips,
+    taken where they are largest around the shift, is that of the torques.
+    """
+    t, (torque, slip) = state
+    near = np.flatnonzero((t > order - 0.2) & (t < at + 0.2))
+    w_in, w_out = (np.interp(t[near], shafts[0], one) for one in shafts[1:])
+    of_gear = w_in - ratio * w_out
+    widest = int(np.abs(of_gear).argmax())
+    lever = slip[near][widest] / of_gear[widest]
+    behind = min(max(int(np.searchsorted(t, at)), 1), len(t) - 1)
+    return lever * torque[behind - 1 : behind + 1]
+
+
+def _nearest(found: Mapping[str, np.ndarray], carried: float) -> dict[str, float]:
+    """Return the torques at the state whose sum comes nearest to the input torque; a gear without a clutch has the rest."""
+    both = np.sum(list(found.values()), axis=0)
+    at = int(np.abs(both - carried).argmin())
+    out = {role: float(values[at]) for role, values in found.items()}
+    for role in ("releasing", "engaging"):
+        out.setdefault(role, carried - float(both[at]))
+    return {**out, "error": 0.0}
