@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 from ..transmission import Transmission
 from .causes import cause
-from .course import asked_of_input
+from .course import LEAST_TORQUE, asked_of_input
 from .metrics import RPM, STANDSTILL
 
 GOOD, FAIR, POOR, FAILED = GRADES = ("good", "fair", "poor", "failed")  # from the best to the worst
@@ -26,7 +26,10 @@ SLOW_UP, SLOW_DOWN, UNTUNED = 0.725, 0.5, 1.0
 # Highest input torque by that which the load asks: the last application factor of ISO 6336-6 table B.1, for heavy shocks of motor
 # and machine. A higher peak alone makes a shift no worse than fair, because the laboratory accepted such peaks at small loads.
 SHOCK = 2.25
-HOLE = 0.5  # lowest input torque by that which the load asks in the gear that asks less; this project's choice
+# Lowest input torque by that which the load asks in the gear that asks less: a hole, and a reversal. Before a power-on shift down
+# meets its new speed, the new clutch brakes the output even at its kiss point, which no setting avoids; so a reversal counts from
+# the load's own torque on. Both are this project's choice.
+HOLE, REVERSAL = 0.5, -1.0
 
 
 def quality_of(row: Mapping, box: Transmission) -> dict | None:
@@ -115,7 +118,9 @@ def _hole(row: Mapping, box: Transmission) -> float | None:
     asked, low = asked_of_input(row, box, least=True), row.get("input_torque_low_nm")
     if asked is None or low is None or asked < 0.0 or box.turns_round(row["from_gear"], row["to_gear"]):
         return None
-    return low / asked if low < HOLE * asked else None
+    found = (row.get("torques") or {}).get("low")
+    brakes = found["engaging"] < -LEAST_TORQUE if found else bool(row.get("reversed_s"))
+    return low / asked if low < (REVERSAL if brakes else HOLE) * asked else None
 
 
 def peak_ratio(row: Mapping, box: Transmission) -> float | None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +45,7 @@ def main(args: argparse.Namespace) -> int:
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
-    print("\n".join(_summary(config)))
+    print("\n".join([*_summary(config), *_short_ranges(config)]))
     for path in _sequences(args.rig):
         sequence = load_sequence(path, None, args.rig)
         sequence.check_rig(config)
@@ -91,6 +92,23 @@ def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
     if (folder / CALIBRATION_FILE).is_file():
         stages, _ = own_calibration(rig, config)
         yield f"calibration: {', '.join(f'{stage}.{name}' for stage, those in stages.items() for name in those)}"
+
+
+def _short_ranges(config: RigConfig) -> Iterator[str]:
+    """Yield a warning when the output can turn faster than its transducer shows, in the gear in which it turns fastest."""
+    if not config.structure.gears:
+        return
+    box = config.transmission
+    into, out = (next(one for one in config.structure.transducers if one.name == end.speed) for end in (box.input, box.output))
+    fastest = min(box.gears[1:], key=lambda gear: abs(gear.ratio or 0.0))
+    speed, end = into.high / abs(box.ratios[fastest.number]), box.ranges.get(out.name, (0.0, float("inf")))[1]
+    if speed > end:
+        rpm = 30.0 / pi
+        yield (
+            f"warning: gear {fastest.name} turns the output at {speed * rpm:.0f} rpm when {into.name} is at {into.high * rpm:.0f}"
+            f" rpm, and {out.name} shows at most {end * rpm:.0f} rpm: raise instruments.{out.like}_range, because shifts beyond "
+            "it have no results"
+        )
 
 
 def _summary(config: RigConfig) -> Iterator[str]:

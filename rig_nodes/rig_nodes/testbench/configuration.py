@@ -22,7 +22,7 @@ from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown, 
 from ..config.schema import build, check_keys, entry, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
-from ..description.driveline import build_driveline, inertias_of, inputs_of, overrunning
+from ..description.driveline import build_driveline, held_ratio, inertias_of, inputs_of, overrunning
 from ..description.read import DEVICE_KEYS, KEYS, MESH_KEYS, read_structure
 from ..description.read_elements import GROUPS
 from ..description.sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
@@ -33,6 +33,7 @@ from ..description.transducer_types import TRANSDUCER_TYPES
 from ..engine.outside import NOT_DEVICES, cuttable, why_not
 from ..errors import RigError, brief
 from ..parts import part as parts
+from ..plant.driveline_system import System
 from ..transmission import Transmission, made_of, tied_to
 from .cross_checks import cross_check
 from .prescribed import Prescribed, read_prescribed
@@ -367,10 +368,23 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
                 f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.held)} held alone: {error}; "
                 "a gear's clutches give the output one speed"
             ) from None
+        _check_direction(system, gear.held, structure, node, path, str(gear.name))
         if lets_go:
             raise RigError(
                 f"{where_of(path, node['parts'][lets_go[0]], 'joins')}: parts.{lets_go[0]}.joins: it overruns as the input "
                 f"drives in gear {gear.name}, which it is to hold; name its two bodies the other way round"
+            )
+
+
+def _check_direction(system: System, held: tuple[str, ...], structure: Structure, node: Map, path: str | Path, gear: str) -> None:
+    """Refuse transducers of the output that begin at zero where a gear turns it backwards."""
+    if held_ratio(system, held, structure.input.body, structure.output.body) > 0.0:
+        return
+    for one in structure.transducers:
+        if one.name in (structure.output.speed, structure.output.torque) and one.low >= 0.0:
+            raise RigError(
+                f"{where_of(path, node['transducers'][one.name], 'range')}: transducers.{one.name}.range begins at "
+                f"{one.low:g}, but gear {gear} turns the output backwards, which it could not show; give it both signs"
             )
 
 

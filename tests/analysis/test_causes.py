@@ -1,0 +1,109 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The reason for a peak or a low of the input torque: from what both clutches carried at that instant, with what helps."""
+
+import json
+import re
+
+import pytest
+from synthetic_shift import Shift
+
+from rig_nodes.analysis.causes import cause
+from rig_nodes.analysis.clutch_torques import put_states
+from rig_nodes.analysis.metrics import shifts
+from rig_nodes.analysis.report import recording_of
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.transmission import transmission_of
+
+BOX = transmission_of()
+
+
+@pytest.fixture(scope="module")
+def row():
+    (found,) = shifts(Shift(peak=250.0).recording())
+    return found | {"t_low_s": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("which", "releasing", "engaging", "words"),
+    [
+        ("high", -5.0, 255.0, "S2 carries 255 Nm as it slips, and the load requires 78 Nm: let p2 rise more slowly"),
+        ("high", -20.0, 270.0, "S2 carries 270 Nm as it slips against 20 Nm of S1"),
+        ("high", -200.0, 450.0, "release S1 earlier and let p2 rise more slowly"),
+        ("high", -300.0, 550.0, "S1 carries -300 Nm and S2 550 Nm, a tie-up: release S1 earlier or engage S2 later"),
+        ("high", 250.0, 0.0, ""),
+        ("low", 12.0, 8.0, "S1 and S2 together carry 20 Nm, a torque hole: engage S2 earlier or release S1 later"),
+        ("low", 140.0, -170.0, "S2 carries -170 Nm and brakes the output: engage S2 later, or let p2 rise more slowly"),
+        ("low", -60.0, 20.0, "S1 carries -60 Nm and brakes the output: release S1 earlier"),
+    ],
+)
+def test_each_state_of_the_clutches_has_its_cause(row, which, releasing, engaging, words):
+    torques = {which: {"releasing": releasing, "engaging": engaging, "error": 0.0}}
+    found = cause(row | {"torques": torques}, BOX, which)
+    assert words in found if words else found == ""
+    assert not ("hole" in found and "tie-up" in found)
+
+
+def test_a_torque_within_its_error_is_no_cause(row):
+    unsure = {"releasing": -60.0, "engaging": 310.0, "error": 67.0}
+    assert "against" not in cause(row | {"torques": {"high": unsure}}, BOX, "high")
+    assert cause(row | {"torques": {"high": None}}, BOX, "high") == "" == cause(row | {"torques": None}, BOX, "high")
+
+
+def test_behind_lock_up_inertia_is_named_and_later_nothing(row):
+    at = {"torques": {"high": {"releasing": 0.0, "engaging": 200.0, "error": 0.0}}}
+    text = cause(row | at | {"t_high_s": row["t_c_s"] + 0.067}, BOX, "high")
+    assert text == "67 ms after lock-up, as inertia swings on: the speeds were drawn together in 100 ms; let p2 rise more slowly"
+    assert cause(row | at | {"t_high_s": row["t_c_s"] + 0.5}, BOX, "high") == ""
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """A function that returns the folder of a simulated demo with some arguments, made once."""
+    made = {}
+
+    def run(*arguments):
+        if arguments not in made:
+            made[arguments] = tmp_path_factory.mktemp("runs") / "run"
+            assert main(["simulate", "demo", *arguments, "--out", str(made[arguments])]) == 0
+        return made[arguments]
+
+    return run
+
+
+def verdict(folder, number=0):
+    """Returns the reasons of a shift as one text, its row and its errors."""
+    report = json.loads((folder / "report.json").read_text())
+    return "; ".join(report["quality"][number]["reasons"]), report["shifts"][number], report["uncertainty"][number]
+
+
+def test_the_cause_of_one_peak_is_the_same_for_every_seed_and_its_remedy_helps(simulated):
+    (text, row, errors), (other, again, _) = (verdict(simulated(*one)) for one in ((), ("--seed", "5")))
+    assert "S2 carries" in text and "let p2 rise more slowly" in text and "tie-up" not in text and "pressed" not in text
+    assert re.sub(r"\d+", "#", other) == re.sub(r"\d+", "#", text)
+    assert abs(again["overlap_s"] - row["overlap_s"]) < errors["overlap_s"] < 0.05
+    softer, slow, _ = verdict(simulated("--set", "alfa46.output_2.P3.time=1400 ms"))
+    assert slow["input_torque_high_nm"] < row["input_torque_high_nm"] - 50.0 and "let p2 rise more slowly" in softer
+
+
+def test_a_clutch_that_comes_too_late_is_a_hole_and_the_delay_its_remedy(simulated):
+    late = "alfa46.t12=0 ms"
+    text, row, _ = verdict(simulated("--set", late))
+    assert "a torque hole: engage S2 earlier or release S1 later" in text and "tie-up" not in text
+    assert row["overlap_s"] < -0.1 and row["interrupted_s"] > 0.1
+    mended, earlier, _ = verdict(simulated())
+    assert "hole" not in mended and earlier["k"] > row["k"] + 0.3
+
+
+def test_the_logger_alone_gives_the_torques_within_their_error_and_the_same_remedy(simulated):
+    bag = Bag(simulated())
+    box = bag.transmission
+    measured, known = (shifts(recording_of(bag, box)) for _ in range(2))
+    put_states(bag, known, box)
+    for one, true in zip(measured, known, strict=True):
+        for name, found in one["torques"].items():
+            for role in ("releasing", "engaging"):
+                assert abs(found[role] - true["torques"][name][role]) <= found["error"], (one["to_gear"], name, role)
+    assert cause(measured[0], box, "high").rpartition(": ")[2] == cause(known[0], box, "high").rpartition(": ")[2]
