@@ -3,6 +3,7 @@
 
 """The reason for a peak or a low of the input torque: from what both clutches carried at that instant, with what helps."""
 
+import dataclasses
 import json
 import re
 
@@ -50,6 +51,13 @@ def test_a_torque_within_its_error_is_no_cause(row):
     unsure = {"releasing": -60.0, "engaging": 310.0, "error": 67.0}
     assert "against" not in cause(row | {"torques": {"high": unsure}}, BOX, "high")
     assert cause(row | {"torques": {"high": None}}, BOX, "high") == "" == cause(row | {"torques": None}, BOX, "high")
+
+
+def test_in_a_change_of_direction_torques_of_one_sign_are_the_tie_up(row):
+    gears = tuple(dataclasses.replace(one, ratio=-2.0) if one.name == "I" else one for one in BOX.gears)
+    round_ = dataclasses.replace(BOX, gears=gears)
+    both = {"torques": {"high": {"releasing": 109.0, "engaging": 73.0, "error": 0.0}}, "output_torque_nm": -80.0}
+    assert "a tie-up: release S1 earlier or engage S2 later" in cause(row | both, round_, "high")
 
 
 def test_behind_lock_up_inertia_is_named_and_later_nothing(row):

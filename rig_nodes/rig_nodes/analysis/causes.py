@@ -24,7 +24,8 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     With A and B the torques of both clutches, a and b the ratios of their gears and a the larger one, the input torque is
     A + B = (a A + b B) / b - A (a / b - 1). The first part reaches the output: it drives the load and accelerates it, it is small
     in a hole, and negative where a clutch brakes the output. The second part counts when A is negative while B is not: both gears
-    are held at once, a tie-up, which can only raise the input torque. After lock-up neither clutch decides.
+    are held at once, a tie-up, which can only raise the input torque. In a change of direction a / b is negative, and a tie-up is
+    A and B of one sign. After lock-up neither clutch decides.
 
     Parameters
     ----------
@@ -42,19 +43,19 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     moved = box.shift(row["from_gear"], row["to_gear"])
     old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
     releasing, engaging, clear = found["releasing"], found["engaging"], max(found["error"], LEAST_TORQUE)
-    opposed = releasing * engaging < 0.0 and min(abs(releasing), abs(engaging)) > clear
-    step = abs(box.ratios[row["from_gear"]] / box.ratios[row["to_gear"]])
-    slower, step = (releasing, step) if step > 1.0 else (engaging, 1.0 / step)
+    step = box.ratios[row["from_gear"]] / box.ratios[row["to_gear"]]
+    opposed = step * releasing * engaging < 0.0 and min(abs(releasing), abs(engaging)) > clear  # at the output
+    slower, step = (releasing, step) if abs(step) > 1.0 else (engaging, 1.0 / step)
     tied = f"{old} carries {releasing:.0f} Nm and {new} {engaging:.0f} Nm, a tie-up: release {old} earlier or engage {new} later"
     if which == "low":
         return _cause_of_low(row, box, (releasing, engaging), clear, moved)
-    if opposed and max(0.0, -slower) * (step - 1.0) >= 0.5 * (reached - asked):
+    if opposed and -slower * (step - 1.0) >= 0.5 * (reached - asked):
         return tied
     if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
         return _swing(row, at, moved.engaging, new)
     if engaging > max(releasing, asked):
-        against = f" against {-releasing:.0f} Nm of {old}" if opposed else ""
-        late = f"release {old} earlier and " if opposed and -releasing > TIED * engaging else ""
+        against = f" against {abs(releasing):.0f} Nm of {old}" if opposed else ""
+        late = f"release {old} earlier and " if opposed and abs(releasing) > TIED * engaging else ""
         return (
             f"{new} carries {engaging:.0f} Nm as it slips{against}, and the load requires {asked:.0f} Nm: "
             f"{late}{_softer(moved.engaging, new)}"

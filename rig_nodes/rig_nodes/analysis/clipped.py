@@ -73,7 +73,7 @@ def drop_clipped(shift: _Shift, row: dict, last: int) -> None:
             continue
         row["clipped"] = [*(row["clipped"] or []), name]
         shift.why[:] = [] if name in (into.speed, out.speed) else [one for one in shift.why if not one.startswith(f"{name} ")]
-        for key in _decided_by(shift, row, name, bool(clipped[: shift.order].any())):
+        for key in _decided_by(shift, row, name, bool(clipped[: shift.order].any()), bool(clipped[-1])):
             row[key] = None
         if name == into.torque and shift.raw[name][: last + 1].max() > 0.5 * ends[1]:
             row["input_torque_at_least_nm"] = ends[1]
@@ -82,8 +82,8 @@ def drop_clipped(shift: _Shift, row: dict, last: int) -> None:
         shift.why.append(f"{name} is at the end of its range, {_spoken(shift, name, end)}, for {seconds:.3f} s; {BEYOND}")
 
 
-def _decided_by(shift: _Shift, row: dict, name: str, before: bool) -> list[str]:
-    """Return the keys of a row that a channel decides; ``before`` the order also those of the state that the shift starts from."""
+def _decided_by(shift: _Shift, row: dict, name: str, before: bool, after: bool) -> list[str]:
+    """Return the keys of a row that a channel decides, also those of the state ``before`` the order or ``after`` the shift."""
     into, out = shift.box.input, shift.box.output
     keep = {"from_gear", "to_gear", "t_order_s", "why", "valid", "clipped", "input_torque_at_least_nm"}
     if name in (into.speed, out.speed):
@@ -92,8 +92,8 @@ def _decided_by(shift: _Shift, row: dict, name: str, before: bool) -> list[str]:
         )
         return [key for key in row if key not in keep]
     if name == into.torque:
-        torques = ("input_torque_high_nm", "t_high_s", "input_torque_low_nm", "t_low_s", "reversed_s", "t_o_s", "torques")
-        return ["input_torque_max_nm", "e_loss_j", "e_loss_settled_j", *torques]
+        torques = ("input_torque_high_nm", "t_high_s", "input_torque_low_nm", "t_low_s", "reversed_s", "torques")
+        return ["input_torque_max_nm", "e_loss_j", "e_loss_settled_j", *torques, *(["t_o_s"] if after else [])]
     if name == out.torque:
         return ["e_loss_j", "e_loss_settled_j", *(["output_torque_nm", "reversed_s"] if before else [])]
     window = ("t_dt_s", "input_torque_max_nm", "output_speed_min_rpm", "k", "e_loss_j", "e_loss_settled_j")

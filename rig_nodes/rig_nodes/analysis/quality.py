@@ -78,10 +78,10 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
 def _of_speed(row: Mapping, box: Transmission) -> list[tuple[str, str]]:
     """Return the reasons that the output speed gives; it is compared with that of the slower gear, as in k."""
     lowest = [abs(row[key]) for key in ("output_speed_min_rpm", "output_speed_low_rpm") if row.get(key) is not None]
+    if lowest and min(lowest) < STANDSTILL * RPM:
+        return [(FAILED, "the output stood still: the drive was interrupted")]
     if row["k"] is None or not lowest:
         return []
-    if min(lowest) < STANDSTILL * RPM:
-        return [(FAILED, "the output stood still: the drive was interrupted")]
     share = min(row["k"], min(lowest) / row["input_speed_rpm"] * box.slower_ratio(row["from_gear"], row["to_gear"]))
     if share >= K_DIP:
         return []
