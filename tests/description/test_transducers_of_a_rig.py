@@ -7,6 +7,7 @@ from dataclasses import MISSING
 
 import pytest
 
+from rig_nodes.cli.main import main
 from rig_nodes.config.units import UNITS
 from rig_nodes.description.quantities import QUANTITIES
 from rig_nodes.description.transducer_types import TRANSDUCER_TYPES
@@ -34,6 +35,37 @@ def test_the_sign_of_a_current_speaks_of_a_clutch_only_where_the_rig_says_so(var
     signals = load_rig(variant(f"transducers:\n  I_own: {added}\n")).catalogue.signals
     assert signals["I_own"].sign == "positive when it flows from its supply"
     assert signals["I_zr_p1"].sign == "positive opens supply to the clutch"
+
+
+BACKWARDS = """\
+meshes:
+  - {bodies: [w0, z3], teeth: [34, 47], reversed: yes, source: own}
+  - {bodies: [wk, intermediate_shaft], teeth: [41, 41], source: own}
+  - {bodies: [wk, z5], teeth: [41, 40], source: own}
+"""
+
+
+def test_an_output_that_a_gear_turns_backwards_needs_transducers_of_both_signs(variant):
+    with pytest.raises(RigError, match=r"rig.yaml:\d+: transducers.n_wyj.range begins at 0, but gear I turns the output backwards"):
+        load_rig(variant(BACKWARDS))
+    torque = "transducers: {n_wyj: {range: [-314.2 rad/s, 314.2 rad/s]}, M_wyj: {range: [0 Nm, 500 Nm]}}\n"
+    with pytest.raises(RigError, match=r"transducers.M_wyj.range begins at 0, but gear I turns the output backwards"):
+        load_rig(variant(BACKWARDS + torque))
+    both = load_rig(variant(BACKWARDS + torque.replace("[0 Nm", "[-500 Nm")))
+    assert both.transmission.ratios[1] == pytest.approx(-47 / 34)
+    assert both.transmission.ranges["n_wyj"][0] == -both.transmission.ranges["n_wyj"][1] < 0.0
+
+
+def test_check_warns_of_an_output_that_turns_faster_than_its_transducer_shows(variant, tmp_path, capsys):
+    like = "n_wyj: {like: n_out, range: [0 rpm, 2000 rpm]}"
+    folder = variant(
+        f"transducers: {{{like}}}\ninstruments: {{n_out_range: [2500 rpm, x], n_out_step: [1 rpm, x], n_out_gate: [2 ms, x]}}\n"
+    )
+    assert main(["check", str(folder), "--picture", str(tmp_path / "x.svg")]) == 0
+    warning = "warning: gear II turns the output at 2927 rpm when n_wej is at 3000 rpm, and n_wyj shows at most 2500 rpm"
+    assert warning in capsys.readouterr().out
+    assert main(["check", "hydmag", "--picture", str(tmp_path / "x.svg")]) == 0
+    assert "warning" not in capsys.readouterr().out
 
 
 def test_each_type_of_transducer_has_a_quantity_a_dimension_and_a_range():
