@@ -47,6 +47,38 @@ SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList
 Order = tuple[float, int, int]
 
 
+class Thinned:
+    """Every n-th row of all channels of a logger, so many that a long run takes no more memory than a short one."""
+
+    def __init__(self, length: float, most: int) -> None:
+        """Prepare for a run of some length [s] and a greatest number of rows."""
+        self._length, self._most = length, most
+        self._every, self._t0, self._period = 1, 0.0, 0.0
+        self._parts: list[tuple[int, dict[str, np.ndarray]]] = []  # number of the first row, of those that are kept
+
+    def add(self, first: int, logger: Logger) -> None:
+        """Take rows that begin with the row ``first`` of the run."""
+        if not self._parts:
+            self._t0, self._period = logger.t0, logger.period
+            self._every = max(1, ceil(self._length / logger.period / self._most))
+        skip = -first % self._every
+        self._parts.append(
+            ((first + skip) // self._every, {name: values[skip :: self._every].copy() for name, values in logger.channels.items()})
+        )
+
+    def recording(self, orders: Sequence[Order], box: Transmission) -> Recording:
+        """Return the rows as a recording with orders; NaN where rows are missing."""
+        channels = {}
+        for name in list(self._parts[-1][1]) if self._parts else ():
+            last, newest = self._parts[-1]
+            channels[name] = np.full(last + len(newest[name]), np.nan)
+            for first, part in self._parts:
+                values = part.pop(name)  # so that no channel is in memory twice
+                channels[name][first : first + len(values)] = values
+        self._parts.clear()
+        return Recording(self._t0, self._period * self._every, channels, list(orders), box)
+
+
 class Gathered:
     """What build_report asks of a bag, from its pieces.
 
@@ -69,7 +101,13 @@ class Gathered:
     """
 
     def __init__(
-        self, source: Path | str, small: Bag, orders: Sequence[Order], box: Transmission | None, annex_a: float | None = None
+        self,
+        source: Path | str,
+        small: Bag,
+        orders: Sequence[Order],
+        box: Transmission | None,
+        annex_a: float | None = None,
+        thinner: Thinned | None = None,
     ) -> None:
         """Prepare for the pieces.
 
@@ -85,12 +123,15 @@ class Gathered:
             Gears and clutches of the rig; None for a rig without gears.
         annex_a : float, optional
             Factor of Annex A's torque band, for its results too.
+        thinner : Thinned, optional
+            Keeps every n-th row, in place of what only a whole report needs.
         """
         self._source, self._small, self._orders, self._factor = source, small, list(orders), annex_a
         self._box = box
         self.path, self.types, self.damage = small.path, small.types, small.damage
         self.counts: Counter[str] = Counter(dict.fromkeys(small.types, 0))
         self.last, self.began = 0, False
+        self._thinner = thinner
         self.ranges = Ranges(small) if box is None else None
         # a run without a change between gears, or of a bench of a clutch, is measured as a whole
         self._whole = not any(box.changes(before, after) for _, before, after in orders) if box else pressed_clutch(small.structure)
@@ -101,7 +142,8 @@ class Gathered:
         self._parts: list[tuple[int, dict[str, np.ndarray]]] = []  # number of the first row, and channels
         self._last: Logger | None = None  # the newest rows
         self._t0, self._end = 0.0, 0  # time of row 0 [s], number of rows
-        self._refused: RigError | None = None
+        self._refused: RigError | None = None  # why rows cannot be used
+        self._too_long: RigError | None = None  # why they are not held
         self._numbers = Numbers()
         self._false_blocks: dict[str, str] = {}
         self._state: Any = None  # the rig's newest message of its state
@@ -109,7 +151,7 @@ class Gathered:
         self._not_counted: RigError | None = None
         self.clipping = Clipping(box.ranges if box is not None else ranges_of(small.structure, small.record))
         wanted: dict[str, list[str]] = {}
-        if box is not None:
+        if box is not None and thinner is None:
             wanted |= {topic: list(names.values()) for topic, names in energy.all_fields(small.structure, box).items()}
             wanted |= no_change.FIELDS if self._whole else {}
             for topic, names in state_at_order.fields(small.structure).items():
@@ -160,6 +202,8 @@ class Gathered:
             self._t0 = logger.t0
         first = round((logger.t0 - self._t0) / logger.period)
         self.clipping.add(logger.channels, logger.period)
+        if self._thinner is not None:
+            self._thinner.add(first, logger)
         # copies, because the channels of a logger are views of all its columns
         names = logger.channels if self._box is None else [name for name in self._box.channels if name in logger.channels]
         self._parts.append((first, {name: logger.channels[name].copy() for name in names}))
@@ -167,7 +211,7 @@ class Gathered:
         if self._whole:
             if (self._end - 1) * logger.period > WHOLE:
                 self._parts.clear()
-                raise RigError(
+                self._too_long = RigError(
                     f"a run of more than {WHOLE:g} s in which no gear is changed is not measured as a whole; cut a part out of it "
                     "with ./rig bag cut"
                 )
@@ -222,8 +266,8 @@ class Gathered:
 
     def _check_rows(self) -> float:
         """Return the period of the rows [s]; raise the error why there are none."""
-        if self._refused:
-            raise self._refused
+        if refused := self._refused or self._too_long:
+            raise refused
         return (self._last or self._small.logger(LOGGER)).period  # a bag without rows raises, with the reason
 
     def shifts(self) -> tuple[Recording, list[dict]]:
@@ -244,6 +288,18 @@ class Gathered:
         while self._due:
             self._close()
         return self._recording(self._end, self._end), self._rows
+
+    def thinned(self) -> Recording:
+        """Return every n-th row of the run, once, after the last piece.
+
+        Raises
+        ------
+        RigError
+            When the bag has no rows of the logger, or none that can be used.
+        """
+        if self._refused or not self._end:
+            self._check_rows()
+        return self._thinner.recording(self._orders, self._box)
 
     def by_annex_a(self) -> list[dict] | None:
         """Return the results by Annex A of each shift, after :meth:`shifts`; None where its recording has all rows.

@@ -34,7 +34,7 @@ from .comparison import annex_lines, truth_lines
 from .course import COURSE_KEYS
 from .definitions import reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
-from .gathered import SMALL, Gathered
+from .gathered import SMALL, Gathered, Thinned
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
@@ -162,7 +162,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
-def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None = None) -> Gathered:
+def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None = None, thinner: Thinned | None = None) -> Gathered:
     """Return what gathers the sources of build_report from the pieces of a bag.
 
     Parameters
@@ -175,6 +175,8 @@ def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None =
         As in :func:`build_report`.
     annex_a : float, optional
         As in :func:`build_report`.
+    thinner : Thinned, optional
+        As in Gathered.
 
     Raises
     ------
@@ -184,12 +186,14 @@ def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None =
     record = _record_of(small, run)
     try:
         box = transmission_of(record) if record["structure"]["gears"] else None
-        return Gathered(source, small, orders_in(small.events()), box, annex_a)
+        return Gathered(source, small, orders_in(small.events()), box, annex_a, thinner)
     except UNREADABLE as error:
         raise _no_rig(error) from None
 
 
-def gather(source: Path | str, run: dict | None = None, annex_a: float | None = None, recover: bool = False) -> Gathered:
+def gather(
+    source: Path | str, run: dict | None = None, annex_a: float | None = None, recover: bool = False, most_rows: int = 0
+) -> Gathered:
     """Return what build_report needs of a bag of any length, which is read piece by piece.
 
     Parameters
@@ -202,6 +206,8 @@ def gather(source: Path | str, run: dict | None = None, annex_a: float | None = 
         As in :func:`build_report`.
     recover : bool
         True to read the undamaged part of a cut or damaged bag.
+    most_rows : int
+        Rows of Gathered.thinned at most; 0 where it is not asked for.
 
     Raises
     ------
@@ -212,7 +218,8 @@ def gather(source: Path | str, run: dict | None = None, annex_a: float | None = 
     """
     with OpenedBags([source]) as opened:
         small = opened.bag([topic for topic, ros_type in opened.types.items() if ros_type in SMALL])
-    found = gathering(source, small, run or info_of(small), annex_a)
+        length = (opened.last - opened.first) / 1e9
+    found = gathering(source, small, run or info_of(small), annex_a, Thinned(length, most_rows) if most_rows else None)
     for piece in Bag.pieces(source, PIECE, recover):
         found.add(piece)
     return found
@@ -259,6 +266,21 @@ def _run_data(bag: Bag | Gathered, run: dict) -> dict:
         data["recorded_from_s"] = bag.recorded_from
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
+
+
+def shifts_report(bag: Gathered) -> dict:
+    """Return shifts and their largest errors, as in the report of a bag, or no shifts when it has no rows for them."""
+    try:
+        recording, rows = bag.shifts()
+    except RigError:
+        return {"shifts": []}
+    if not info_of(bag).get("imported"):
+        put_torques(bag, rows, recording.transmission)
+        put_states(bag, bag.record, recording.transmission, rows)
+    instruments = instruments_of(bag.record)
+    return plain(
+        {"shifts": rows, "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows]}
+    )
 
 
 def report_of_recording(recording: Recording, annex_a: float | None = None, record: Mapping | None = None) -> dict:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,23 +19,23 @@ from .alignment import Clock, align
 from .metrics import Recording
 from .moved import REST, differences
 from .report import plain, report_of_recording
-from .state_at_order import put_states, unlike
+from .state_at_order import unlike
 from .uncertainty import instruments_of
-
-if TYPE_CHECKING:
-    from ..bags.reader import Bag
 
 POINTS = 4000  # at most, of a drawn curve
 
 
 @dataclass(frozen=True)
 class Source:
-    """A recording to compare: its name for people, its rows and orders, the record of its rig, and its bag if it was simulated."""
+    """A recording to compare: its name for people, its rows and orders, and the record of its rig.
+
+    ``report`` holds its shifts, where they were found in more rows than ``recording`` has.
+    """
 
     name: str
     recording: Recording
     record: Mapping
-    bag: Bag | None = None
+    report: Mapping | None = None
 
 
 @dataclass(frozen=True)
@@ -113,12 +112,9 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
         orders = one.recording.orders or [order for order in moved if _covers(one.recording, order[0])]
         recordings.append(replace(one.recording, orders=orders))
     reports = [
-        report_of_recording(recording, None, one.record) if recording.orders else {"shifts": []}
+        one.report if one.report and one.recording.orders else _report_of(recording, one.record)
         for recording, one in zip(recordings, sources)
     ]
-    for one, report in zip(sources, reports):
-        if one.bag is not None and report["shifts"]:
-            put_states(one.bag, one.record, one.recording.transmission, report["shifts"])
     metrics = []
     shifts_of = [_numbered(reports[0], range(len(reports[0]["shifts"])))]
     for n, (one, clock, report) in enumerate(zip(sources[1:], clocks[1:], reports[1:]), 1):
@@ -139,7 +135,8 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
             found = _difference(values[0], other, errors[0].get(name), errors[n].get(name))
             signals.append({"run": n, "signal": name, **found})
         every = max(1, len(t) // POINTS)
-        curves.append(Curve(name, t[::every], [one[::every] for one in values]))
+        # copies, because a view would keep all rows of every signal in memory
+        curves.append(Curve(name, t[::every].copy(), [one[::every].copy() for one in values]))
     return Comparison([one.name for one in sources], clocks, metrics, signals, curves, _starts(sources, shifts_of))
 
 
@@ -172,6 +169,10 @@ def short_names(names: Sequence[str]) -> list[str]:
         if len(set(short)) == len(short):
             return short
     return [f"{name} ({number})" for number, name in enumerate(names, 1)]
+
+
+def _report_of(recording: Recording, record: Mapping) -> Mapping:
+    return report_of_recording(recording, None, record) if recording.orders else {"shifts": []}
 
 
 def _covers(recording: Recording, t: float) -> bool:

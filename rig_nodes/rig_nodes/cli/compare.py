@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 INTERMIXED = True
 LOST = 3  # exit code: compared, but something of a run is not in its bag
+MOST_ROWS = 2_000_000  # of all recordings together, 200 s at 10 kHz, that are laid over each other
 
 
 def main(args: argparse.Namespace) -> int:
@@ -78,9 +79,8 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 
     ``faults`` takes a sentence for each thing that makes a bag another recording than its run was.
     """
-    from ..analysis.report import info_of, recording_of
+    from ..analysis.report import gather, shifts_report
     from ..analysis.side_by_side import Source
-    from ..bags.reader import Bag
     from ..bags.rig_record import rig_record
     from ..bags.run_end import faults_of, with_end
     from ..config.names import DEFAULT_RIG
@@ -95,7 +95,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     files = [run for run in args.runs if is_loggers_file(run)]
     if (given := [name for name in ("profile", "rig", "orders", "period") if getattr(args, name) is not None]) and not files:
         raise RigError(f"--{given[0]} is for loggers' files; runs have their own")
-    bags = {run: Bag(run) for run in args.runs if run not in files}
+    bags = {run: gather(run, most_rows=MOST_ROWS // len(args.runs)) for run in args.runs if run not in files}
     for run, bag in bags.items():
         bag.check_began()
         if not bag.structure.gears:
@@ -109,12 +109,11 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     elif bags:
         first = next(iter(bags))
         record, named_by = bags[first].record, f"rig '{bags[first].record.get('name')}' of {first}"
+    runs = {run: Source(run, bag.thinned(), bag.record, shifts_report(bag)) for run, bag in bags.items()}
     sources = []
     for run in args.runs:
-        if run in bags:
-            bag = bags[run]
-            simulated = None if info_of(bag).get("imported") else bag
-            sources.append(Source(run, recording_of(bag, bag.transmission), bag.record, simulated))
+        if run in runs:
+            sources.append(runs[run])
             continue
         found = read_measurement(run, profile, record, named_by, args.orders)
         if found is None:

@@ -189,6 +189,9 @@ def _answer(arguments: list[str]) -> int:
         what, code = ended_by(stop)
         print(f"{os.linesep * sys.stderr.isatty()}rig: {what}; what was begun is not finished", file=sys.stderr)
         return code
+    except MemoryError:
+        print("rig: there is not enough memory for this; what was begun is not finished", file=sys.stderr)
+        return 1
     except BrokenPipeError:
         # The reader (head, less) has ended: this is not an error, and Python must not print one at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

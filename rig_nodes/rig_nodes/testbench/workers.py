@@ -256,6 +256,8 @@ def _answer(function: Callable[[Any], Any], item: Any) -> tuple[Exception | None
         return None, function(item)
     except RigError as error:
         return error, None
+    except MemoryError:
+        return RigError("there is not enough memory for this item; give it fewer jobs"), None
     except Exception:
         return RuntimeError(traceback.format_exc()), None
 
