@@ -4,8 +4,11 @@
 """Processes of campaigns: forked from a server that loads beside its caller, and one sentence when none can be started."""
 
 import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 from multiprocessing import forkserver
 
 import pytest
@@ -41,6 +44,21 @@ def test_a_server_that_cannot_be_started_is_said_in_a_sentence(monkeypatch):
     monkeypatch.setattr(forkserver, "ensure_running", refused)
     with pytest.raises(RigError, match=r"one job \(--jobs 1\) needs none \(AF_UNIX path too long; .*\)$"):
         Workers(2).__enter__()
+
+
+def slow(_item):
+    """Works far longer than a user waits."""
+    time.sleep(60.0)
+
+
+def test_an_interrupt_ends_the_items_that_have_begun():
+    with pytest.raises(KeyboardInterrupt), Workers(2) as workers:
+        pids = workers.pids()
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        began = time.monotonic()
+        workers.map(slow, range(4))
+    assert time.monotonic() - began < 3.0
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in pids)
 
 
 def test_an_interrupt_while_one_starts_waits_for_it():

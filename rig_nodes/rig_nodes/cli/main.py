@@ -164,6 +164,10 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments is None:
         arguments = sys.argv[1:]
         signal.signal(signal.SIGTERM, on_sigterm)
+        if arguments and arguments[0] in VERBS:
+            from rig_nodes.cli.temporary import own_folder
+
+            own_folder()
     with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)):
         return _answer(arguments)
 

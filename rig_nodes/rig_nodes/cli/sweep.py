@@ -125,7 +125,7 @@ def main(args: argparse.Namespace) -> int:
     if args.jobs > 1 and not args.dask:
         start_server("rig_nodes.sweep.run")
 
-    from ..sweep.run import manifest_of, run_sweep
+    from ..sweep.run import forget_unfinished, manifest_of, run_sweep
     from ..sweep.store import RESULTS, Store, parquet
 
     parquet()
@@ -148,6 +148,7 @@ def main(args: argparse.Namespace) -> int:
                     run_sweep(plan, store, stream, progress)
             except KeyboardInterrupt as stop:
                 interrupted = ended_by(stop)
+                forget_unfinished(store)
                 line.leave()
         seconds, now = time.monotonic() - start, len(store.done) - begun
         if not interrupted:

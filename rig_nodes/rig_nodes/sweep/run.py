@@ -104,6 +104,7 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
     int
         Number of members run.
     """
+    forget_unfinished(store)
     left = [member for member in plan.members() if member.number not in store.done]
     bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
     setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.rig, plan.sequence, bags, plan.plugged, plan.calculation))
@@ -114,6 +115,12 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
         if progress:
             progress(len(store.done), entry)
     return len(left)
+
+
+def forget_unfinished(store: Store) -> None:
+    """Remove the bags of members that were ended before they were finished; nobody else works on an open store."""
+    for path in (store.folder / BAGS).glob(".*-*"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 @lru_cache(maxsize=2)

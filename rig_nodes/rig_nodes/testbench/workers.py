@@ -52,9 +52,9 @@ class Workers:
     """Processes that work through lists of items, as a context manager.
 
     They are forked from a server of their own. If they were forked from this process, they would inherit its threads and open
-    files; to start them anew costs 1.5 s each. Ctrl-C reaches this process only: items that have begun are finished, the others
-    are left. The processes end with this one, whatever ends it. concurrent.futures is not used, because its threads may hang
-    at an interrupt and leave their processes behind.
+    files; to start them anew costs 1.5 s each. Ctrl-C reaches this process only, which then ends the others, as at any error: an
+    item may take half a minute. The processes end with this one, whatever ends it. concurrent.futures is not used, because its
+    threads may hang at an interrupt and leave their processes behind.
 
     Parameters
     ----------
@@ -95,9 +95,11 @@ class Workers:
         """Return the ids of the processes that are alive."""
         return [process.pid for process in self._processes if process.is_alive()]
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_error: object) -> None:
         self._leave()
         for process in self._processes:
+            if kind is not None:
+                process.kill()
             process.join()
         self._processes = []
 

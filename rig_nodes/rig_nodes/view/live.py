@@ -92,7 +92,7 @@ class Server:
         libc = ctypes.CDLL(None)
         self.process = subprocess.Popen(
             [program(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", memory],
-            env={**surroundings(Path(self._folder.name)), "RUST_LOG": "warn"},
+            env={**surroundings(Path(self._folder.name)), "TMPDIR": self._folder.name, "RUST_LOG": "warn"},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._words,

@@ -236,7 +236,7 @@ def _start(source: str, size: tuple[int, int], driver: Path, folder: Path) -> tu
     environment = surroundings(folder)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         environment.pop(name, None)
-    for name in ("XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CACHE_HOME", "XDG_STATE_HOME"):
+    for name in ("TMPDIR", "XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CACHE_HOME", "XDG_STATE_HOME"):
         environment[name] = str(folder)
     environment.update(VK_ICD_FILENAMES=str(driver), VK_DRIVER_FILES=str(driver), RUST_LOG="error")
     with socket.socket() as free:
