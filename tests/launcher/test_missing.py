@@ -5,6 +5,7 @@
 
 import shutil
 import subprocess
+import sysconfig
 
 import pytest
 
@@ -46,10 +47,19 @@ def test_nothing_is_missing_where_the_tests_run(launcher, tmp_path):
     assert launcher.find_missing(root=str(tmp_path)) is None
 
 
-def test_blank_in_the_path_is_refused(launcher, tmp_path):
-    folder = tmp_path / "my rig"
+@pytest.mark.parametrize("name", ["my rig", "Prüfstand", "стенд", "a\n", "it's", "a;b", "(copy)", "a*", "\udcff"])
+def test_a_path_that_the_build_tools_do_not_take_is_refused_at_once_in_one_plain_line(launcher, tmp_path, name):
+    folder = tmp_path / name
     folder.mkdir()
-    assert "blanks" in launcher.find_missing(root=str(folder), which=without())
+    said = launcher.find_missing(root=str(folder), which=without())
+    assert "move the checkout" in said and said.isascii() and said.isprintable()
+
+
+@pytest.mark.parametrize("name", ["-x", "a+b", "user@lab.org", "a,b=c", "~me", "rig_2.0", "50%", "C#", "n" * 200])
+def test_a_path_that_they_take_is_not(launcher, tmp_path, name):
+    folder = tmp_path / name
+    folder.mkdir()
+    assert launcher.find_missing(root=str(folder), which=without(), include=sysconfig.get_path("include")) is None
 
 
 @pytest.mark.parametrize("minor", [6, 8, 10])
