@@ -54,6 +54,13 @@ def printable(text: object, kept: str = "") -> str:
     return "".join(c if c.isprintable() or c in kept else dumps(c)[1:-1] for c in text)
 
 
+def quoted(path: str | Path) -> str:
+    """Return a path as a word of a printed command, which a user may copy into a shell."""
+    from shlex import quote
+
+    return quote(f"./{path}" if str(path).startswith("-") else str(path))
+
+
 def brief(value: object) -> str:
     """Return a value as text on one line, shortened when it is long, so that an error does not contain a whole file or array."""
     from reprlib import Repr

@@ -210,5 +210,5 @@ def test_options_that_do_not_fit_are_refused(rig_report, tmp_path):
 
 def test_a_loggers_file_is_sent_to_import(rig_report, tmp_path):
     (tmp_path / "a.csv").write_text("t [s];p1 [bar]\n0;1\n1;1\n")
-    with pytest.raises(RigError, match=r"is a logger's file; './rig import .*a.csv' makes a run of it"):
+    with pytest.raises(RigError, match=r"is a logger's file; a run, which has a report, is made of it by ./rig import .*a.csv"):
         rig_report(tmp_path / "a.csv")

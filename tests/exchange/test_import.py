@@ -198,7 +198,7 @@ def test_compare_takes_a_file_with_the_rig_of_the_run_and_says_so(tmp_path, caps
     assert main(["compare", str(SAMPLE), str(path), "--profile", str(profile)]) == 0
     assert f"lab.csv: inertias and instrument errors of rig 'hydmag' of {SAMPLE}" in capsys.readouterr().out
     assert main(["compare", str(SAMPLE), str(path)]) == 2
-    assert "proposes a profile, which --profile takes" in capsys.readouterr().err
+    assert "a profile, which --profile takes, is proposed by ./rig import " in capsys.readouterr().err
 
 
 def test_orders_of_the_command_line():

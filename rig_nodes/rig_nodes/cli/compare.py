@@ -84,7 +84,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     from ..bags.rig_record import rig_record
     from ..bags.run_end import faults_of, with_end
     from ..config.names import DEFAULT_RIG
-    from ..errors import RigError
+    from ..errors import RigError, quoted
     from ..exchange.imported import read_measurement
     from ..exchange.kinds import is_loggers_file
     from ..testbench.configuration import load_gearbox_rig
@@ -118,8 +118,8 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
         found = read_measurement(run, profile, record, named_by, args.orders)
         if found is None:
             raise RigError(
-                f"{run}: its heads are no signals of {named_by or DEFAULT_RIG}; './rig import {run}' proposes a profile, which "
-                "--profile takes"
+                f"{run}: its heads are no signals of {named_by or DEFAULT_RIG}; a profile, which --profile takes, is "
+                f"proposed by ./rig import {quoted(run)}"
             )
         print(f"{run}: inertias and instrument errors of {named_by or 'the exported run'}")
         for note in found.notes:

@@ -82,13 +82,16 @@ def new(args: argparse.Namespace) -> int:
     from ..config.names import DEFAULT_RIG
     from ..controllers.record import record_of
     from ..controllers.templates import write_template
+    from ..errors import quoted
     from ..testbench.configuration import load_gearbox_rig
 
     record = record_of(load_gearbox_rig(args.rig, None, "controller new"))
     files, commands = write_template(args.kind, args.folder, record)
     print("\n".join(f"wrote {path}" for path in files))
     print("next:")
-    given = "" if args.rig == DEFAULT_RIG else f" --rig {args.rig}"
+    given = "" if args.rig == DEFAULT_RIG else f" --rig {quoted(args.rig)}"
     for command in commands:
-        print("    " + re.sub(r"^(\./rig (?:controller check|simulate demo|export [\w-]+))", rf"\g<1>{given}", command))
+        print(
+            "    " + re.sub(r"^(\./rig (?:controller check|simulate demo|export [\w-]+))", lambda found: found[1] + given, command)
+        )
     return 0

@@ -67,7 +67,7 @@ def main(args: argparse.Namespace) -> int:
 
     from ..analysis.report import build_report, format_report, gather, info_of, write_report
     from ..config.names import DEFAULT_RIG
-    from ..errors import RigError
+    from ..errors import RigError, quoted
     from ..exchange.cells import CellError
     from ..exchange.imported import read_measurement, sequence_name, write_bag
     from ..testbench.configuration import load_rig
@@ -110,7 +110,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"note: {note}")
     rows = len(next(iter(found.channels.values())))
     print(f"written to {folder}: {len(found.channels)} signals, {rows} rows at {found.period * 1e3:.7g} ms")
-    print(f"look at it with: ./rig view {folder}")
+    print(f"look at it with: ./rig view {quoted(folder)}")
     return 0
 
 
@@ -132,15 +132,15 @@ def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[st
 
 
 def _propose(args: argparse.Namespace, rig: str) -> int:
-    from ..errors import RigError
+    from ..errors import RigError, quoted
 
     target = _proposal(args)
     if target.exists():
-        raise RigError(f"{target}: is there already; use it with --profile {target}, or remove it to have it made anew")
+        raise RigError(f"{target}: is there already; use it with --profile {quoted(target)}, or remove it to have it made anew")
     unsure = _write_proposal(args, target, rig)
     print(f"nothing is imported yet: its heads are not signals of rig '{rig}', so {target} holds a guess which they are")
     if unsure:
         shown = ", ".join(f"'{head}'" for head in unsure[:6])
         print(f"not determined: {shown}{' and more' if len(unsure) > 6 else ''}; they are comments in it")
-    print(f"look at it, then: ./rig import {args.file} --profile {target} --out runs/NAME")
+    print(f"look at it, then: ./rig import {quoted(args.file)} --profile {quoted(target)} --out runs/NAME")
     return 0

@@ -26,7 +26,7 @@ def main(args: argparse.Namespace) -> int:
     import shutil
 
     from ..config import TEMPLATE_DIR
-    from ..errors import RigError, no_file, not_written
+    from ..errors import RigError, no_file, not_written, quoted
 
     folder = Path(args.folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -43,6 +43,6 @@ def main(args: argparse.Namespace) -> int:
     except OSError as error:
         raise not_written(folder, error) from None
     print("next:")
-    for what in (f"./rig check {folder}", f"./rig simulate demo --rig {folder}", f"./rig run demo --rig {folder}"):
+    for what in (f"./rig {verb} {quoted(folder)}" for verb in ("check", "simulate demo --rig", "run demo --rig")):
         print(f"    {what}")
     return 0

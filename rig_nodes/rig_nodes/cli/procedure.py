@@ -40,7 +40,7 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.report import build_report, format_report, gather, write_report
     from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
     from ..controllers.load import embedded_line
-    from ..errors import interrupted_code, printable
+    from ..errors import interrupted_code, printable, quoted
     from ..testbench.folders import parse_settings, run_folder
     from ..testbench.procedure import load_procedure, prepare
     from ..testbench.simulate import simulate
@@ -78,5 +78,5 @@ def main(args: argparse.Namespace) -> int:
                 print(f"rig: series {series.label}: {run['end']['reason']}", file=sys.stderr)
     print(f"found by {procedure.name}, means of the runs of each series:")
     print("\n".join(map(printable, table_lines(*table_of(members)))))
-    print(f"written to {folder}; look at one with: ./rig view {folder}/<series>-<run>", flush=True)
+    print(f"written to {folder}; look at one with: ./rig view {quoted(folder)}/<series>-<run>", flush=True)
     return 1 if failed else 0

@@ -22,7 +22,7 @@ from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
 from ..bags.run_end import NO_REPORT, faults_of, with_end
 from ..config import load_yaml
-from ..errors import RigError, printable
+from ..errors import RigError, printable, quoted
 from ..exchange.kinds import is_loggers_file
 from ..graph.result import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
@@ -75,7 +75,9 @@ def main(args: argparse.Namespace) -> int:
         browser()  # refuses a machine without one before anything is computed
     limits = [*(read_limits(args.limits_file) if args.limits_file else []), *parse_limits(args.limits)]
     if is_loggers_file(args.run):
-        raise RigError(f"{args.run}: is a logger's file; './rig import {args.run}' makes a run of it, which has a report")
+        raise RigError(
+            f"{args.run}: is a logger's file; a run, which has a report, is made of it by ./rig import {quoted(args.run)}"
+        )
     if is_folder_of_runs(Path(args.run)):
         return report_folder(args, limits)
     return _of_bag(args, annex, limits)

@@ -22,7 +22,7 @@ from ..analysis.runs_table import (
     warnings_of,
 )
 from ..atomic_write import atomic_write
-from ..errors import RigError, printable
+from ..errors import RigError, printable, quoted
 
 if TYPE_CHECKING:
     import argparse
@@ -131,7 +131,7 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
         name, reason = f"member {entry['member']}", entry["end"]["reason"] if failed else ""
         members.append(Member(label, name, results, grades, reason, named_shifts(name, entry), box))
     if not members:
-        raise RigError(f"{folder}: no member of this sweep is finished; go on with it: ./rig sweep {folder}")
+        raise RigError(f"{folder}: no member of this sweep is finished; go on with it: ./rig sweep {quoted(folder)}")
     about = [f"{len(members)} members of a sweep of rig {config.name} over {', '.join(one.name for one in plan.varied)}."]
     return f"Sweep {plan.name}", about, members
 

@@ -64,7 +64,7 @@ class Through(argparse.Action):
 def main(args: argparse.Namespace) -> int:
     """Run the bag again; return 1 when a controller failed."""
     from ..bags.reader import Bag
-    from ..errors import RigError
+    from ..errors import RigError, quoted
     from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings, run_folder, unless_empty
     from ..testbench.recorded_rig import config_of_record
@@ -81,7 +81,7 @@ def main(args: argparse.Namespace) -> int:
     folder = run_folder(args.out, f"{bag.path.stem.rpartition('_')[0] or bag.path.stem}-rerun")
     with unless_empty(folder):
         code = _plant(bag, config, folder) if what == "plant" else _controller(bag, config, spec, args.level, folder)
-    print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
+    print(f"written to {folder}; look at it with: ./rig view {quoted(folder)}", flush=True)
     return code
 
 

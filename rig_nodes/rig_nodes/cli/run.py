@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import BagError, RigError, ended_by, printable
+from ..errors import BagError, RigError, ended_by, printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
 
@@ -184,7 +184,7 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
     print(format_report(report))
     if report["run"]["speed_factor"]:
         print(f"speed: {report['run']['speed_factor']:.2f} times real time")
-    look = f"; look at it with: ./rig view {folder}" if bag.began else ""
+    look = f"; look at it with: ./rig view {quoted(folder)}" if bag.began else ""
     print(f"written to {folder}{look}", flush=True)
     lost = what_was_lost(report["run"])
     if lost:

@@ -9,7 +9,7 @@ import contextlib
 import sys
 from typing import TYPE_CHECKING
 
-from ..errors import printable
+from ..errors import printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import add_shared_arguments, controller_of, exit_code
 
@@ -90,7 +90,7 @@ def main(args: argparse.Namespace) -> int:
     report = build_report(gather(folder, run), run)
     print(format_report(report))
     write_report(folder, report)
-    print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
+    print(f"written to {folder}; look at it with: ./rig view {quoted(folder)}", flush=True)
     state, reason = run["end"]["state"], run["end"]["reason"]
     if state != "ended":
         print(f"rig: {printable(reason)}", file=sys.stderr)

@@ -109,7 +109,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the members that are not finished yet and print the results; return 1 when none was completed."""
-    from ..errors import RigError, ended_by
+    from ..errors import RigError, ended_by, quoted
     from ..testbench.configuration import load_rig
     from ..testbench.folders import free_folder
     from ..testbench.workers import start_server
@@ -168,7 +168,7 @@ def main(args: argparse.Namespace) -> int:
     else:
         print(_text(summary))
     if interrupted:
-        print(f"rig: {interrupted[0]}; go on with: ./rig sweep {folder}", file=sys.stderr)
+        print(f"rig: {interrupted[0]}; go on with: ./rig sweep {quoted(folder)}", file=sys.stderr)
         return interrupted[1]
     if not summary["ends"].get("ended"):
         print(f"rig: none of the {of} members came to its end", file=sys.stderr)
@@ -284,6 +284,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
 
 def _text(summary: dict) -> str:
     from ..analysis.shown import in_unit, shown
+    from ..errors import quoted
 
     lines = [
         f"{summary['finished']} of {summary['members']} members finished"
@@ -308,5 +309,5 @@ def _text(summary: dict) -> str:
         lines += [f"  {name:<{width}}" + "".join(f"{value:>z12.5g}" for value in x) for name, x in summary["table"].items()]
     if summary["results"]:
         look = "view" if summary["shifts"] else "report"  # the view shows metrics of shifts only
-        lines.append(f"written to {summary['results']}; look at it with: ./rig {look} {summary['folder']}")
+        lines.append(f"written to {summary['results']}; look at it with: ./rig {look} {quoted(summary['folder'])}")
     return "\n".join(lines)

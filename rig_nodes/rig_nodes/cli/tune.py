@@ -107,7 +107,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Search, judge, write the controllers and print the front; RigError when tuning is not possible."""
-    from ..errors import RigError, ended_by
+    from ..errors import RigError, ended_by, quoted
     from ..sweep.store import parquet
     from ..testbench.campaign import Workers
     from ..testbench.folders import free_folder
@@ -136,7 +136,7 @@ def main(args: argparse.Namespace) -> int:
         except KeyboardInterrupt as stop:
             line.leave()
             what, code = ended_by(stop)
-            print(f"rig: {what}; go on with the same command and --out {folder}", file=sys.stderr)
+            print(f"rig: {what}; go on with the same command and --out {quoted(folder)}", file=sys.stderr)
             return code
         finally:
             journal.close()

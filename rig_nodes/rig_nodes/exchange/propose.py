@@ -16,7 +16,7 @@ from itertools import pairwise
 
 from ..catalogue import Signal, catalogue
 from ..config.units import UNITS
-from ..errors import RigError
+from ..errors import RigError, quoted
 from ..transmission import Transmission, transmission_of
 from .foreign import Channel, Foreign
 from .imported import ORDER_NAMES
@@ -65,7 +65,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     guesses = [signal.name for signal in best.values()]
     lines = [
         f"# How {foreign.path.name} and files like it are read; a guess, so look at each line.",
-        f"# Then: ./rig import {foreign.path.name} --profile THIS_FILE --out runs/NAME",
+        f"# Then: ./rig import {quoted(foreign.path.name)} --profile THIS_FILE --out runs/NAME",
         f"rig: {rig}  # its inertias, ratios and instrument errors enter the results; `./rig list rigs`",
         "# set: {w0.inertia: 0.8 kg m2}  # values of that rig that are others",
         "",

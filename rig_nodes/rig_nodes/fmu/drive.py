@@ -14,7 +14,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..errors import RigError, printable
+from ..errors import RigError, printable, quoted
 from ..testbench.configuration import RigConfig, load_rig
 from ..testbench.sequence import Sequence, load_sequence
 from ..testbench.sequence_runner import SequenceRunner
@@ -152,7 +152,7 @@ def main(arguments: list[str] | None = None) -> int:
             sequence = load_sequence(parsed.sequence, rig=parsed.rig)
             config = load_rig(parsed.rig or sequence.rig)
             seconds = drive(fmu, sequence, config, record=record, seed=parsed.seed)
-        print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {parsed.out}" if parsed.out else ""))
+        print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {quoted(parsed.out)}" if parsed.out else ""))
     except RigError as error:
         print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code

@@ -22,7 +22,7 @@ from .. import __version__
 from ..alfa46.settings import Alfa46Config, read_alfa46
 from ..atomic_write import atomic_write
 from ..compiled import sources_key
-from ..errors import RigError
+from ..errors import RigError, quoted
 from ..sweep.store import Journal
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
@@ -533,7 +533,7 @@ def text(summary: dict, objectives: Sequence[str]) -> str:
             f"reaches it at {within['before_the_shift']:.0f} Nm)"
         )
     folder = summary["folder"]
-    lines.append(f"written to {folder}; try: ./rig simulate demo --rig {folder}/rig_balanced.yaml")
+    lines.append(f"written to {folder}; try: ./rig simulate demo --rig {quoted(folder)}/rig_balanced.yaml")
     return "\n".join(lines)
 
 

@@ -14,7 +14,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ..errors import RigError
+from ..errors import RigError, quoted
 from .convert import import_rerun
 
 PR_SET_PDEATHSIG = 1
@@ -75,7 +75,7 @@ def has_display() -> bool:
 def command_for(source: Path | str) -> str:
     """Return the command that shows a file or an address, with the version that reads it."""
     rr = import_rerun()
-    return f"rerun {source} (rerun-sdk {rr.__version__}: pip install rerun-sdk=={rr.__version__})"
+    return f"rerun {quoted(source)} (rerun-sdk {rr.__version__}: pip install rerun-sdk=={rr.__version__})"
 
 
 def open_window(view: Path | str, theme: str | None = None) -> int:

@@ -12,7 +12,7 @@ import shutil
 from pathlib import Path
 from typing import NamedTuple
 
-from ...errors import RigError
+from ...errors import RigError, quoted
 from ..record import ControllerRecord
 from ..record_header import NAME, header_text
 
@@ -124,4 +124,4 @@ def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[li
     if chosen.record:
         (target / NAME).write_text(header_text(record), encoding="utf-8")
         written.append(target / NAME)
-    return written, [command.format(dir=folder) for command in chosen.commands]
+    return written, [command.format(dir=quoted(folder)) for command in chosen.commands]

@@ -15,6 +15,7 @@ import can
 import cantools
 
 from rig_nodes.controllers.can_loopback import LoopbackBus
+from rig_nodes.errors import quoted
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
@@ -22,7 +23,7 @@ GEARS = 3  # number of the last gear; gear k has output k
 
 DBC = Path(__file__).with_name("rig.dbc")
 if not DBC.is_file():
-    sys.exit(f"my_tcu: {DBC} is missing; './rig export dbc -o {DBC}' writes it")
+    sys.exit(f"my_tcu: {DBC} is missing; it is written by ./rig export dbc -o {quoted(DBC)}")
 
 database = cantools.database.load_file(DBC)
 rig_request = database.get_message_by_name("RIG_REQUEST")
