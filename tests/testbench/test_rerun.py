@@ -10,7 +10,7 @@ from copy import deepcopy
 import pytest
 
 from rig_nodes.analysis.moved import moved_lines
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.report import build_report, gather
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config.names import installed
@@ -59,9 +59,9 @@ def test_the_record_of_each_rig_gives_the_rig_back(name):
 def test_through_the_plant_a_bag_repeats_itself_to_the_bit_and_names_its_parent(recorded, tmp_path, capsys):
     assert main(["rerun", str(recorded), "--through", "plant", "--out", str(tmp_path / "again")]) == 0
     assert "topics are bit for bit as recorded" in capsys.readouterr().out
-    parent, new = Bag(recorded), Bag(tmp_path / "again")
+    parent, new = gather(recorded), gather(tmp_path / "again")
     assert different_topics(parent, new) == []
-    assert new.run_info()["parent"]["hash"] == parent.canonical_hash()["all"]
+    assert new.run_info()["parent"]["hash"] == Bag(recorded).canonical_hash()["all"]
     assert new.run_info()["seed"] == 5
 
 
@@ -95,7 +95,7 @@ def test_through_a_controller_of_the_same_law_the_answers_are_the_recorded_ones(
     assert main(["rerun", str(recorded), "--through", "controller", "alfa46", "--out", str(out)]) == 0
     count = Bag(recorded).counts["/controller/command"]
     assert f"{count} of {count} answers are bit for bit as recorded" in capsys.readouterr().out
-    assert different_topics(Bag(recorded), Bag(out)) == []
+    assert different_topics(gather(recorded), gather(out)) == []
 
 
 def test_through_a_controller_of_other_settings_the_first_other_answer_is_told(recorded, tmp_path, capsys):

@@ -84,6 +84,8 @@ class Gathered:
 
     Attributes
     ----------
+    source : Path or str
+        The run's folder or file, from which it was gathered.
     path : Path
         The .mcap file, of several pieces the first.
     counts, types : dict
@@ -126,7 +128,7 @@ class Gathered:
         thinner : Thinned, optional
             Keeps every n-th row, in place of what only a whole report needs.
         """
-        self._source, self._small, self._orders, self._factor = source, small, list(orders), annex_a
+        self.source, self._small, self._orders, self._factor = source, small, list(orders), annex_a
         self._box = box
         self.path, self.types, self.damage = small.path, small.types, small.damage
         self.counts: Counter[str] = Counter(dict.fromkeys(small.types, 0))
@@ -332,11 +334,26 @@ class Gathered:
             np.concatenate(columns[name]) if columns[name] else none for name, none in zip(names, empty)
         ]
 
+    def messages(self, topic: str) -> Iterator[tuple[int, object]]:
+        """Yield what Bag.messages does, of the whole run; BagError when the bag does not hold the topic."""
+        yield from self._small.messages(topic)
+        if not self._small.counts[topic]:
+            for part in self._again(topic):
+                yield from part.messages(topic)
+
+    def rows(self) -> Iterator[Logger]:
+        """Yield the rows of the logger, stretch by stretch; RigError where rows are missing."""
+        newest = None
+        for part in self._again(LOGGER):
+            newest = part.logger(LOGGER, after=newest)
+            yield newest
+
     def _again(self, topic: str) -> Iterator[Bag]:
         """Yield a topic that was not foreseen, stretch by stretch."""
-        with OpenedBags([self._source]) as opened:
+        columns = {LOGGER: self._small.columns(LOGGER)} if topic == LOGGER else None
+        with OpenedBags([self.source]) as opened:
             for begin in range(opened.first, opened.last + 1, STRETCH):
-                part = opened.bag([topic], begin, begin + STRETCH)
+                part = opened.bag([topic], begin, begin + STRETCH, columns)
                 if part.counts[topic]:
                     yield part
 

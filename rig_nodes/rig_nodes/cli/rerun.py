@@ -15,7 +15,7 @@ from .run_arguments import add_in_process, controller_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ..bags.reader import Bag
+    from ..analysis.gathered import Gathered
     from ..testbench.configuration import RigConfig
 
 AGAIN = "running the bag again"
@@ -63,7 +63,7 @@ class Through(argparse.Action):
 
 def main(args: argparse.Namespace) -> int:
     """Run the bag again; return 1 when a controller failed."""
-    from ..bags.reader import Bag
+    from ..analysis.report import gather
     from ..errors import RigError, quoted
     from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings, run_folder, unless_empty
@@ -74,7 +74,7 @@ def main(args: argparse.Namespace) -> int:
     if (args.level or args.in_process) and what == "plant":
         raise RigError("--level and --in-process are of a controller; the recorded commands have their own")
     spec = controller_of(spec, args.in_process)
-    bag = Bag(args.bag)
+    bag = gather(args.bag)
     check_whole(bag)
     settings = parse_settings(args.settings)
     config = load_rig(args.rig, settings) if args.rig else with_overrides(config_of_record(bag.record, str(bag.path)), settings)
@@ -85,17 +85,16 @@ def main(args: argparse.Namespace) -> int:
     return code
 
 
-def _plant(bag: Bag, config: RigConfig, folder: Path) -> int:
+def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
     from ..analysis.moved import moved_lines
-    from ..analysis.report import build_report, info_of, write_report
-    from ..bags.reader import Bag
+    from ..analysis.report import build_report, gather, info_of, write_report
     from ..testbench.rerun import different_topics, rerun_plant
 
     with waiting(AGAIN):
         notes = rerun_plant(bag, config, folder)
     for note in notes:
         print(f"rig: warning: {note}", file=sys.stderr)
-    new = Bag(folder)
+    new = gather(folder)
     end = {"state": "ended", "reason": f"the recorded commands of {bag.path.name} ended"}
     report = build_report(new, {**info_of(new), "mode": "rerun", "end": end})
     write_report(folder, report)
@@ -109,7 +108,7 @@ def _plant(bag: Bag, config: RigConfig, folder: Path) -> int:
     return 0
 
 
-def _controller(bag: Bag, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
+def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
     from ..controllers.load import level_line, load_controller
     from ..errors import printable
     from ..testbench.rerun import rerun_controller

@@ -9,16 +9,18 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
+from ..analysis.gathered import Gathered
+from ..bags.canonical import canonical_hash
 from ..bags.cdr import encoder
-from ..bags.reader import Bag
+from ..bags.opened import OpenedBags
 from ..bags.writer import BagWriter
 from ..clocks import ROW_NS, SAMPLE_NS
 from ..config.schema import SWITCH
@@ -30,11 +32,12 @@ from ..errors import RigError
 from ..uninterrupted import Uninterrupted
 from .bag_outputs import BagOutputs
 from .configuration import RigConfig
-from .outputs import BLOCK, Outputs
+from .outputs import Outputs
 from .rig import Rig
 
 SAMPLES = "/instruments/controller"
 RUN_INFO = "/rig/run_info"
+AHEAD = 1000  # samples by which commands are read ahead; a later one would not be an answer
 RIG_EVENTS = "/rig/events"
 TRIPPED = "rig_tripped"
 E_STOP = "emergency stop"
@@ -42,12 +45,12 @@ EVENT = "rig_msgs/msg/Event"
 SETPOINT = "rig_msgs/msg/Setpoint"
 
 
-def rerun_record(bag: Bag, config: RigConfig, through: str) -> dict:
+def rerun_record(bag: Gathered, config: RigConfig, through: str) -> dict:
     """Return the record of a re-run, which names its parent.
 
     Parameters
     ----------
-    bag : Bag
+    bag : Gathered
         The bag that is run again.
     config : RigConfig
         The configuration of the re-run.
@@ -64,7 +67,7 @@ def rerun_record(bag: Bag, config: RigConfig, through: str) -> dict:
         **bag.run_info(),
         "configuration": config.as_dict(),
         "versions": {"rig_nodes": __version__},
-        "parent": {"bag": bag.path.name, "hash": bag.canonical_hash()["all"], "through": through},
+        "parent": {"bag": bag.path.name, "hash": canonical_hash(bag.source)["all"], "through": through},
     }
 
 
@@ -72,15 +75,15 @@ def rerun_record(bag: Bag, config: RigConfig, through: str) -> dict:
 class _Inputs:
     """What came to the plant from outside, by the sample before which it acts, and the valve commands in their order."""
 
+    commands: _Commands
     setpoints: dict[int, list[tuple[str, float, bool]]] = field(default_factory=lambda: defaultdict(list))
     events: dict[int, list[tuple[str, str, str, float]]] = field(default_factory=lambda: defaultdict(list))
-    commands: dict[int, Any] = field(default_factory=dict)
     last: int = 0
     delay: int = 1
 
 
-def _inputs_of(bag: Bag, config: RigConfig) -> _Inputs:
-    found = _Inputs(last=bag.last // SAMPLE_NS, delay=bag.run_info().get("delay", 1))
+def _inputs_of(bag: Gathered, config: RigConfig) -> _Inputs:
+    found = _Inputs(commands=_Commands(bag), last=bag.last // SAMPLE_NS, delay=bag.run_info().get("delay", 1))
     keys = {one.setpoint.topic: key for key, one in config.settings.steps.items()}
     for topic, ros_type in bag.types.items():
         if ros_type == SETPOINT:
@@ -92,8 +95,6 @@ def _inputs_of(bag: Bag, config: RigConfig) -> _Inputs:
             for _, message in bag.messages(topic):
                 one = topic, str(message.name), str(message.text), float(message.value)
                 found.events[_sample(message)].append(one)
-    if CONTROLLER_COMMAND in bag.types:
-        found.commands = {int(message.sample): message for _, message in bag.messages(CONTROLLER_COMMAND)}
     return found
 
 
@@ -109,12 +110,12 @@ def _changed(settings: Settings, text: str, value: float) -> str | None:
     return name if name in settings and settings[name].sentence(value) == text else None
 
 
-def check_whole(bag: Bag) -> None:
+def check_whole(bag: Gathered) -> None:
     """Refuse a bag that does not hold a whole run of a rig in lockstep.
 
     Parameters
     ----------
-    bag : Bag
+    bag : Gathered
         The bag.
 
     Raises
@@ -132,7 +133,7 @@ def check_whole(bag: Bag) -> None:
         raise RigError(f"{bag.path}: {topic} lost {lost} messages; a re-run needs all of them")
 
 
-def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
+def rerun_plant(bag: Gathered, config: RigConfig, folder: Path) -> list[str]:
     """Feed the recorded commands of a bag to a plant, and write what the plant does into a new bag.
 
     Setpoints, valve commands, changes of the rig's settings and what stopped the run from outside act at the samples at which
@@ -140,7 +141,7 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
 
     Parameters
     ----------
-    bag : Bag
+    bag : Gathered
         The bag.
     config : RigConfig
         The rig; that of the bag or another one with the same setpoints and outputs.
@@ -163,7 +164,7 @@ def rerun_plant(bag: Bag, config: RigConfig, folder: Path) -> list[str]:
             f"{', '.join(config.cut_out)}: stands outside the plant; a re-run has no device outside, set its source to plant"
         )
     found = _inputs_of(bag, config)
-    first = next(iter(found.commands.values()), None)
+    first = found.commands.first
     if config.structure.shifts and first is None:
         raise RigError(f"{bag.path}: holds no valve commands, which the rig '{config.name}' needs")
     level = LEVELS[first.level] if first is not None else None
@@ -270,12 +271,12 @@ class Answers:
         self.gears += ours[1:3] != recorded[1:3]
 
 
-def rerun_controller(bag: Bag, config: RigConfig, controller: Plug, spec: str, folder: Path) -> Answers:
+def rerun_controller(bag: Gathered, config: RigConfig, controller: Plug, spec: str, folder: Path) -> Answers:
     """Feed the recorded transducers of a bag to a controller, and write its answers with the recorded rest into a new bag.
 
     Parameters
     ----------
-    bag : Bag
+    bag : Gathered
         The bag.
     config : RigConfig
         The rig for which the controller was loaded.
@@ -302,19 +303,37 @@ def rerun_controller(bag: Bag, config: RigConfig, controller: Plug, spec: str, f
         controller.close()
 
 
-def _through(bag: Bag, config: RigConfig, controller: Plug, spec: str, folder: Path) -> Answers:
+def _through(bag: Gathered, config: RigConfig, controller: Plug, spec: str, folder: Path) -> Answers:
     check_whole(bag)
     if SAMPLES not in bag.types or CONTROLLER_COMMAND not in bag.types:
         raise RigError(f"{bag.path}: holds no samples and commands of a shift controller")
     found, others = _inputs_of(bag, config), _others(bag, controller.wants)
     level = LEVELS.index(controller.level)
-    recorded_level = next(iter(found.commands.values())).level
+    recorded_level = found.commands.first.level
     if level != recorded_level:
         raise RigError(
             f"{bag.path}: its commands are at level {LEVELS[recorded_level]}, and controller {controller.name} gives level "
             f"{controller.level}; only answers of one level can be compared"
         )
-    answers, rows = Answers(), []
+    name = bag.path.stem.rpartition("_")[0] or bag.path.stem
+    kept = [topic for topic in bag.types if topic not in (RUN_INFO, CONTROLLER_COMMAND)]
+    try:
+        with OpenedBags([bag.source]) as opened, BagWriter(folder, name, topics=config.catalogue.all_topics) as writer:
+            record = rerun_record(bag, _changed_by(found, config), spec)
+            answers = _answered(bag, config, controller, found, others, _Answered(bag, record, writer, opened.timeline(kept)))
+            writer.end("ended", "the re-run ended")
+            return answers
+    except BaseException:
+        for path in folder.iterdir():  # a new folder, of which half a bag is no use
+            path.unlink()
+        raise
+
+
+def _answered(
+    bag: Gathered, config: RigConfig, controller: Plug, found: _Inputs, others: Callable[[int], Sequence[float]], new: _Answered
+) -> Answers:
+    """Give the controller each recorded sample, write its answers, and compare them with the recorded ones."""
+    answers, level = Answers(), LEVELS.index(controller.level)
     try:
         for _, message in bag.messages(SAMPLES):
             sample = int(message.sample)
@@ -331,7 +350,7 @@ def _through(bag: Bag, config: RigConfig, controller: Plug, spec: str, folder: P
                 answers.missing += answer is not None or recorded is not None
                 continue
             duty, flags = (answer.command, 0) if level == 0 else ((0.0,) * len(answer.command), controller.flags)
-            rows.append((sample, controller.gear, controller.shifting, level, flags, duty, answer.setpoint))
+            new.add(sample, controller.gear, controller.shifting, level, flags, duty, answer.setpoint)
             commanded = recorded.duty if level == 0 else recorded.setpoint
             answers.add(
                 sample,
@@ -340,8 +359,18 @@ def _through(bag: Bag, config: RigConfig, controller: Plug, spec: str, folder: P
             )
     except ControllerFailed as failure:
         answers.end = str(failure)
-    _write_answers(bag, config, rerun_record(bag, config, spec), rows, folder)
+    new.copy()
     return answers
+
+
+def _changed_by(found: _Inputs, config: RigConfig) -> RigConfig:
+    """Return the configuration with the controller's settings as the recorded events changed them."""
+    for sample in sorted(found.events):
+        for topic, name, text, value in found.events[sample]:
+            setting = _changed(config.settings, text, value) if (topic, name) == (CONTROLLER_EVENTS, CHANGED) else None
+            if setting is not None and config.settings[setting].owner == CONTROLLER:
+                config = config.with_values({setting: value})
+    return config
 
 
 def _change(config: RigConfig, controller: Plug, text: str, value: float) -> RigConfig:
@@ -356,39 +385,91 @@ def _change(config: RigConfig, controller: Plug, text: str, value: float) -> Rig
     return config
 
 
-def _others(bag: Bag, wants: Sequence[str]) -> Any:
+class _Commands:
+    """The recorded valve commands, which are read as their samples come due.
+
+    Attributes
+    ----------
+    first : message or None
+        The first one.
+    """
+
+    def __init__(self, bag: Gathered) -> None:
+        self._messages = (
+            (message for _, message in bag.messages(CONTROLLER_COMMAND)) if CONTROLLER_COMMAND in bag.types else iter(())
+        )
+        self._held: dict[int, Any] = {}
+        self._read = -1  # sample up to which they are read
+        self.first = next(self._messages, None)
+        if self.first is not None:
+            self._take(self.first)
+
+    def get(self, sample: int) -> Any:
+        """Return the command that answers a sample, or None; samples are asked for in their order, each once."""
+        while self._read < sample + AHEAD and (message := next(self._messages, None)) is not None:
+            self._take(message)
+        if len(self._held) > 4 * AHEAD:
+            self._held = {number: message for number, message in self._held.items() if number >= sample}
+        return self._held.pop(sample, None)
+
+    def _take(self, message: Any) -> None:
+        self._held[int(message.sample)] = message
+        self._read = max(self._read, int(message.sample))
+
+
+def _others(bag: Gathered, wants: Sequence[str]) -> Callable[[int], Sequence[float]]:
     """Return a function of the sample that gives the transducers that a controller wants beyond those of every controller."""
     if not wants:
         return lambda _: ()
-    logger = bag.logger(BLOCK)
-    lacking = [name for name in wants if name not in logger.channels]
+    stretches = bag.rows()
+    newest = next(stretches, None)
+    lacking = [name for name in wants if newest is None or name not in newest.channels]
     if lacking:
         raise RigError(f"{bag.path}: the logger has no {', '.join(lacking)}, which the controller needs at each sample")
-    per_sample = SAMPLE_NS // ROW_NS
-    columns = [logger.channels[name] for name in wants]
-    return lambda sample: [float(column[min(sample * per_sample, len(column) - 1)]) for column in columns]
+
+    def at(sample: int) -> list[float]:
+        nonlocal newest
+        row = sample * (SAMPLE_NS // ROW_NS)
+        while row >= newest.first + newest.rows and (more := next(stretches, None)) is not None:
+            newest = more
+        return [float(newest.channels[name][min(row - newest.first, newest.rows - 1)]) for name in wants]
+
+    return at
 
 
-def _write_answers(bag: Bag, config: RigConfig, record: dict, rows: list[tuple], folder: Path) -> None:
-    """Write the bag with the answers in place of the recorded commands."""
-    command, info = encoder("rig_msgs/msg/ValveCommand").encode, encoder("rig_msgs/msg/RunInfo").encode
-    new = [(row[0] * SAMPLE_NS, CONTROLLER_COMMAND, command(row[0] * SAMPLE_NS, seq, *row)) for seq, row in enumerate(rows)]
-    kept = [topic for topic in bag.types if topic not in (RUN_INFO, CONTROLLER_COMMAND)]
-    messages = [(0, RUN_INFO, info(0, 0, json.dumps(record, sort_keys=True))), *bag.timeline(kept), *new]
-    messages.sort(key=itemgetter(0))
-    name = bag.path.stem.rpartition("_")[0] or bag.path.stem
-    with BagWriter(folder, name, topics=config.catalogue.all_topics) as writer:
-        for time, topic, data in messages:
-            writer.write(topic, bag.types[topic], data, time)
-        writer.end("ended", "the re-run ended")
+class _Answered:
+    """The bag with the answers in place of the recorded commands; nothing is left of one that is not finished."""
+
+    def __init__(self, bag: Gathered, record: dict, writer: BagWriter, kept: Iterator[tuple[int, tuple[str, bytes]]]) -> None:
+        self._types, self._writer, self._kept = bag.types, writer, kept
+        self._next = next(kept, None)
+        self._encode, self._count = encoder("rig_msgs/msg/ValveCommand").encode, 0
+        text = json.dumps(record, sort_keys=True)
+        writer.write(RUN_INFO, self._types[RUN_INFO], encoder("rig_msgs/msg/RunInfo").encode(0, 0, text), 0)
+
+    def add(self, sample: int, *fields: Any) -> None:
+        """Write the answer to a sample, behind all recorded messages up to its time."""
+        time = sample * SAMPLE_NS
+        self.copy(time)
+        self._writer.write(
+            CONTROLLER_COMMAND, self._types[CONTROLLER_COMMAND], self._encode(time, self._count, sample, *fields), time
+        )
+        self._count += 1
+
+    def copy(self, until: float = math.inf) -> None:
+        """Write the recorded messages up to a time [ns]."""
+        while self._next is not None and self._next[0] <= until:
+            time, (topic, data) = self._next
+            self._writer.write(topic, self._types[topic], data, time)
+            self._next = next(self._kept, None)
 
 
-def different_topics(parent: Bag, new: Bag) -> list[str]:
+def different_topics(parent: Gathered, new: Gathered) -> list[str]:
     """Return the topics whose messages differ between a bag and its re-run.
 
     The record of the run differs by its nature, and what nodes recorded beside the rig (/rosout) is not run again.
     """
     known = {name for name in parent.types if name in parent.catalogue.all_topics}
     topics = sorted((known | {*new.types}) - {RUN_INFO})
-    ours, theirs = parent.canonical_hash(), new.canonical_hash()
+    ours, theirs = canonical_hash(parent.source), canonical_hash(new.source)
     return [topic for topic in topics if ours.get(topic) != theirs.get(topic)]
