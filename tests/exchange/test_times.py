@@ -224,3 +224,17 @@ def test_an_order_outside_the_file_is_refused(head, times, orders, sentence, tmp
 def test_a_clock_that_no_recording_has_is_said(tmp_path):
     found = measured(tmp_path, table([str(k * 90) for k in range(ROWS)]))
     assert any("its rows are 90 s apart, which is unusual; is the unit of its times right?" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    "text", ["2024-03-32 10:00:00", "2300-01-01 00:00:00", "2024-03-14 10:61:00", "soon", "2024-03-14 10:00:00Z"]
+)
+def test_a_cell_that_is_no_time_is_refused_with_its_line(text, tmp_path):
+    times = stamps(lambda x: x.strftime("%Y-%m-%d %H:%M:%S.%f"))
+    with pytest.raises(RigError, match=f"line 102 has .*'{text}'"):
+        measured(tmp_path, table([*times[:100], text, *times[101:]], head="Zeit"))
+
+
+def test_two_steps_of_different_lengths_are_no_clock(tmp_path):
+    with pytest.raises(RigError, match="the times must grow in equal steps, but go from 1 to 100 s at line 4"):
+        measured(tmp_path, table(["0", "1", "100"]))

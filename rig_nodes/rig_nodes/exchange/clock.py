@@ -127,7 +127,10 @@ class Clock:
         number = np.arange(len(times))
         if not np.all(steps <= 1.5 * mean):
             single = float(np.median(steps))
-            single = float(steps[np.rint(steps / single) == 1.0].mean())
+            alike = steps[np.rint(steps / single) == 1.0]
+            if not len(alike):
+                self._refuse_uneven(times, int(np.argmax(steps)))
+            single = float(alike.mean())
             self._refuse_hour(times, steps, single)
             number = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / single), 1.0))]).astype(np.int64)
         period, rest = _line_through(number, times)

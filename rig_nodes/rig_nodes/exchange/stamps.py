@@ -30,6 +30,7 @@ SINCE_1970 = (9.46e8, 4.1e9)  # s; 2000 to 2099
 DAYS = ((36526.0, 54788.0), (730486.0, 748749.0))  # days of Excel and of MATLAB from 2000 to 2050
 FASTEST, SLOWEST = 1e-6, 1.0  # s; between rows of a plausible recording
 HOLDS_DAYS = 2e-5  # s; steps that would be shorter than this, and values of DAYS, are days
+LATEST = 9_000_000_000  # s from 1970, to which whole nanoseconds go
 LOOKED_AT = 40  # cells by which a column of texts is taken for times
 _EPOCH = datetime.date(1970, 1, 1).toordinal()
 _MONTHS = ("jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
@@ -283,7 +284,10 @@ def _minute(column: Cells, row: int, text: str, match: re.Match, order: str) -> 
     if (offset := _ZONES.get(zone)) is None:
         digits = zone[1:].replace(":", "")
         offset = int(f"{zone[0]}1") * (60 * int(digits[:2]) + int(digits[2:] or 0))
-    return DAY * day + HOUR * hour + 60 * minute - 60 * offset
+    seconds = DAY * day + HOUR * hour + 60 * minute - 60 * offset
+    if abs(seconds) > LATEST:
+        raise _no_time(column, row, text)
+    return seconds
 
 
 def _no_time(column: Cells, row: int, text: str) -> RigError:

@@ -94,7 +94,7 @@ def _without_end(lines: list[str], form: Form, layout: Layout, whole: bool) -> l
             else f"lines {first} to {len(lines)} are {why}"
         )
         notes.append(
-            f"{where} and {'was' if count == 1 else 'were'} left out: '{next(filter(str.strip, lines[-count:])).strip()[:40]}'"
+            f"{where} and {'was' if count == 1 else 'were'} left out: '{next(filter(str.strip, lines[-count:]), '').strip()[:40]}'"
         )
         del lines[-count:]
     elif not whole and last_row_is_cut(lines, form, layout):
