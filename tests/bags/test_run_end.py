@@ -83,6 +83,17 @@ def test_a_bag_without_the_end_of_its_run_is_called_cut_off(verb, half, capfd):
         assert json.loads((half / "report.json").read_text())["run"]["end"] == {"state": "cut off", "reason": CUT_OFF}
 
 
+@pytest.mark.parametrize(
+    "verb, expected",
+    [(["bag", "check"], 3), (["bag", "info"], 3), (["view", "--no-open"], 3), (["report"], 1), (["compare", SAMPLE], 2)],
+)
+def test_a_file_that_ends_in_the_middle_is_no_good_bag_for_any_verb(verb, expected, tmp_path, capfd):
+    data = (SAMPLE / "sample_0.mcap").read_bytes()
+    (tmp_path / "sample_0.mcap").write_bytes(data[: len(data) // 2])
+    code, out, err = rig(capfd, *verb, tmp_path)
+    assert code == expected and ("is cut" in out + err or "ends" in out + err), out + err
+
+
 def test_the_end_that_a_bag_records_is_that_of_its_report(half, sample, rewritten, capfd):
     failed = {"state": "failed", "reason": "alfa46 killed by signal 9 (SIGKILL)"}
     rows = sample.timeline()

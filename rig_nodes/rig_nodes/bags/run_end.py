@@ -64,12 +64,12 @@ def with_end(bag: Bag, run: dict) -> dict:
     bag : Bag
         The bag.
     run : dict
-        The run part; a bad end in it stays, because whoever wrote it knew more than the bag.
+        The run part; a bad end in it stays where an earlier version wrote both, because it knew more than it put into the bag.
     """
     end = run.get("end")
     end = end if isinstance(end, dict) else {"reason": end or NO_REPORT}
     state, unknown = end.get("state"), end.get("reason") == NO_REPORT
-    if state not in ("ended", CUT_OFF) and not unknown:
+    if state not in ("ended", CUT_OFF) and not unknown and not bag.library.endswith(OF_RUN):
         return run
     if sentence := cut_off(bag):
         return {**run, "end": {"state": CUT_OFF, "reason": sentence}}
@@ -87,16 +87,14 @@ def faults_of(bag: Bag, run: dict) -> list[str]:
     run : dict
         The run part of its report (:func:`with_end`).
     """
-    end = run.get("end")
-    cut = isinstance(end, dict) and end.get("state") == CUT_OFF
-    disorder = bag.disorder()
-    more = f"; {len(disorder) - NAMED} topics more" if len(disorder) > NAMED else ""
-    found = (
-        [f"the bag's messages are not as they were sent: {'; '.join(disorder[:NAMED])}{more}; `rig bag recover` puts them in order"]
-        if disorder
-        else []
-    )
-    return [end["reason"]] * cut + found + list(bag.false_blocks().values())
+    end, found = run.get("end"), []
+    if isinstance(end, dict) and end.get("state") == CUT_OFF:
+        found.append(end["reason"])
+    if disorder := bag.disorder():
+        more = f"; {len(disorder) - NAMED} topics more" if len(disorder) > NAMED else ""
+        named = "; ".join(disorder[:NAMED])
+        found.append(f"the bag's messages are not as they were sent: {named}{more}; `rig bag recover` puts them in order")
+    return found + list(bag.false_blocks().values())
 
 
 def _by_messages(bag: Bag) -> RunEnd | None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 HELP = "show a run or a running rig in Rerun, or make a picture"
 TOOLS = ("plotjuggler", "foxglove")
 PR_SET_PDEATHSIG = 1
-LOST = 3  # exit code: shown, but the run was cut off
+LOST = 3  # exit code: shown, but the bag is damaged or was cut off
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -148,12 +148,12 @@ def _recorded(args: argparse.Namespace) -> int:
 
 
 def _tell_notes(view: View) -> int:
-    """Print what the bag of a view lacks; return 3 for a run that was cut off."""
+    """Print what the bag of a view lacks; return 3 for one that was cut off or is damaged."""
     from ..errors import printable
 
     for note in view.notes:
         print(f"rig: {printable(note)}", file=sys.stderr)
-    return LOST if view.cut_off else 0
+    return LOST if view.faulty else 0
 
 
 def _draw(args: argparse.Namespace, view: Path, picture: Path, campaign: bool) -> None:

@@ -50,12 +50,12 @@ EARLY = 0.1  # s; a bag that holds the beginning of its run has messages before 
 
 @dataclass(frozen=True)
 class View:
-    """The view of a run: its file, whether it was written anew, sentences on what the bag lacks, and whether it was cut off."""
+    """The view of a run: its file, whether it was written anew, what the bag lacks, and whether that is damaged or cut off."""
 
     path: Path
     written: bool
     notes: list[str]
-    cut_off: bool
+    faulty: bool
 
 
 def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted: Sequence[int] | str | None = None) -> View:
@@ -90,8 +90,8 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted
         key = _key(index, window, wanted)
         fresh = _key_of(path) != key
         notes = _make(_Source(index, run, window, wanted), path, key) if fresh else list(index.damage)
-        lacks, cut_off = _lacks(index)
-        return View(path, fresh, notes + lacks, cut_off)
+        lacks, faulty = _lacks(index)
+        return View(path, fresh, notes + lacks, faulty)
 
 
 def _make(source: _Source, path: Path, key: str) -> list[str]:
@@ -190,8 +190,8 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         _send_texts(rr, rec, source, source.report, [])
         rec.flush()
         rec.disconnect()
-        lacks, cut_off = _lacks(index)
-        return View(path, True, index.damage + lacks, cut_off)
+        lacks, faulty = _lacks(index)
+        return View(path, True, index.damage + lacks, faulty)
 
 
 def import_rerun() -> ModuleType:
@@ -397,11 +397,11 @@ def _pages(small: Bag) -> Pages:
 
 
 def _lacks(index: OpenedBags) -> tuple[list[str], bool]:
-    """Return sentences on what the view does not show of the bag, with the reasons, and True when the run was cut off."""
+    """Return sentences on what the view does not show of the bag, with the reasons, and True when that is cut off or damaged."""
     _, cut = index.end()
     others = index.not_of(_pages(_small(index)).known.all_topics)
     left_out = [f"not shown, as no signals of the rig come from them: {', '.join(others)}"] * bool(others)
-    return [cut] * bool(cut) + index.notes + index.holes_in_time + left_out, bool(cut)
+    return [cut] * bool(cut) + index.notes + index.holes_in_time + left_out, bool(cut or index.damage)
 
 
 def _small(index: OpenedBags) -> Bag:
