@@ -39,7 +39,9 @@ int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_con
     case 2: strcpy(out->message, "no speed signal"); return RIG_ERROR;
     case 3: strcpy(out->message, "memory is gone"); return RIG_FATAL;
     case 4: puts("\033[31mred\tline"); fflush(stdout); abort();
-    case 5: while (endless) {}
+    case 5: while (endless) {} break;
+    case 6: out->gear = 0xFFFFFFFFu; break;
+    case 7: out->flags = 0xFFFFFFFFu; break;
   }
   out->command[0] = 0.25;
   return RIG_OK;
@@ -123,6 +125,13 @@ def test_a_discarded_sample_and_an_error_are_what_they_are_in_c(build, config, f
     with pytest.raises(ControllerFailed, match="sample 2: status error: no speed signal$") as failure:
         ask(plug, 2)
     assert failure.value.status == Status.ERROR and plug.end_fault == "", "the process has ended in order"
+
+
+@pytest.mark.parametrize(("sample", "sentence"), [(6, r"gear is -\d+, expected 0"), (7, r"flags is -\d+, expected 0 to 7")])
+def test_a_number_out_of_its_range_is_not_taken_for_0(build, config, sample, sentence):
+    plug = faulty(build, config, 2, sample)
+    with pytest.raises(ControllerFailed, match=f"sample {sample}: {sentence}"):
+        ask(plug, sample)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

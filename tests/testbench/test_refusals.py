@@ -333,7 +333,7 @@ class FakeOutputs:
     """Takes the events of the rig's queue at a time that the test sets."""
 
     def __init__(self):
-        self.rig, self.events = SimpleNamespace(time_ns=0), []
+        self.rig, self.events = SimpleNamespace(time_ns=0, time=0.0, safe=False), []
 
     def event(self, topic, name, text, value):
         self.events.append((self.rig.time_ns * 1e-9, text, value))
@@ -341,7 +341,8 @@ class FakeOutputs:
 
 def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(tmp_path):
     outputs = FakeOutputs()
-    commands = Commands(outputs)
+    told = []
+    commands = Commands(outputs, lambda text, t: told.append(text))
 
     def refuse(sample, why):
         raise RigError(f"valve command for sample {sample} refused: {why}")
@@ -363,6 +364,10 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
     outputs.rig.time_ns = 6_000_000_000
     commands.apply()
     assert len(outputs.events) == 5 and commands.refused["/controller/command"] == 2501
+    assert [text.partition(" refused: ")[2] for text in told] == [
+        "duty must be 0 to 1, found [0, nan, 0.0]",
+        "level 7 is neither",
+    ], "each reason is one line on the terminal"
 
 
 HOSTILE = "\x1b[2J\x9b31m\u202e\r\nrig: all is well"
