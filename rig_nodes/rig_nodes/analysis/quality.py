@@ -69,7 +69,7 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
     reasons += [*_of_speed(row, box), *_of_torque(row, box)]
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)
     return {
-        "grade": GRADES[worst] if judged or reasons else None,
+        "grade": GRADES[worst] if reasons or (judged and row.get("valid", True)) else None,  # no invalid shift is good
         "peak_ratio": peak_ratio(row, box),
         "reasons": [text for _, text in sorted(reasons, key=lambda one: -GRADES.index(one[0]))],
     }

@@ -200,7 +200,7 @@ class FreeRunning(Plug):
             self._silence()
             if self._held is not None and self._discarded * self.info.period <= self.timeout - COMMAND_TIMEOUT:
                 return self._held
-            return ControllerOutputs(status=Status.DISCARD, message=f"no command comes on {self.place}{self._faults_text()}")
+            return ControllerOutputs(status=Status.DISCARD, message=f"no command comes on {self.place}{self.ignored.text()}")
         answer, self._newest = self._newest, None
         self._held = answer
         self._waiting, self._discarded, self._silence_reported = None, 0, False

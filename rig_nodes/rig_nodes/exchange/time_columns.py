@@ -272,7 +272,7 @@ def _check_period(foreign: Foreign, profile: Profile, longest: Channel) -> None:
     try:
         clock = Clock(foreign, times, profile.bridge, [])
     except RigError as error:
-        raise RigError(f"{error}; a period in place of '{head}' would only hide it") from None
+        raise RigError(f"{error}; a period in place of '{head}' would hide it, so leave the period out") from None
     if clock.rows != rows or abs(clock.period / period - 1.0) > CLOSE:
         gaps = f"; {clock.notes[0]}" if clock.notes else ""
         raise RigError(
