@@ -131,6 +131,8 @@ def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, 
         )
     if found.missing:
         print(f"{found.missing} samples were answered by only one of both")
+    if controller.end_fault:
+        print(f"rig: warning: controller {printable(controller.name)}: {printable(controller.end_fault)}", file=sys.stderr)
     if found.end:
         print(f"rig: {printable(found.end)}", file=sys.stderr)
         return 1
