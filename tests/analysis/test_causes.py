@@ -11,7 +11,7 @@ import pytest
 from synthetic_shift import Shift
 
 from rig_nodes.analysis.causes import cause
-from rig_nodes.analysis.clutch_torques import put_states
+from rig_nodes.analysis.clutch_torques import put_torques
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.report import recording_of
 from rig_nodes.bags.reader import Bag
@@ -109,7 +109,7 @@ def test_the_logger_alone_gives_the_torques_within_their_error_and_the_same_reme
     bag = Bag(simulated())
     box = bag.transmission
     measured, known = (shifts(recording_of(bag, box)) for _ in range(2))
-    put_states(bag, known, box)
+    put_torques(bag, known, box)
     for one, true in zip(measured, known, strict=True):
         for name, found in one["torques"].items():
             for role in ("releasing", "engaging"):

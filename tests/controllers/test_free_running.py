@@ -501,6 +501,8 @@ def test_the_dbc_is_what_the_plug_speaks(config, tmp_path):
         "CONTROL_STATE_J1939": 0x0CFF10FE,
         "CONTROL_COMMAND_CURRENT_J1939": 0x0CFF11FE,
         "CONTROL_COMMAND_DUTY_J1939": 0x0CFF12FE,
+        "ACKNOWLEDGEMENT": 0x18E8FF03,
+        "ADDRESS_CLAIMED": 0x18EEFF03,
     }
     shafts = read.decode_message("RIG_MEASURED", struct.pack("<4h", 15000, -10, 500, 500))
     assert shafts == pytest.approx({"n_wej": 1500.0, "n_wyj": -1.0, "p1": 1.0, "p2": 0.5})

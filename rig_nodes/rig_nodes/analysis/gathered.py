@@ -162,7 +162,8 @@ class Gathered:
             topic: {name: [] for name in ("", *names)} for topic, names in wanted.items()
         }  # times under the name ""
         for clutch in box.clutches if box is not None else ():
-            self._fields[clutch.state] |= {name: [] for name in CLUTCH if name not in self._fields[clutch.state]}
+            own = self._fields.setdefault(clutch.state, {"": []})
+            own |= {name: [] for name in CLUTCH if name not in own}
         self._no_fields: dict[str, RigError] = {}
 
     def add(self, piece: Bag) -> None:

@@ -185,7 +185,7 @@ def _with_names(path: Path, lines: Sequence[str], form: Form, layout: Layout) ->
     if not above:
         raise RigError(
             f"{path}: has no line with the names of its columns above the values in line {form.data}; put one there, e.g. 't [s]' "
-            "and 'M_wej [Nm]' with the delimiter between them"
+            "and 'torque [Nm]' with the delimiter between them"
         )
     if form.units is None and len(above) > 1:
         units, names = (fields(COMMENT.sub("", lines[n - 1], count=1), form.delimiter) for n in above[:2])
