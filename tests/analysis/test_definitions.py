@@ -40,7 +40,7 @@ def test_with_an_engine_the_losses_and_k_are_withheld_and_the_shift_is_valid():
     box = replace(recording.transmission, drive_yields="engine (combustion engine) yields to the load")
     (row,) = shifts(replace(recording, transmission=box))
     assert row["valid"] and row["t_c_s"] == pytest.approx(0.7, abs=2e-3) and row["input_torque_max_nm"] is not None
-    assert {key for key, value in row.items() if value is None} == WITH_A_HELD_SPEED == set(row["undefined"])
+    assert {key for key in WITH_A_HELD_SPEED if row[key] is None} == WITH_A_HELD_SPEED == set(row["undefined"])
     (line,) = undefined_lines(["shift 1"], [row], columns_of(box))
     assert line.startswith("no t_o, k, E_loss, settled: ") and "yields to the load" in line
 

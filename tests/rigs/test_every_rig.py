@@ -134,8 +134,8 @@ def test_a_sweep_changes_its_result(rig, sequence, tmp_path):
 
 
 def results_of(table: dict) -> list[str]:
-    """Columns with results of a sweep: those of a calculation, or the largest torque at the input in a shift."""
-    return [name for name in table if name.startswith("table.")] or ["input_torque_max_nm"]
+    """Columns with results of a sweep: those of a calculation, or time and largest torque of a shift."""
+    return [name for name in table if name.startswith("table.")] or ["t_c_s", "input_torque_max_nm"]
 
 
 def test_an_fmu_of_it_gives_the_same_rows(rig, sequence, simulated, tmp_path):
