@@ -160,7 +160,7 @@ def _course(row: dict, torque: float, period: float) -> dict[str, float]:
     found |= dict.fromkeys(
         ("input_torque_high_nm", "input_torque_low_nm"), torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * swing / STEEP_RISE
     )
-    found |= dict.fromkeys(("t_high_s", "t_low_s"), ends + torque * STEEP_RISE / swing)
+    found["t_high_s"] = ends + torque * STEEP_RISE / swing  # the lowest may lie anywhere on a flat stretch
     if reversed_s := row.get("reversed_s"):
         found["reversed_s"] = 2.0 * (
             ends + torque * reversed_s / (math.pi * max(-low if row["output_torque_nm"] > 0.0 else high, torque))
