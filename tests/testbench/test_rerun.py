@@ -9,8 +9,9 @@ from copy import deepcopy
 
 import pytest
 
+from rig_nodes.analysis.gather import gather
 from rig_nodes.analysis.moved import moved_lines
-from rig_nodes.analysis.report import build_report, gather
+from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config.names import installed

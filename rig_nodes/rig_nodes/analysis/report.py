@@ -20,8 +20,6 @@ import numpy as np
 from ..atomic_write import atomic_write
 from ..bags import limits
 from ..bags.messages import NOTHING
-from ..bags.opened import OpenedBags
-from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
 from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
@@ -34,7 +32,7 @@ from .comparison import annex_lines, truth_lines
 from .course import COURSE_KEYS
 from .definitions import reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
-from .gathered import SMALL, Gathered, Thinned
+from .gathered import Gathered
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
@@ -94,7 +92,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     Parameters
     ----------
     bag : Bag or Gathered
-        The bag in memory, or what :func:`gather` gathered of its pieces, with the same ``annex_a``.
+        The bag in memory, or what :func:`analysis.gather.gather` gathered of its pieces, with the same ``annex_a``.
     run : dict
         Facts that only the runner has (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
         of an undamaged bag.
@@ -116,7 +114,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     if not bag.began:
         return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []})
     problems: list[str] = []
-    record, imported = _record_of(bag, run), info_of(bag).get("imported")
+    record, imported = record_of(bag, run), info_of(bag).get("imported")
     if not record["structure"]["gears"]:
         from .bench_report import bench_report
 
@@ -130,7 +128,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     try:
         box, instruments = transmission_of(record), instruments_of(record)
     except UNREADABLE as error:
-        raise _no_rig(error) from None
+        raise no_rig(error) from None
     try:
         recording, rows = bag.shifts() if isinstance(bag, Gathered) else _with_shifts(recording_of(bag, box))
     except RigError as error:
@@ -162,84 +160,22 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
-def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None = None, thinner: Thinned | None = None) -> Gathered:
-    """Return what gathers the sources of build_report from the pieces of a bag.
-
-    Parameters
-    ----------
-    source : Path or str
-        The run's folder or file.
-    small : Bag
-        Events and description of the whole run, with the names of all topics (OpenedBags.bag).
-    run : dict
-        As in :func:`build_report`.
-    annex_a : float, optional
-        As in :func:`build_report`.
-    thinner : Thinned, optional
-        As in Gathered.
-
-    Raises
-    ------
-    RigError
-        When the bag's record of its rig is invalid.
-    """
-    record = _record_of(small, run)
-    try:
-        box = transmission_of(record) if record["structure"]["gears"] else None
-        return Gathered(source, small, orders_in(small.events()), box, annex_a, thinner)
-    except UNREADABLE as error:
-        raise _no_rig(error) from None
-
-
-def gather(
-    source: Path | str, run: dict | None = None, annex_a: float | None = None, recover: bool = False, most_rows: int = 0
-) -> Gathered:
-    """Return what build_report needs of a bag of any length, which is read piece by piece.
-
-    Parameters
-    ----------
-    source : Path or str
-        The run's folder or file.
-    run : dict, optional
-        As in :func:`build_report`; by default what the bag records.
-    annex_a : float, optional
-        As in :func:`build_report`.
-    recover : bool
-        True to read the undamaged part of a cut or damaged bag.
-    most_rows : int
-        Rows of Gathered.thinned at most; 0 where it is not asked for.
-
-    Raises
-    ------
-    BagError
-        When the bag is damaged or missing.
-    RigError
-        When its record of its rig is invalid.
-    """
-    with OpenedBags([source]) as opened:
-        small = opened.bag([topic for topic, ros_type in opened.types.items() if ros_type in SMALL])
-        length = (opened.last - opened.first) / 1e9
-    found = gathering(source, small, run or info_of(small), annex_a, Thinned(length, most_rows) if most_rows else None)
-    for piece in Bag.pieces(source, PIECE, recover):
-        found.add(piece)
-    return found
-
-
 def _with_shifts(recording: Recording) -> tuple[Recording, list[dict]]:
     return recording, shifts(recording)
 
 
-def _record_of(bag: Bag | Gathered, run: dict) -> Mapping:
+def record_of(bag: Bag | Gathered, run: dict) -> Mapping:
     """Return the record of the rig of a run in today's form; RigError when it is invalid."""
     try:
         record = rig_record(run["configuration"], bag.types) if run.get("configuration") else bag.record
         record["structure"]["gears"]
     except UNREADABLE as error:
-        raise _no_rig(error) from None
+        raise no_rig(error) from None
     return record
 
 
-def _no_rig(error: Exception) -> RigError:
+def no_rig(error: Exception) -> RigError:
+    """Return the error of a record whose rig cannot be read."""
     return RigError(
         f"the configuration of the run does not name its rig and instruments ({type(error).__name__}: {error}); "
         f"expected what `rig run` and `rig simulate` put into a bag"
@@ -266,21 +202,6 @@ def _run_data(bag: Bag | Gathered, run: dict) -> dict:
         data["recorded_from_s"] = bag.recorded_from
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
-
-
-def shifts_report(bag: Gathered) -> dict:
-    """Return shifts and their largest errors, as in the report of a bag, or no shifts when it has no rows for them."""
-    try:
-        recording, rows = bag.shifts()
-    except RigError:
-        return {"shifts": []}
-    if not info_of(bag).get("imported"):
-        put_torques(bag, rows, recording.transmission)
-        put_states(bag, bag.record, recording.transmission, rows)
-    instruments = instruments_of(bag.record)
-    return plain(
-        {"shifts": rows, "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows]}
-    )
 
 
 def report_of_recording(recording: Recording, annex_a: float | None = None, record: Mapping | None = None) -> dict:

@@ -79,7 +79,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 
     ``faults`` takes a sentence for each thing that makes a bag another recording than its run was.
     """
-    from ..analysis.report import gather, shifts_report
+    from ..analysis.gather import gather, shifts_report
     from ..analysis.side_by_side import Source
     from ..bags.rig_record import rig_record
     from ..bags.run_end import faults_of, with_end

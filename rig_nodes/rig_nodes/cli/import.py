@@ -65,7 +65,8 @@ def main(args: argparse.Namespace) -> int:
     import os
     import shutil
 
-    from ..analysis.report import build_report, format_report, gather, info_of, write_report
+    from ..analysis.gather import gather
+    from ..analysis.report import build_report, format_report, info_of, write_report
     from ..config.names import DEFAULT_RIG
     from ..errors import RigError, quoted
     from ..exchange.cells import CellError

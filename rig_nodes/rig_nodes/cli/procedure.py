@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
-    from ..analysis.report import build_report, format_report, gather, write_report
+    from ..analysis.gather import gather
+    from ..analysis.report import build_report, format_report, write_report
     from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
     from ..controllers.load import embedded_line
     from ..errors import interrupted_code, printable, quoted

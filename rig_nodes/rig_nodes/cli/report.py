@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis.annex_a import FACTOR_B
+from ..analysis.gather import gather
 from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
-from ..analysis.report import REPORT_FILE, build_report, format_report, gather, info_of, is_of, read_report, write_report
+from ..analysis.report import REPORT_FILE, build_report, format_report, info_of, is_of, read_report, write_report
 from ..analysis.results import results_of
 from ..bags.old_form import topic_of_today
 from ..bags.run_end import NO_REPORT, faults_of, with_end

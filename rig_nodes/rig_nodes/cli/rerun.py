@@ -63,7 +63,7 @@ class Through(argparse.Action):
 
 def main(args: argparse.Namespace) -> int:
     """Run the bag again; return 1 when a controller failed."""
-    from ..analysis.report import gather
+    from ..analysis.gather import gather
     from ..errors import RigError, quoted
     from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings, run_folder, unless_empty
@@ -86,8 +86,9 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
+    from ..analysis.gather import gather
     from ..analysis.moved import moved_lines
-    from ..analysis.report import build_report, gather, info_of, write_report
+    from ..analysis.report import build_report, info_of, write_report
     from ..testbench.rerun import different_topics, rerun_plant
 
     with waiting(AGAIN):

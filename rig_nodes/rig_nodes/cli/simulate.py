@@ -49,7 +49,8 @@ def controller_log(folder: Path) -> Iterator[None]:
 
 def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
-    from ..analysis.report import build_report, format_report, gather, write_report
+    from ..analysis.gather import gather
+    from ..analysis.report import build_report, format_report, write_report
     from ..controllers.load import embedded_line, level_line, load_controller
     from ..errors import interrupted_code
     from ..testbench.configuration import load_rig

@@ -78,7 +78,8 @@ class Recording:
 
     def close(self) -> None:
         """End the bag and write report.json beside it."""
-        from ..analysis.report import build_report, gather, write_report
+        from ..analysis.gather import gather
+        from ..analysis.report import build_report, write_report
         from ..clocks import TICK_SAMPLES
         from ..testbench.rig_base import RigStatus
 

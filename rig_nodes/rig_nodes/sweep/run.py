@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
+from ..analysis.gather import gather
 from ..analysis.metrics import Recording, shifts
-from ..analysis.report import build_report, gather, plain, write_report
+from ..analysis.report import build_report, plain, write_report
 from ..analysis.state_at_order import put_known
 from ..bags.reader import Bag
 from ..compiled import sources_key

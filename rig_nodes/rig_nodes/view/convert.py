@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
+from ..analysis.gather import gather, gathering
 from ..analysis.gathered import SMALL
 from ..analysis.metrics import with_ends
-from ..analysis.report import REPORT_FILE, build_report, gather, gathering, is_of, orders_in, read_report
+from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
 from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
