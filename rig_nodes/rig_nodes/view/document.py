@@ -8,6 +8,8 @@ view.convert uses it; keys, headings and units are those of the report (analysis
 
 from __future__ import annotations
 
+from itertools import zip_longest
+
 from ..analysis.bench_report import bench_lines
 from ..analysis.definitions import undefined_lines
 from ..analysis.energy import clutch_heat
@@ -52,7 +54,10 @@ def report_document(report: dict, problems: list[str]) -> str:
     parts += undefined_lines(names, report["shifts"], columns_of(box))
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
-    parts += ["## Run", f"End: {reason}", markdown_table([["", "value"], *_run_rows(report, box)])]
+    rows = _run_rows(report, box)
+    half = -(-len(rows) // 2)  # two entries a line, so that a picture shows them all
+    table = [["", "value", "", "value"], *(left + right for left, right in zip_longest(rows[:half], rows[half:], fillvalue=["", ""]))]
+    parts += ["## Run", f"End: {reason}", markdown_table(table)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -357,7 +357,7 @@ def _tab(name: str, columns: list[list], text: str = "/report") -> rrb.Horizonta
     texts = rrb.Vertical(
         rrb.TextDocumentView(name=text.strip("/").capitalize(), origin=text),
         rrb.TextLogView(name="Events", origin="/events", columns=log),
-        row_shares=[7, 4],
+        row_shares=[2, 1],
     )
     return rrb.Horizontal(*parts, texts, column_shares=[(1.0 - TEXTS) / max(len(parts), 1)] * len(parts) + [TEXTS], name=name)
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 NO_DRIVER = "no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers and try again"
-SIZE = (1600, 1600)
+SIZE = (1600, 1720)
 PNG_HEAD = 33  # bytes of its signature and its first chunk
 LONGEST = 60.0  # s; time limit of the whole picture
 SETTLED = 3  # successive equal images after which the drawing counts as finished
