@@ -55,8 +55,9 @@ def report_document(report: dict, problems: list[str]) -> str:
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
     rows = _run_rows(report, box)
-    half = -(-len(rows) // 2)  # two entries a line, so that a picture shows them all
-    table = [["", "value", "", "value"], *(left + right for left, right in zip_longest(rows[:half], rows[half:], fillvalue=["", ""]))]
+    half = -(-len(rows) // 2)
+    pairs = zip_longest(rows[:half], rows[half:], fillvalue=["", ""])  # two entries a line, so that a picture shows them all
+    table = [["", "value", "", "value"], *(left + right for left, right in pairs)]
     parts += ["## Run", f"End: {reason}", markdown_table(table)]
     return "\n\n".join(parts) + "\n"
 
