@@ -113,6 +113,23 @@ def test_without_a_record_the_events_of_the_sequence_show_the_end(library, sampl
     assert code == 3 and CUT_OFF in err
 
 
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_copy_of_a_whole_bag_ends_as_its_run_did(damaged, half, rewritten, sample, tmp_path, capfd):
+    source, copy = half, tmp_path / "copy"
+    if damaged:
+        source = tmp_path / "damaged.mcap"
+        source.write_bytes((SAMPLE / "sample_0.mcap").read_bytes()[:-100_000])
+    assert rig(capfd, "bag", "recover", source, "--out", copy)[0] == 3
+    code, out, err = rig(capfd, "bag", "check", copy)
+    assert code == 3 and "cut off, " in out and "the run was cut off at " in err
+    code, out, _ = rig(capfd, "report", copy)
+    assert code == 3 and "end: the run was cut off at " in out
+    failed = {"state": "failed", "reason": "interrupted by Ctrl-C"}
+    ended = rewritten("interrupted", sample.timeline()[:9000], end=failed)
+    assert rig(capfd, "bag", "merge", ended, "--out", tmp_path / "ended")[0] == 0
+    assert "end: interrupted by Ctrl-C" in rig(capfd, "report", tmp_path / "ended")[1]
+
+
 def test_parts_of_runs_and_bags_of_no_rig_are_not_cut_off(half, sample, tmp_path, capfd):
     assert rig(capfd, "bag", "cut", SAMPLE, "--to", 1, "--out", tmp_path / "part")[0] == 0
     assert rig(capfd, "bag", "check", tmp_path / "part")[::2] == (0, "")

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -158,12 +159,15 @@ def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, ca
         (5, "no answer for 200 ms (--step-timeout)"),
     ],
 )
-def test_what_cannot_be_trusted_is_fatal_and_its_process_is_gone(build, config, sample, sentence):
+def test_what_cannot_be_trusted_is_fatal_and_its_process_is_gone(build, config, sample, sentence, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     plug = faulty(build, config, 2, sample)
+    assert len(list(tmp_path.iterdir())) == 1
     plug.pace(0.2)
     with pytest.raises(ControllerFailed, match=re.escape(sentence)) as failure:
         ask(plug, sample)
     assert failure.value.status == Status.FATAL and is_gone(plug.process_id, 0.0)
+    assert not list(tmp_path.iterdir()), "the unpacked files do not stay"
     plug.close()
 
 
@@ -201,12 +205,13 @@ def changed(source, target, edit):
         (lambda n, d: (n.replace("modelDescription", "other"), d), "cannot be read as an FMU"),
     ],
 )
-def test_an_fmu_that_does_not_fit_is_refused_in_one_sentence(build, config, tmp_path, edit, sentence):
+def test_an_fmu_that_does_not_fit_is_refused_in_one_sentence(build, config, tmp_path, edit, sentence, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     other = changed(build(2), tmp_path / "other.fmu", edit)
     with pytest.raises(RigError, match=sentence) as refusal:
         load_controller(f"fmu:{other}", config)
     assert str(refusal.value).startswith(f"controller fmu:{other}: ") and "\n" not in str(refusal.value)
-    assert refusal.value.exit_code == 2
+    assert refusal.value.exit_code == 2 and list(tmp_path.iterdir()) == [other]
 
 
 def test_no_file_and_no_level_are_said(build, config, tmp_path):

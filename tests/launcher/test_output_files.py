@@ -114,6 +114,9 @@ def places(tmp_path_factory):
         (folder / f"soft{ending}").symlink_to(run / "sample_0.mcap")
         os.link(run / "sample_0.mcap", folder / f"hard{ending}")
         made |= {f"link {ending}": folder / f"soft{ending}", f"hard link {ending}": folder / f"hard{ending}"}
+    for name, text in (("table", '{"columns": ["a"], "rows": [[1]]}'), ("machine", '{"machine": "lathe 7"}')):
+        made[f"user's {name} in JSON"] = folder / f"{name}.json"
+        made[f"user's {name} in JSON"].write_text(text)
     made["through .."] = folder / "rig" / ".." / "run" / "sample_0.mcap"
     made["a controller"] = folder / "mine.py"
     made["a controller"].write_text("class Controller: pass\n")
@@ -190,7 +193,7 @@ def test_an_older_product_of_the_same_kind_is_replaced(tmp_path, monkeypatch, ca
         assert [main(words) for _ in range(2)] == [0, 0], capsys.readouterr().err
     build_rig_fmu(Path("a.fmu"), "hydmag", {}, 2)
     assert KINDS["fmu"].own(b"", Path("a.fmu"))
-    assert set(KINDS) - {"page", "rrd", "svg", "dbc", "registers", "record", "foxglove", "plotjuggler", "fmu"} == {
+    assert set(KINDS) - {"page", "rrd", "json", "svg", "dbc", "registers", "record", "foxglove", "plotjuggler", "fmu"} == {
         "pdf",  # tests/analysis/test_report_page.py and tests/view/test_view_pixels.py write these twice
         "png",
         "controller-fmu",

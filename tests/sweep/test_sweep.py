@@ -210,6 +210,18 @@ def test_a_controller_that_fails_in_some_members_is_a_row_there_and_its_own_in_e
     assert "holds another sweep (controller is not the same)" in capsys.readouterr().err
 
 
+def test_what_goes_wrong_at_the_end_of_controllers_is_told(tmp_path, capsys):
+    mine = tmp_path / "mine.py"
+    mine.write_text(
+        "from rig_nodes.controllers.examples.alfa46 import Alfa46\n\n\n"
+        "class Mine(Alfa46):\n    def terminate(self):\n        raise ValueError('the log is full')\n"
+    )
+    command = ["sweep", SHORT, "--vary", "seed=1, 2", "--jobs", "1", "--out", str(tmp_path / "sweep")]
+    assert main([*command, "--controller", f"python:{mine}:Mine"]) == 0
+    said = "warning: at the end of 2, controller python:mine.py:Mine: terminate failed: mine.py line 6: ValueError: the log is full"
+    assert said in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("spec", "why"),
     [

@@ -24,7 +24,7 @@ from .cdr import stamp_and_seq
 from .metadata import read_profile
 from .opened import RUN_INFO, OpenedBags, class_of
 from .reader import Bag
-from .run_end import OF_COPY
+from .run_end import CUT_OFF, OF_COPY
 from .sequence_numbers import Numbers, has_one_sender
 from .writer import BagWriter
 
@@ -196,6 +196,12 @@ def write(
             for time, (topic, data) in rows if as_sent is None else as_sent.rows(rows):
                 if begin <= time < end and (topics is None or topic in topics):
                     writer.write(topic, bags.types[topic], data, time)
+            if topics is None and begin == 0 and end > bags.last:  # a part has no end of a run
+                ended, cut_off = bags.end(of_damaged=True)
+                if cut_off:
+                    writer.end(CUT_OFF, cut_off)
+                elif ended is not None:
+                    writer.end(ended.state, ended.reason)
         os.replace(part, out)
     except OSError as error:
         raise RigError(f"{out}: cannot be made ({error.strerror}); name a folder that can be written") from None

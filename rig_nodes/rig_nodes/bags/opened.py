@@ -25,7 +25,7 @@ from .metadata import read_profile
 from .pieces import PACKED, Metadata, in_order, plain, read_metadata
 from .reader import Bag
 from .records import ENCODING, Contents
-from .run_end import EVENTS, STATE, RunEnd, cut_off, end_of_run
+from .run_end import CUT_OFF, EVENTS, STATE, RunEnd, cut_off, end_of_run
 from .sqlite_bag import from_sqlite
 
 KINDS = (".mcap", ".db3")
@@ -161,15 +161,21 @@ class OpenedBags:
         others = [name for name in self.types if self.counts[name] and name not in known and name not in OF_ROS]
         return [f"{name} ({why})" if (why := self.not_understood(name)) else name for name in others]
 
-    def end(self) -> tuple[RunEnd | None, str]:
-        """Return how the run ended, as far as the bag shows it, and a sentence when the bag was cut off before that."""
+    def end(self, of_damaged: bool = False) -> tuple[RunEnd | None, str]:
+        """Return how the run ended, as far as the bag shows it, and a sentence when the bag was cut off before that.
+
+        Parameters
+        ----------
+        of_damaged : bool
+            True for the sentence also of a damaged bag, whose damage says it otherwise.
+        """
         if self._starts > 1:
             return None, ""  # several bags together are no run
         last = self.pieces[-1]
         if recorded := RunEnd.of(last.end):
-            return recorded, ""
+            return recorded, recorded.reason if recorded.state == CUT_OFF else ""
         bag = self.bag([topic for topic, ros_type in self.types.items() if topic in (STATE, EVENTS) or ros_type == RUN_INFO])
-        return end_of_run(bag), "" if self.damage else cut_off(bag)
+        return end_of_run(bag), "" if self.damage and not of_damaged else cut_off(bag)
 
     def _piece(self, name: str) -> BagIndex:
         return next(piece for piece in self.pieces if name in piece.types)

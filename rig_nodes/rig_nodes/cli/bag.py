@@ -132,9 +132,10 @@ def _write(args: argparse.Namespace) -> int:
         if as_sent is not None and as_sent.dropped:
             print(f"rig: {bags.path}: {as_sent.dropped} messages that were there twice are written once", file=sys.stderr)
         _print_notes(bags.path, bags)
-        for sentence in left_out(bags):
+        cut_off = "" if args.work == "cut" else bags.end()[1]
+        for sentence in [*left_out(bags), *([cut_off] if cut_off else [])]:
             print(printable(f"rig: {bags.path}: {sentence}"), file=sys.stderr)
-    return _print_lost(bags.path, kept)
+    return _print_lost(bags.path, kept) or (LOST if cut_off else WHOLE)
 
 
 def _print_lost(path: str, kept: Kept) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from .output_files import OutputFile, json_with
+from .output_files import OutputFile
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     parser.add_argument(
         "--json",
-        type=OutputFile(json_with({"machine"}), to_stdout=True),
+        type=OutputFile("json", to_stdout=True),
         metavar="FILE",
         help="write the numbers as JSON; - for stdout, without tables",
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
-from .output_files import OutputFile, json_with
+from .output_files import OutputFile
 
 if TYPE_CHECKING:
     import argparse
@@ -35,10 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change one value of the rig (may be repeated)",
     )
     parser.add_argument(
-        "--json",
-        type=OutputFile(json_with({"columns", "rows"}, {"calculations"}), to_stdout=True),
-        metavar="FILE",
-        help="write the table as JSON; - for stdout",
+        "--json", type=OutputFile("json", to_stdout=True), metavar="FILE", help="write the table as JSON; - for stdout"
     )
 
 

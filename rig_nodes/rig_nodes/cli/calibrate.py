@@ -11,7 +11,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
-from .output_files import OutputFile, json_with
+from .output_files import OutputFile
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--json",
-        type=OutputFile(json_with({"values", "sensitivities", "before", "after"}), to_stdout=True),
+        type=OutputFile("json", to_stdout=True),
         metavar="FILE",
         help="write values, misses, sensitivities, spreads and profiles",
     )

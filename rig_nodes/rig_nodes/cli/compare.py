@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from importlib import import_module  # import is a word of Python
 from typing import TYPE_CHECKING
 
-from .output_files import OutputFile, json_with
+from .output_files import OutputFile
 
 if TYPE_CHECKING:
     import argparse
@@ -29,12 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("runs", nargs="+", metavar="RUN", help="folder of a run, its .mcap file, or a logger's file; two or more")
     parser.add_argument("--align", choices=("events", "correlation"), help="how (default: events where all hold the same orders)")
     import_verb.add_profile_arguments(parser)
-    parser.add_argument(
-        "--json",
-        type=OutputFile(json_with({"runs", "offset_s", "metrics"})),
-        metavar="FILE",
-        help="write offsets, metrics and signals as JSON",
-    )
+    parser.add_argument("--json", type=OutputFile("json"), metavar="FILE", help="write offsets, metrics and signals as JSON")
     parser.add_argument("--html", type=OutputFile("page"), metavar="FILE", help="write one self-contained page")
     parser.add_argument("--rrd", type=OutputFile("rrd"), metavar="FILE", help="write a file for Rerun, with its layout")
 
@@ -50,6 +44,7 @@ def main(args: argparse.Namespace) -> int:
     from ..atomic_write import atomic_write
     from ..catalogue import catalogue
     from ..errors import RigError, printable
+    from .json_output import write_json
 
     if len(args.runs) < 2:
         raise RigError(f"{args.runs[0]} alone cannot be compared; name two or more runs, bags or loggers' files")
@@ -60,7 +55,7 @@ def main(args: argparse.Namespace) -> int:
     signals = catalogue(sources[0].record).signals
     print("\n".join(_lines(found, box, signals)))
     if args.json:
-        atomic_write(args.json, json.dumps(found.as_dict(), indent=2) + "\n")
+        write_json(args.json, found.as_dict())
     if args.html:
         from ..view.compare_page import compare_page
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""JSON output of a verb to a place that the user names; ``bench``, ``calibrate`` and ``validate`` use it."""
+"""JSON output of a verb to a place that the user names."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ import sys
 from pathlib import Path
 
 from ..analysis.report import plain
-from ..atomic_write import atomic_write
+from ..atomic_write import MAKER, atomic_write
 
 
 def write_json(name: Path | str, content: dict) -> None:
     """Write the content to a file, or to stdout for -; numbers that are not finite become null.
+
+    A file has the maker as its first key, by which a later one may replace it (output_files.py).
 
     Raises
     ------
     RigError
         When the file cannot be written.
     """
-    text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    made_by = {} if name == "-" else {"generator": MAKER}
+    text = json.dumps(made_by | plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if name == "-":
         sys.stdout.write(text)
         return

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from .output_files import OutputFile, json_with
+from .output_files import OutputFile
 
 if TYPE_CHECKING:
     import argparse
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--json",
-        type=OutputFile(json_with({"rig", "state", "critical_speeds"}), to_stdout=True),
+        type=OutputFile("json", to_stdout=True),
         metavar="FILE",
         help="write all of it as JSON to a file, or to the terminal for -",
     )

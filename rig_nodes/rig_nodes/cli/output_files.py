@@ -10,7 +10,6 @@ older product of the same kind, by its content, so that no option can destroy a 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -23,7 +22,6 @@ from ..errors import RigError
 MARK = MAKER.encode()
 STDOUT = "-"
 HEAD = 4096  # bytes from the beginning of a file in which its mark stands
-JSON_LARGEST = 1 << 28  # bytes; a larger file is not looked into
 _SVG = re.compile(  # how the charts and the pictures of drivelines begin
     rb'<svg xmlns="http://www.w3.org/2000/svg" (viewBox="[\d ]+" width="\d+" height="\d+" font-family="sans-serif" font-size="12">'
     rb'|width="\d+" height="\d+" viewBox="[\d ]+">\n<style>)'
@@ -60,26 +58,12 @@ def _fmu(head: bytes, path: Path) -> bool:
         return False
 
 
-def json_with(*forms: set[str]) -> Kind:
-    """Return the kind of JSON files that are objects with at least the keys of one of these forms."""
-
-    def own(head: bytes, path: Path) -> bool:
-        if not head.lstrip().startswith(b"{") or path.stat().st_size > JSON_LARGEST:
-            return False
-        try:
-            held = json.loads(path.read_bytes())
-        except (ValueError, RecursionError):
-            return False
-        return isinstance(held, dict) and any(held.keys() >= form for form in forms)
-
-    return Kind((".json",), own)
-
-
 KINDS = {
     "page": Kind((".html", ".htm"), _marked(b"<!DOCTYPE html>")),
     "pdf": Kind((".pdf",), _pdf),
     "png": Kind((".png",), _marked(b"\x89PNG\r\n")),
     "rrd": Kind((".rrd",), lambda head, path: head.startswith(b"RRF") and b"virtual_rig" in head),
+    "json": Kind((".json",), _begins(b'{\n  "generator": "' + MARK + b'",\n')),  # of write_json
     "svg": Kind((".svg",), lambda head, path: bool(_SVG.match(head))),
     "plotjuggler": Kind((".xml",), _marked(b"<?xml")),
     "foxglove": Kind((".json",), lambda head, path: path.read_bytes().endswith(b'"layout": "Tab!rig"\n}\n')),

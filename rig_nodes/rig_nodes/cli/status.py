@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .by_hand import add_domain, running_rig
-from .output_files import OutputFile, json_with
+from .output_files import OutputFile
 
 if TYPE_CHECKING:
     import argparse
@@ -22,10 +22,7 @@ HELP = "show what the rig that runs does now"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument(
-        "--json",
-        type=OutputFile(json_with({"domain", "state", "signals"}), to_stdout=True),
-        metavar="FILE",
-        help="write it for programs, - for stdout",
+        "--json", type=OutputFile("json", to_stdout=True), metavar="FILE", help="write it for programs, - for stdout"
     )
     add_domain(parser)
 

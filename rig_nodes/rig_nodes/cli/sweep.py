@@ -245,6 +245,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     box = config.transmission if config.structure.gears else None  # without gears there are no shifts
     ends: dict[str, int] = {}
     reasons: dict[str, int] = {}
+    faults: dict[str, int] = {}  # what went wrong at the end of controllers
     values: dict[str, dict[str, list[float]]] = {}
     errors: dict[str, dict[str, float]] = {}
     instruments = instruments_of(config.as_dict()) if box else {}
@@ -260,6 +261,8 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
         ends[state] = ends.get(state, 0) + 1
         if state != "ended":
             reasons[reason] = reasons.get(reason, 0) + 1
+        if fault := entry["end"].get("fault"):
+            faults[fault] = faults.get(fault, 0) + 1
         for number, row in enumerate(entry["shifts"], 1):
             name = f"member {entry['member']}" + (f" shift {number}" if len(entry["shifts"]) > 1 else "")
             starts.append((name, row, uncertainty(row, instruments, box) if row["input_speed_rpm"] else {}))
@@ -277,7 +280,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     }
     summed = {name: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for name, x in table.items()}
     largest = {way: {key: of[key] for key, *_ in SHOWN if key in of} for way, of in errors.items()}
-    found = {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid}
+    found = {"ends": ends, "reasons": reasons, "faults_at_the_end": faults, "shifts": shifts, "valid_shifts": valid}
     starts_differ = unlike(starts, box, "shifts") if box else []
     return {**found, "spread": spread, "largest_errors": largest, "table": summed, "starts": starts_differ}
 
@@ -294,6 +297,8 @@ def _text(summary: dict) -> str:
         lines.append(f"{summary['members_per_second']:.1f} members a second")
     reasons = sorted(summary["reasons"].items(), key=lambda item: -item[1])
     lines += [f"{count} did not end: {reason}" for reason, count in reasons[:MOST_REASONS]]
+    faults = sorted(summary["faults_at_the_end"].items(), key=lambda item: -item[1])
+    lines += [f"warning: at the end of {count}, {fault}" for fault, count in faults[:MOST_REASONS]]
     if len(reasons) > MOST_REASONS:
         lines.append(f"and {len(reasons) - MOST_REASONS} more reasons, in the column 'reason'")
     for way, of in summary["spread"].items():

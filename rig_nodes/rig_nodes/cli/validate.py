@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
-from .output_files import OutputFile, OutputFolder, json_with
+from .output_files import OutputFile, OutputFolder
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--json",
-        type=OutputFile(json_with({"rows", "summary"}), to_stdout=True),
+        type=OutputFile("json", to_stdout=True),
         metavar="FILE",
         help="write rows, summary and versions as JSON; - for stdout",
     )

@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import struct
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -61,7 +62,9 @@ class ControllerFmu(Plug):
         }
         message_descriptor = os.memfd_create("message")
         self._message_file = open(message_descriptor, "rb", buffering=0)  # the FMU's newest message, which outlives its process
-        self._host = Host(FMU, name, [file, str(message_descriptor), json.dumps(about)], (message_descriptor,))
+        folder = tempfile.mkdtemp(prefix="rig-fmu-")  # a crash must not leave the unpacked files behind
+        arguments = [file, folder, str(message_descriptor), json.dumps(about)]
+        self._host = Host(FMU, name, arguments, (message_descriptor,), folder)
         self._host.remark = self._last_message
         try:
             found = self._hear(name, "while it was loaded")

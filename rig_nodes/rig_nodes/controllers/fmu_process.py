@@ -293,7 +293,7 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
     return good
 
 
-def serve(link: socket.socket, file: str, message_descriptor: str, record: str) -> None:
+def serve(link: socket.socket, file: str, folder: str, message_descriptor: str, record: str) -> None:
     """Do everything from the FMU's loading to its end.
 
     Parameters
@@ -302,6 +302,8 @@ def serve(link: socket.socket, file: str, message_descriptor: str, record: str) 
         The link to the plug.
     file : str
         The FMU.
+    folder : str
+        Where it is unpacked.
     message_descriptor : str
         Descriptor of the file for the FMU's newest message.
     record : str
@@ -319,7 +321,7 @@ def serve(link: socket.socket, file: str, message_descriptor: str, record: str) 
 
     names = Names(**json.loads(record))
     try:
-        fmu = Fmu(file, "controller", keep)
+        fmu = Fmu(file, "controller", keep, folder)
         try:
             order = _described(link, fmu, names)
         except BaseException:

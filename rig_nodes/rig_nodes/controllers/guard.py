@@ -14,6 +14,7 @@ import ctypes as ct
 import importlib
 import os
 import resource
+import shutil
 import signal
 import socket
 import sys
@@ -58,14 +59,21 @@ def end_children() -> None:
         pass  # no children are left
 
 
-def guard(child: int) -> None:
-    """Wait until the controller's process has ended, end the processes that it leaves behind, and end in the same way."""
+def clear(folder: str) -> None:
+    """Remove what the controller's process has put aside; an empty name is no folder."""
+    if folder:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def guard(child: int, folder: str) -> None:
+    """Wait until the controller's process has ended, remove what it leaves behind, and end in the same way."""
     status = None
     while status is None:
         ended, how = os.waitpid(-1, 0)
         if ended == child:
             status = how
     end_children()
+    clear(folder)
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         if number != signal.SIGKILL:
@@ -92,9 +100,9 @@ def main() -> None:
     """Run the guard and its child.
 
     Arguments: the folder and the name of the host's module, the name of its process, the descriptor of the line to the rig, the
-    rig's process; what follows is for the host's ``serve``.
+    rig's process, a folder to remove at the end or an empty text; what follows is for the host's ``serve``.
     """
-    folder, module, name, descriptor, parent, *rest = sys.argv[1:]
+    folder, module, name, descriptor, parent, put_aside, *rest = sys.argv[1:]
     signals = signal.SIGINT, signal.SIGTERM
     for number in signals:
         signal.signal(number, signal.SIG_IGN)  # they are for the rig, which ends this process in order
@@ -103,6 +111,7 @@ def main() -> None:
 
     def end_all(_number: int, _frame: object) -> None:
         end_children()
+        clear(put_aside)
         os._exit(128 + END_ALL)
 
     signal.signal(END_ALL, end_all)
@@ -114,7 +123,7 @@ def main() -> None:
     child = os.fork()
     if child:
         line.close()
-        guard(child)
+        guard(child, put_aside)
     signal.signal(END_ALL, signal.SIG_DFL)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -78,16 +78,20 @@ class Host:
         What the host's ``serve`` receives behind the line.
     descriptors : tuple of int
         Further descriptors that the host inherits.
+    put_aside : str
+        A folder that is removed when the controller's process has ended in any way; empty for none.
     """
 
-    def __init__(self, kind: Hosting, name: str, arguments: list[str], descriptors: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self, kind: Hosting, name: str, arguments: list[str], descriptors: tuple[int, ...] = (), put_aside: str = ""
+    ) -> None:
         self._kind, self._name = kind, name
         ours, theirs = pair()
         line = theirs.fileno()
         with theirs:
-            command = [sys.executable, *kind.options, GUARD, kind.folder, kind.module, kind.process, line, os.getpid(), *arguments]
+            program = [sys.executable, *kind.options, GUARD, kind.folder, kind.module, kind.process, line, os.getpid(), put_aside]
             self._guard = subprocess.Popen(
-                list(map(str, command)),
+                list(map(str, (*program, *arguments))),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,

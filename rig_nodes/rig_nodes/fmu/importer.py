@@ -71,6 +71,8 @@ class Fmu:
         Name of the instance.
     keep : callable
         Receives each message of the FMU as soon as it comes, so that the newest one outlives a crash.
+    folder : str or None
+        Where it is unpacked; None takes the folder of temporary files.
 
     Raises
     ------
@@ -78,7 +80,9 @@ class Fmu:
         When the file cannot be used here.
     """
 
-    def __init__(self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(
+        self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None, folder: str | None = None
+    ) -> None:
         try:
             import fmpy
             from fmpy.fmi1 import FMICallException
@@ -94,7 +98,7 @@ class Fmu:
         self._newest_messages: deque[tuple[int, str]] = deque(maxlen=KEPT)  # status and text of the FMU's newest messages
         if not self.path.is_file():
             raise RigError(f"{path}: {no_file(path)}")
-        self._folder = tempfile.mkdtemp(prefix="rig-fmu-")
+        self._folder = tempfile.mkdtemp(prefix="rig-fmu-", dir=folder)
         try:
             self.description = description = self._read(fmpy)
             self.version = 3 if str(description.fmiVersion).startswith("3") else 2

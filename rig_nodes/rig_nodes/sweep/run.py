@@ -175,6 +175,8 @@ def run_member(setup: bytes, member: Member) -> dict:
             plug.close()  # the run did not begin: the controller's process would stay with the worker
         return failed(member, error)
     entry = _entry(member, end["state"], end["reason"], plain(metrics))
+    if plug is not None and plug.end_fault:
+        entry["end"]["fault"] = FOLDER.sub("", f"controller {plug.name}: {plug.end_fault}")
     if table is not None:
         entry["table"] = {"columns": dict(table.columns), "rows": plain(table.in_units())}
     return entry
