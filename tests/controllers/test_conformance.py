@@ -113,6 +113,13 @@ def test_what_does_not_load_is_one_line(capsys):
     assert code == 1 and items == {"loads": (False, "controller c:nowhere.so: there is no such file")}
 
 
+def test_a_controller_that_is_gone_was_not_ended_in_order(tmp_path, capsys):
+    path = tmp_path / "mine.py"
+    path.write_text(HEAD.replace("WHAT", "import os; os._exit(0)"))
+    _, items = table(capsys, f"python:{path}:Mine")
+    assert items["ends"] == (True, "ended 1 times, each in order; 4 times there was nothing to end after a fatal fault")
+
+
 def test_the_table_is_for_people(tmp_path, capsys):
     path = tmp_path / "mine.py"
     path.write_text(HEAD.replace("WHAT", "if inputs.sample > 5: raise RuntimeError('tired')"))

@@ -79,7 +79,7 @@ def test_the_first_client_that_writes_is_the_master(make):
     assert watching.read_input_registers(32, count=8).registers == command(1, 10000, 1)
     assert not master.write_register(32, 2).isError()
     assert server.step(2).command == pytest.approx((0.2, 0.0, 0.0)), "the registers still hold what the master wrote"
-    (report,) = [text for text in server.reports if "refused" in text]
+    (report,) = [text for text in server.reports if "a command of" in text]
     assert report.startswith(f"modbus:{server.port}: a command of the client 127.0.0.1:") and (
         "commands, until it leaves or has been silent for 1 s; it is not used, nor are others like it" in report
     )
@@ -162,6 +162,27 @@ def test_functions_that_the_page_does_not_name_are_refused(make):
     assert {code: answer for code, answer in found.items() if code not in served} == {
         code: (code | 0x80, 1) for code in range(1, 128) if code not in served
     }
+
+
+def test_requests_that_are_refused_and_junk_are_counted(make):
+    server = make()
+    server.step(0)
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as line:
+        for pdu in (bytes([5, 0, 33, 255, 0]), bytes([99]), bytes([6, 0, 5, 0, 1])):  # a coil, no function, an input register
+            line.sendall(struct.pack(">HHHB", 7, 0, len(pdu) + 1, 1) + pdu)
+            assert line.recv(9, socket.MSG_WAITALL)[7] == pdu[0] | 0x80
+        line.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        time.sleep(0.1)
+        line.sendall(struct.pack(">HHHBBHH", 7, 0, 6, 1, 3, 0, 1))
+        assert line.recv(11, socket.MSG_WAITALL)[7] == 3, "the connection serves again after the junk"
+    server.step(1)
+    assert server.plug.ignored.counts == {
+        "a request with function code 5 is refused with exception 1": 1,
+        "a request with function code 99 is refused with exception 1": 1,
+        "a request with function code 6 is refused with exception 2": 1,
+        "what came is no frame of Modbus TCP": 1,
+    }
+    assert any("function code 5 is refused" in text for text in server.reports)
 
 
 @pytest.mark.parametrize("unit", [0, 1, 17, 247, 255])

@@ -13,7 +13,7 @@ import asyncio
 import logging
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from typing import TYPE_CHECKING
 
 from ..errors import RigError
@@ -33,6 +33,7 @@ OPTIONS = ("host", "timeout")
 READING, WRITING = (3, 4, 23), (6, 16, 23)  # function codes; 23 does both
 CODE, NO_CODE = 7, 0x80  # place of the function code in a request; code of an exception without a function
 ILLEGAL_FUNCTION, BUSY = 1, 6  # exceptions; "server device busy": another client is the master
+PROTOCOL = slice(2, 4)  # place of the protocol's number in a request, which is 0
 START = 10.0  # s that the server may take to listen
 
 
@@ -56,6 +57,7 @@ class Modbus(FreeRunning):
         self._heartbeat: int | None = None
         self._asking = ""  # the client whose request is served now
         self._refused: deque[str] = deque(maxlen=1)  # a client that wrote without being the master
+        self._unused: Counter[str] = Counter()  # what else came and is not used, since the newest sample
         self._bell = threading.Condition()
         self._start(host, int(port), name)
 
@@ -89,12 +91,18 @@ class Modbus(FreeRunning):
             """A connection; it refuses functions missing in docs/how_to/modbus.md, and commands of clients except the master."""
 
             def callback_data(self, data: bytes, addr: tuple | None = None) -> int:
+                if any(data[PROTOCOL]):  # pymodbus would keep this and all that follows
+                    plug._note("what came is no frame of Modbus TCP")
+                    return len(data)
                 self.code = data[CODE] if len(data) > CODE else 0
                 return super().callback_data(data, addr)
 
             def server_send(self, pdu: ModbusPDU, addr: tuple | None) -> None:
                 if pdu.function_code == NO_CODE:  # pymodbus's answer to an unknown function code
                     pdu.function_code |= self.code
+                if pdu.isError() and pdu.exception_code != BUSY:
+                    code = pdu.function_code & ~NO_CODE
+                    plug._note(f"a request with function code {code} is refused with exception {pdu.exception_code}")
                 super().server_send(pdu, addr)
 
             async def handle_request(self) -> None:
@@ -148,6 +156,10 @@ class Modbus(FreeRunning):
         if not ready.wait(START) or problem:
             raise RigError(f"controller {name}: no server on {host}:{port}: {problem[0] if problem else 'it does not start'}")
 
+    def _note(self, reason: str) -> None:
+        with self._bell:
+            self._unused[reason] += 1
+
     def _refusal(self, function: int, who: str) -> int:
         """Return the exception that answers a request of a client, 0 when the request is served."""
         if function not in READING + WRITING:
@@ -189,6 +201,9 @@ class Modbus(FreeRunning):
                     self._bell.wait(rest)
                 written, self._written = self._written, None
                 refused = self._refused.pop() if self._refused else None
+                unused, self._unused = self._unused, Counter()
+            for reason in unused.elements():
+                self.ignored.add(reason)
             if refused is not None:
                 self.refuse(refused)
             if written is not None:

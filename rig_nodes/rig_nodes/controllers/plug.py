@@ -136,6 +136,7 @@ class Plug(ABC):
     signals: Mapping[str, str] = MappingProxyType({})  # its own signals, which are recorded: unit by name
     signal_values: tuple[float, ...] = ()  # values of ``signals`` in the newest answer
     end_fault = ""  # what went wrong when the controller was ended in order
+    abandoned = False  # True: a fatal fault came before that, and it was not ended in order
     trouble = ""  # what is known of why the newest sample has no answer; empty when it has one
 
     def __init__(self, name: str, config: RigConfig, level: str) -> None:
@@ -402,7 +403,7 @@ class Plug(ABC):
         self.failing(failure)
         if status == Status.FATAL:
             if not self._over:
-                self._over = True
+                self._over = self.abandoned = True
                 self._abandon()
                 self.ignored.conclude()
         else:

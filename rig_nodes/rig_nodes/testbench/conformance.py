@@ -182,6 +182,7 @@ class Check:
         self._come_timeout = come_timeout
         self._first: list[Seen] = []
         self._ended: list[str] = []  # for each controller that was ended, what went wrong at its end
+        self._abandoned = 0  # controllers that could not be ended after a fatal fault
 
     def items(self) -> Iterator[Item]:
         """Yield one item after the other; none follows for a controller that cannot be loaded."""
@@ -245,7 +246,10 @@ class Check:
 
     def _close(self, plug: Plug) -> None:
         plug.close()
-        self._ended.append(plug.end_fault)
+        if plug.abandoned:
+            self._abandoned += 1
+        else:
+            self._ended.append(plug.end_fault)
 
     # ---- the items: (passed, what was seen)
 
@@ -380,4 +384,5 @@ class Check:
         faults = [fault for fault in self._ended if fault]
         if faults:
             return False, f"{faults[0]}; {len(faults)} of {len(self._ended)} ends"
-        return True, f"ended {len(self._ended)} times, each in order"
+        gone = f"; {self._abandoned} times there was nothing to end after a fatal fault" if self._abandoned else ""
+        return True, f"ended {len(self._ended)} times, each in order{gone}"
