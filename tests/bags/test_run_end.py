@@ -71,10 +71,19 @@ def rig(capfd, *arguments):
 
 @pytest.mark.parametrize(
     "verb",
-    [["bag", "check"], ["bag", "info"], ["report"], ["view", "--no-open"], ["compare", SAMPLE]],
+    [
+        ["bag", "check"],
+        ["bag", "info"],
+        ["report"],
+        ["view", "--no-open"],
+        ["compare", SAMPLE],
+        ["rerun", "--through", "plant", "--out", "again"],
+        ["calculate", "survival", "--rig", "hydmag_engine", "--run"],
+    ],
     ids=lambda verb: " ".join(map(str, verb[:2])),
 )
-def test_a_bag_without_the_end_of_its_run_is_called_cut_off(verb, half, capfd):
+def test_a_bag_without_the_end_of_its_run_is_called_cut_off(verb, half, capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     code, out, err = rig(capfd, *verb, half)
     assert code == 3 and CUT_OFF in err, err
     assert "whole" not in out
@@ -85,7 +94,14 @@ def test_a_bag_without_the_end_of_its_run_is_called_cut_off(verb, half, capfd):
 
 @pytest.mark.parametrize(
     "verb, expected",
-    [(["bag", "check"], 3), (["bag", "info"], 3), (["view", "--no-open"], 3), (["report"], 1), (["compare", SAMPLE], 2)],
+    [
+        (["bag", "check"], 3),
+        (["bag", "info"], 3),
+        (["view", "--no-open"], 3),
+        (["report"], 1),
+        (["compare", SAMPLE], 2),
+        (["calculate", "survival", "--rig", "hydmag_engine", "--run"], 3),
+    ],
 )
 def test_a_file_that_ends_in_the_middle_is_no_good_bag_for_any_verb(verb, expected, tmp_path, capfd):
     data = (SAMPLE / "sample_0.mcap").read_bytes()

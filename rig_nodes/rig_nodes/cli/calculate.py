@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from ..testbench.calculations import Table
 
 HELP = "print a calculation of a rig's folder, with its values or on a recording"
+LOST = 3  # exit code: calculated, but something of the run is not in its bag
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,8 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Print the table, or the list of calculations."""
+    from ..bags.run_end import faults_of, with_end
     from ..config.names import unknown
-    from ..errors import RigError
+    from ..errors import RigError, printable
     from ..testbench.calculations import calculations_of, of_bag
     from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings
@@ -82,7 +85,12 @@ def main(args: argparse.Namespace) -> int:
         write_json(
             args.json, {"name": args.name, "rig": rig, "text": table.text, "columns": dict(table.columns), "rows": table.in_units()}
         )
-    return 0
+    if bag is None:
+        return 0
+    faults = [f"the bag is damaged: {bag.recovered}"] if bag.recovered else faults_of(bag, with_end(bag, {}))
+    for fault in faults:
+        print(f"rig: {printable(bag.path)}: {printable(fault)}", file=sys.stderr)
+    return LOST if faults else 0
 
 
 def _opened(run: str) -> Bag:

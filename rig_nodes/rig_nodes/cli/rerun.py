@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
 AGAIN = "running the bag again"
+LOST = 3  # exit code: run again, but the bag does not hold its whole run
 HELP = "run a bag again: its commands through a plant, or its transducers through a controller"
 
 
@@ -64,7 +65,8 @@ class Through(argparse.Action):
 def main(args: argparse.Namespace) -> int:
     """Run the bag again; return 1 when a controller failed."""
     from ..analysis.gather import gather
-    from ..errors import RigError, quoted
+    from ..bags.run_end import faults_of, with_end
+    from ..errors import RigError, printable, quoted
     from ..testbench.configuration import load_rig, with_overrides
     from ..testbench.folders import parse_settings, run_folder, unless_empty
     from ..testbench.recorded_rig import config_of_record
@@ -82,7 +84,10 @@ def main(args: argparse.Namespace) -> int:
     with unless_empty(folder):
         code = _plant(bag, config, folder) if what == "plant" else _controller(bag, config, spec, args.level, folder)
     print(f"written to {folder}; look at it with: ./rig view {quoted(folder)}", flush=True)
-    return code
+    faults = faults_of(bag, with_end(bag, {}))
+    for fault in faults:
+        print(f"rig: {printable(bag.path)}: {printable(fault)}", file=sys.stderr)
+    return code or (LOST if faults else 0)
 
 
 def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:

@@ -232,7 +232,7 @@ class CanBus(FreeRunning):
             self.conflict = (
                 f"another rig is at work on {self.place}: the frame {self._rig_frames[number]} (0x{number:x}) comes from "
                 f"{self._program() if self._sees_programs else 'another program'} too; give each rig a bus of its own"
-                + (", for example with &port=N" if self._sees_programs else "")
+                + (", for example another group" if self._sees_programs else "")
             )
 
     def _program(self) -> str:
