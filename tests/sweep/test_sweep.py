@@ -16,7 +16,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.sweep.plan import make_plan
 from rig_nodes.sweep.plugged import MOST_DELAY, plugged_of
 from rig_nodes.sweep.run import manifest_of, run_sweep
-from rig_nodes.sweep.store import METADATA, RESULTS, Store
+from rig_nodes.sweep.store import JOURNAL, METADATA, RESULTS, Store
 from rig_nodes.testbench.campaign import Workers
 
 pq = pytest.importorskip("pyarrow.parquet")
@@ -126,6 +126,20 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
     monkeypatch.undo()
     assert main(["sweep", str(folder), "--jobs", "1"]) == 0
     assert (folder / RESULTS).is_file()
+
+
+def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
+    folder = tmp_path / "sweep"
+    ran(folder, make_plan(SHORT, {"rest": "30 ms, 60 ms"}))
+    assert main(["report", str(folder)]) == 0
+    journal = folder / JOURNAL
+    journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
+    (folder / RESULTS).unlink()
+    capsys.readouterr()
+    assert main(["report", str(folder)]) == 3
+    assert f"the sweep is not finished: 1 of 2 members are finished; go on with it: ./rig sweep {folder}" in capsys.readouterr().err
+    assert main(["view", "--no-open", str(folder)]) == 2
+    assert f"the sweep is not finished; go on with it by: ./rig sweep {folder}" in capsys.readouterr().err
 
 
 def test_dask_gives_the_same_bytes(tmp_path):

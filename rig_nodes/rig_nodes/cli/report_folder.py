@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
     from ..analysis.limits import Limit
 
+LOST = 3  # exit code: the report is made, but runs are missing in it
+UNFINISHED = "the sweep is not finished"
 OF_ONE_RUN = (("annex_a", "annex-a"), ("truth", "truth"))
 
 
@@ -80,7 +83,10 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
         return campaign_page(title, about, (head, rows), spreads, warnings, (verdicts, listed))
 
     write_pages(args, make)
-    return 0
+    unfinished = [text for text in about if text.startswith(UNFINISHED)]
+    for text in unfinished:
+        print(f"rig: {printable(folder)}: {printable(text)}", file=sys.stderr)
+    return LOST if unfinished else 0
 
 
 def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
@@ -104,7 +110,8 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
     from ..sweep.store import JOURNAL, decode, read_manifest
     from ..testbench.configuration import load_rig
 
-    plan = plan_of(read_manifest(folder)["plan"])
+    manifest = read_manifest(folder)
+    plan = plan_of(manifest["plan"])
     config = load_rig(plan.rig, plan.fixed)
     record = config.as_dict()
     box = config.transmission if config.structure.gears else None
@@ -133,6 +140,9 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
     if not members:
         raise RigError(f"{folder}: no member of this sweep is finished; go on with it: ./rig sweep {quoted(folder)}")
     about = [f"{len(members)} members of a sweep of rig {config.name} over {', '.join(one.name for one in plan.varied)}."]
+    if len(members) < manifest["members"]:
+        rest = f"{len(members)} of {manifest['members']} members are finished; go on with it: ./rig sweep {quoted(folder)}"
+        about.append(f"{UNFINISHED}: {rest}")
     return f"Sweep {plan.name}", about, members
 
 

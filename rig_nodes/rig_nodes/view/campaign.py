@@ -30,7 +30,7 @@ from ..bags.reader import UNREADABLE
 from ..bags.rig_record import rig_record
 from ..config.conditions import CONDITIONS
 from ..config.units import SI
-from ..errors import RigError
+from ..errors import RigError, quoted
 from ..transmission import Transmission, transmission_of
 from . import layout
 from .convert import APPLICATION, VIEW_FILE, import_rerun
@@ -40,6 +40,7 @@ from .pages import hues
 if TYPE_CHECKING:
     from rerun.blueprint import Blueprint
 
+SWEEP = "sweep.json"  # of a sweep that has begun
 RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # results of a sweep, and the key of its metadata on how it was made
 AXIS = "condition"  # timeline on which the values of conditions are shown
 PLOTTED = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "overlap_s")
@@ -85,12 +86,14 @@ def is_campaign(path: str | Path) -> bool:
     folder = Path(path)
     if not folder.is_dir() or any(one.name.removesuffix(PACKED).endswith(KINDS) for one in folder.iterdir()):
         return False
-    return (folder / RESULTS).exists() or bool(_reports(folder))
+    return (folder / SWEEP).exists() or (folder / RESULTS).exists() or bool(_reports(folder))
 
 
 def read_campaign(path: str | Path) -> Campaign:
     """Return the campaign of a folder; RigError when no run of it has a shift."""
     folder = Path(path)
+    if (folder / SWEEP).exists() and not (folder / RESULTS).exists():
+        raise RigError(f"{folder}: the sweep is not finished; go on with it by: ./rig sweep {quoted(folder)}")
     found = _of_sweep(folder) if (folder / RESULTS).exists() else _of_reports(folder)
     if not found.rows:
         raise RigError(
