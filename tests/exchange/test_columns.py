@@ -89,7 +89,8 @@ UNUSED = {
     "bytes": (lambda pa: pa.array([b"a"] * ROWS), "'x' (binary)"),
     "nothing": (lambda pa: pa.nulls(ROWS), "'x' (no values)"),
     "categories": (lambda pa: pa.array(["a", "b"] * (ROWS // 2)).dictionary_encode(), "'x' (text)"),
-    "decimals": (lambda pa: pa.array([Decimal("1.5")] * ROWS), "'x' (decimal128(2, 1))"),
+    "decimals": (lambda pa: pa.array([Decimal("1.5")] * ROWS), "'x'"),
+    "views of texts": (lambda pa: pa.array(["a"] * ROWS, pa.string_view()), "'x' (text)"),
     "map": (lambda pa: pa.array([[("a", 1)]] * ROWS, pa.map_(pa.string(), pa.int32())), "'x' (map<string, int32"),
 }
 
@@ -104,6 +105,7 @@ def test_no_type_of_an_unused_parquet_column_is_a_fault_and_each_is_named(make, 
 USED = {
     "decimals": lambda pa: pa.array([None, *[Decimal("10.25")] * (ROWS - 1)]),
     "categories of numbers": lambda pa: pa.array([10.25] * ROWS).dictionary_encode(),
+    "texts that leave the decimal sign open": lambda pa: pa.array(["10.250", *["10.25"] * (ROWS - 1)]),
     "texts with decimal commas": lambda pa: pa.array(["10,25"] * ROWS),
     "half precision": lambda pa: pa.array(np.full(ROWS, 10.25, np.float16)),
 }
@@ -112,6 +114,32 @@ USED = {
 @pytest.mark.parametrize("make", USED.values(), ids=USED)
 def test_a_parquet_column_that_is_used_is_converted(make, pa, tmp_path):
     assert parquet(pa, tmp_path, {"M_wej [Nm]": make(pa)}).channels["M_wej"].tolist() == [10.25] * ROWS
+
+
+def test_a_parquet_file_may_have_its_times_as_decimals_or_texts_and_heads_that_are_there_twice(pa, tmp_path):
+    texts = [f"{3 + k / 1000:.3f}" for k in range(ROWS)]
+    for times in (pa.array([Decimal(one) for one in texts]), pa.array(texts)):
+        found = parquet(pa, tmp_path, {"t [s]": times, "other": pa.array(["0.5"] * ROWS)})
+        assert (found.t0, found.period) == (3.0, 1e-3)
+    twice = pa.table([3 + K / 1000, K, K * 2.0], ["t [s]", "p1 [bar]", "p1 [bar]"])
+    pa.parquet.write_table(twice, tmp_path / "b.parquet")
+    found = measured(tmp_path, (tmp_path / "b.parquet").read_bytes(), "b.parquet", "columns: {'column 3/p1 [bar]': p1}\n")
+    assert np.allclose(found.channels["p1"], 2e5 * K)
+
+
+@pytest.mark.parametrize("form", ["{:.1f}", "0{}", "{},0"])
+def test_a_gear_may_be_written_with_decimals(form, tmp_path):
+    text = table(Gang=lambda k: form.format(1 + (k > 100)))
+    for profile in ("gear: Gang\n", f"gear: {{column: Gang, values: {{'{form.format(1)}': II, '{form.format(2)}': I}}}}\n"):
+        found = measured(tmp_path, text, profile=profile + TAKEN)
+        assert [gear for *_, gear in found.events] == ([1.0, 2.0] if "values" not in profile else [2.0, 1.0])
+
+
+def test_cells_and_heads_with_line_breaks_are_read(tmp_path):
+    remark = table(Bemerkung=lambda k: '"Start;\n""heiss"""' if k == 100 else '12" Rohr' if k == 5 else "")
+    found = measured(tmp_path, remark.replace("M_wej [Nm]", '"M_wej\n[Nm]"', 1))
+    assert len(found.channels["M_wej"]) == ROWS and rpm(found) == pytest.approx([1500.0, 1501.0])
+    assert "2 cells have a line break in quotes, which is counted as no line here" in found.notes
 
 
 def test_fields_of_a_struct_are_columns_and_a_list_is_refused_with_its_type(pa, tmp_path):

@@ -83,6 +83,8 @@ ANOTHER = {
     "index of TDMS": ("x.tdms", b"TDSh" + bytes(40), "is the index of a TDMS file; import the .tdms beside it"),
     "FAMOS": ("x.dat", b"|CF,2,1,1;|CK,1,3,1,1;", "is an imc FAMOS file; export it as MDF, Parquet or CSV"),
     "unknown": ("x.d97", bytes(range(256)), "is not text, although its ending is .d97, and none of the formats that are read (CSV"),
+    "JSON": ("x.json", '{"t":{"0":' + "1.0," * 50_000 + "}}", "is JSON; write the table as CSV or Parquet"),
+    "one long line": ("x.txt", "a" * 200_000, "no row of numbers is among its first 1 lines"),
     "empty": ("x.tdms", b"", "is empty"),
     "damaged TDMS": ("x.tdms", struct.pack("<4sIIQQ", b"TDSm", 0x0E, 4713, 100, 100) + b"\xff" * 200, "cannot be read as TDMS"),
 }
@@ -150,5 +152,9 @@ def test_tdms_over_an_angle_of_one_name_in_two_groups_or_cut_off_is_not_taken_si
     path.write_bytes(path.read_bytes()[:-1000])
     assert read_foreign(path).notes == ["the file is cut off; what it holds until there was taken"]
     assert "WARNING" not in capfd.readouterr().err
+    gears = ["I"] * 100 + ["II"] * 200
+    found = read_foreign(tdms(tmp_path / "d.tdms", ("g", "M_wej", TORQUE, wave("Nm")), ("g", "gear", gears, wave(""))))
+    assert [one.kind for one in found.channels] == ["numbers", "text"] and found.channels[1].texts() == gears
+    assert np.array_equal(found.channels[1].times, found.channels[0].times)
     with pytest.raises(RigError, match="holds no channel of numbers"):
         read_foreign(tdms(tmp_path / "c.tdms", ("g", "text", ["a", "b"], {})))

@@ -36,6 +36,10 @@ FORMS = {
         {"s": {"time": T, "signals": {"values": TABLE.T.reshape(3, 1, N), "label": ""}}},
         "s.signals.values[{}]",
     ),
+    "structs in each other": (
+        {"run": {"time": T, "units": {"time": "s"}, "torque": {"in": A, "deep": {"out": B}}, "p": C}},
+        ("run.torque.in", "run.torque.deep.out", "run.p"),
+    ),
     "To File": ({"ans": np.vstack([T, TABLE.T])}, ("ans[2]", "ans[3]", "ans[4]")),
     "array with times": ({"x": np.column_stack([T, TABLE])}, ("x[2]", "x[3]", "x[4]")),
     "ControlDesk": (
@@ -145,6 +149,27 @@ def test_a_mat_file_of_this_form_is_read_by_paths_and_has_its_own_times(form, ve
 def test_a_file_of_version_4_and_simulinks_tout_are_read(tmp_path):
     assert imported(written(tmp_path, {"tout": T, "u": TABLE}, "4"), [f"u[{n}]" for n in (1, 2, 3)], "time: tout\n") == 0
     assert Bag(tmp_path / "run").logger().period == 2e-3
+
+
+def test_times_in_a_struct_may_be_days_of_matlab(tmp_path):
+    tree = {"s": {"time": 740_000.0 + 5.0 * T / 86400.0, "a": A, "b": B, "c": C}}
+    assert imported(written(tmp_path, tree, "5"), list("abc")) == 0
+    assert Bag(tmp_path / "run").logger().period == pytest.approx(0.01, rel=1e-5)
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_a_cell_array_of_texts_may_be_the_ordered_gear(nested, tmp_path):
+    tree = {
+        "t": T,
+        "a": A,
+        "b": B,
+        "c": C,
+        "gang": np.array(["I"] * 100 + ["II"] * 200, object),
+        "who": np.array(["x", "y"], object),
+    }
+    savemat(tmp_path / "x.mat", {"s": tree} if nested else tree)
+    assert imported(tmp_path / "x.mat", list("abc"), "gear: gang\n") == 0
+    assert [name for _, _, name, _, _ in Bag(tmp_path / "run").events()] == ["gear_was", "shift_ordered"]
 
 
 def test_what_is_recorded_over_another_quantity_is_refused(tmp_path, capsys):

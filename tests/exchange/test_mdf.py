@@ -89,6 +89,34 @@ def test_samples_that_the_file_marks_invalid_are_missing_and_only_short_gaps_are
     assert torque[100] == pytest.approx((torque[99] + torque[101]) / 2.0) and not np.isnan(rows.channels["p1"]).any()
 
 
+def test_gaps_in_the_group_of_another_clock_stay_empty_and_are_counted(tmp_path, capsys):
+    invalid = np.zeros(len(T), bool)
+    invalid[100], invalid[200:240] = True, True
+    kept = np.delete(np.arange(len(T)), [10, *range(300, 320)])
+    path = written(
+        tmp_path / "a.mf4",
+        [signal("M_wej", "Nm")],
+        [signal("p1", samples=np.where(invalid, 9999.0, values("p1"))[kept], t=T[kept], invalidation_bits=invalid[kept])],
+    )
+    rows = imported(path, profile="bridge: 5 ms\n" + COLUMNS)
+    assert "62 of 800 values are missing: 2 were bridged by straight lines, 60 in gaps over 5 ms" in capsys.readouterr().out
+    pressure = rows.channels["p1"]
+    assert np.flatnonzero(np.isnan(pressure)).tolist() == [*range(200, 240), *range(300, 320)] and np.nanmax(pressure) < 20e5
+    assert not np.isnan(rows.channels["M_wej"]).any()
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+def test_texts_are_read_as_gears_and_named_when_they_are_left_out(version, tmp_path, capsys):
+    gears = signal("gear", "", np.array([b"I"] * 100 + [b"II"] * 300), encoding="utf-8")
+    status = signal("status", "", np.array([b"OK"] * 400), encoding="utf-8")
+    path = written(tmp_path / "a.dat", [signal("M_wej", "Nm"), signal("p1"), gears, status], version=version)
+    imported(path, profile="gear: gear\n" + COLUMNS)
+    assert "1 column was left out: 'status' (text)" in capsys.readouterr().out
+    assert [(round(t, 3), name) for t, _, name, _, _ in Bag(tmp_path / "run").events()][-1] == (0.2, "shift_ordered")
+    with pytest.raises(RigError, match="holds no channel of numbers"):
+        read_foreign(written(tmp_path / "b.dat", [status], version=version))
+
+
 def test_a_channel_without_any_valid_sample_has_no_values(tmp_path):
     def invalid(mdf):
         mdf.groups[0].channels[1].flags |= 1

@@ -176,6 +176,16 @@ def test_what_a_proposal_left_open_is_asked_for(text, sentence, tmp_path):
         read_profile(tmp_path / "p.yaml")
 
 
+def test_a_missing_unit_is_asked_for_in_a_proposal(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text(table().replace("p1 [bar]", "p1"))
+    assert main(["import", "a.csv", "--rig", "hydmag"]) == 2
+    assert "column 'p1' has no unit" in (error := capsys.readouterr().err) and "a.profile.yaml is written for it" in error
+    assert '"p1": {signal: p1, unit: "?"}  # the file has no unit: is it MPa?' in (tmp_path / "a.profile.yaml").read_text()
+    assert main(["import", "a.csv", "--profile", "a.profile.yaml"]) == 2
+    assert "unit is still '?'" in capsys.readouterr().err
+
+
 def test_a_proposal_leaves_a_period_open_that_the_file_does_not_state(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = table(head="").replace("M_wej [Nm]", "Moment wej. [Nm]").replace("n_wej [rpm]", "Obroty wej. [rpm]")

@@ -173,8 +173,9 @@ def test_missing_rows_are_named_with_place_and_length(tmp_path):
             table([str(k + 5 * (k > 99)) for k in range(ROWS)], head="Nr"),
             "'Nr' goes from 99 to 105 at line 102, and a period would",
         ),
+        (table(SECONDS[:100] + SECONDS[104:], head="Temps"), "'Temps' goes from 3.099 to 3.104 at line 102, and a period would"),
     ],
-    ids=["gap", "row twice", "other step", "few digits", "line of the file", "jumping count"],
+    ids=["gap", "row twice", "other step", "few digits", "line of the file", "jumping count", "times without a unit"],
 )
 def test_a_period_is_refused_when_the_file_contradicts_it(text, sentence, tmp_path):
     with pytest.raises(RigError, match=sentence):

@@ -69,6 +69,31 @@ def test_the_rigs_own_heads_need_no_profile_and_error_cells_are_missing(tmp_path
     assert np.flatnonzero(np.isnan(torque)).tolist() == [50, 60] and torque[0] == TORQUE[0]
 
 
+def test_dates_beside_times_unnamed_columns_and_averages_are_read_for_what_they_are(tmp_path, capsys):
+    dates = [BEGIN + datetime.timedelta(seconds=float(t)) for t in T]
+    rows = [[one.date(), one.time(), a, p] for one, a, p in zip(dates, TORQUE, PRESSURE)]
+    path = written(tmp_path / "x.xls", ("A", [["Datum", "Zeit", "Moment [Nm]", "Druck [bar]"], *rows, ["Mittel", None, 1.0, 2.0]]))
+    (tmp_path / "other").mkdir()
+    head = [None, "Moment [Nm]", "Druck [bar]"]
+    for one in (path, written(tmp_path / "other" / "x.xlsx", ("A", [head, *table(times=dates)]))):
+        assert imported(one, COLUMNS) == 0
+        assert "left out: 'Datum'" not in (out := capsys.readouterr().out) and out.count("time 0 of the run is 2026-11-26") == 1
+        rows = Bag(one.parent / "run").logger()
+        assert rows.period == pytest.approx(0.01) and np.allclose(rows.channels["M_wej"], TORQUE)
+
+
+def test_a_small_table_on_the_first_sheet_is_not_taken_for_the_recording(tmp_path):
+    info = [["a", "b"], *[[float(k), 2.0] for k in range(4)]]
+    path = written(tmp_path / "x.xlsx", ("Info", info), ("Daten", [["t [s]", "M_wej [Nm]", "p1 [bar]"], *table()]))
+    assert read_foreign(path).notes == ["read from the sheet 'Daten'; others with tables are 'Info', for 'sheet' in a profile"]
+
+
+def test_texts_of_three_decimals_are_read_as_the_other_columns_show(tmp_path):
+    rows = [[f"{t:.3f}".replace(".", ","), f"{a:.4f}".replace(".", ","), p] for t, a, p in table(times=(T + 3.0).tolist())]
+    assert imported(written(tmp_path / "x.xlsx", ("A", [["t [s]", "Moment [Nm]", "Druck [bar]"], *rows])), COLUMNS) == 0
+    assert Bag(tmp_path / "run").logger().t0 == 3.0
+
+
 def test_another_sheet_is_taken_when_a_profile_names_it(tmp_path, capsys):
     heads = ["Zeit [s]", "Moment [Nm]", "Druck [bar]"]
     path = written(

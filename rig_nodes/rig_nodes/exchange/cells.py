@@ -334,6 +334,11 @@ class Cells:
         return own if own.sure and own.decimal in texts and own.decimal != self.signs.decimal else None
 
 
+def text_cells(head: str, texts: Sequence[str], where: object) -> Cells:
+    """Return the cells of a channel of texts; ``where`` is its file or variable, for errors."""
+    return Cells(head, lambda: texts, lambda row: f"{where}: row {row + 1}", stated="text")
+
+
 def _is_text(cell: Any, signs: Signs) -> bool:
     if not isinstance(cell, str):
         return not isinstance(cell, (int, float, np.number)) and not hasattr(cell, "as_integer_ratio")

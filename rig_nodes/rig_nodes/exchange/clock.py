@@ -246,8 +246,11 @@ class Clock:
             counts["bridged"] += int((empty & near).sum())
         return np.where(empty & near, filled, out)
 
-    def carried(self, times: Floats, values: Floats, held: bool) -> Floats:
-        """Return a signal with times of its own on the clock: by straight lines, or by its last value if it is ``held``."""
+    def carried(self, times: Floats, values: Floats, held: bool, counts: dict[str, int]) -> Floats:
+        """Return a signal with times of its own on the clock: by its last value if it is ``held``, else by straight lines.
+
+        As in ``placed``, rows in gaps over the bridge stay empty, and are counted.
+        """
         known = np.isfinite(values) & np.isfinite(times)
         times, values, own = times[known], values[known], self.times()
         if len(times) < 2 or not np.all(np.diff(times) > 0.0):
@@ -255,7 +258,13 @@ class Clock:
                 f"{self._foreign.path}: a signal with times of its own has {len(times)} values, or times that do not grow"
             )
         if not held:
-            return np.interp(own, times, values, np.nan, np.nan)
+            usual, at = 1.5 * float(np.median(np.diff(times))), np.clip(np.searchsorted(times, own), 1, len(times) - 1)
+            before, behind = own - times[at - 1], times[at] - own
+            lacking = (before + behind > usual) & (np.minimum(before, behind) > 1e-3 * self.period)
+            empty = lacking & (before + behind > self._bridge + 1e-3 * self.period)
+            counts["missing"] += int(lacking.sum())
+            counts["bridged"] += int((lacking & ~empty).sum())
+            return np.where(empty, np.nan, np.interp(own, times, values, np.nan, np.nan))
         at = np.searchsorted(times, own, "right") - 1
         return np.where(at >= 0, values[np.maximum(at, 0)], np.nan)
 

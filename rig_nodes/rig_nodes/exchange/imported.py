@@ -30,6 +30,7 @@ from ..config.units import UNITS, with_article
 from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
 from ..errors import RigError
 from ..transmission import Transmission, transmission_of
+from .cells import CellError
 from .clock import Clock
 from .foreign import Channel, Foreign, column, read_foreign
 from .orders import parse_orders
@@ -190,7 +191,7 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
                 f"{len(axis.stamps.seconds)}; name the column of its own times, e.g. {{signal: NAME, time: COLUMN}}"
             )
         else:
-            channels[name] = clock.carried(clock.times_of(channel, len(values)), values, bool(signals[name].states))
+            channels[name] = clock.carried(clock.times_of(channel, len(values)), values, bool(signals[name].states), counts)
     return _measurement(foreign, profile, record, named_by, orders, axis, clock, channels, found, counts)
 
 
@@ -222,7 +223,7 @@ def _measurement(
             f"lines{f', {left} in gaps over {profile.bridge * 1e3:g} ms stay empty' if left else ''}"
         )
     taken = {channel.head for _, channel, _ in found.values()} | {one.time for one, _, _ in found.values()}
-    taken |= {profile.date, profile.gear, axis.head}
+    taken |= {profile.date, profile.gear, axis.head, axis.date}
     left_out = [one for one in foreign.channels if one.head not in taken and one.name not in taken]
     if left_out:
         shown = ", ".join(f"'{one.head}'{'' if one.kind == 'numbers' else f' ({one.kind})'}" for one in left_out[:5])
@@ -273,7 +274,7 @@ def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
     own, dimension = signal.display_unit, UNITS[signal.display_unit][0]
     if not (stated := one.unit or channel.unit):
         if dimension != "ratio":
-            raise RigError(
+            raise CellError(
                 f"{one.where} has no unit; write it in brackets behind the name, e.g. '{channel.name} [{own}]', or in a profile"
             )
         stated = "-"
@@ -345,11 +346,14 @@ def _from_column(
     at_rows = clock.times_of(channel, len(texts))
     known = np.flatnonzero((texts != "") & np.isfinite(at_rows))
     values = texts[known]
-    numbers = {text: box.number(profile.gears.get(text, text)) for text in np.unique(values).tolist()}
+    numbers = {
+        text: box.number(profile.gears.get(text) or profile.gears.get(_plain(text)) or _plain(text))
+        for text in dict.fromkeys(values.tolist())
+    }
     for text, number in numbers.items():
         if number is None:
             at = known[int(np.argmax(values == text))]
-            example = f"gear: {{column: {channel.head}, values: {{{text}: {box.names[1]}}}}}"
+            example = f'gear: {{column: {channel.head}, values: {{"{text}": {box.names[1]}}}}}'
             raise RigError(
                 f"{foreign.path}: {foreign.row(int(at))} orders the gear {text}; gears are {box.spoken}, and a profile names "
                 f"others, e.g. {example}"
@@ -358,6 +362,14 @@ def _from_column(
     times = at_rows[known]
     found = [(float(times[i]), int(numbers[values[i - 1]] or 0), int(numbers[values[i]] or 0)) for i in changes]
     return [(t, before, after) for t, before, after in found if before != after]
+
+
+def _plain(text: str) -> str:
+    """Return ``1`` for a number that is written as 1.0 or 1,0, and any other text as it is."""
+    try:
+        return f"{float(text.replace(',', '.')):g}"
+    except ValueError:
+        return text
 
 
 def sequence_name(path: Path) -> str:

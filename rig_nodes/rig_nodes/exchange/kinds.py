@@ -54,6 +54,7 @@ _TEXTS = (
     (r"(DIAEXTENDED|#BEGINGLOBALHEADER)", "the header of a DIAdem data set", "export the data set as TDMS or CSV"),
     (r"\s*<\?xml[^>]*>\s*(<!--.*?-->\s*)?<usi:tdm", "the description of a TDM data set", "export the data set as TDMS"),
     (r"\s*<(\?xml|!DOCTYPE|html|table)", "XML or HTML", "save the table as CSV or xlsx"),
+    (r'\s*(\[\s*)?\{\s*("|\})|\s*\[\s*\[', "JSON", "write the table as CSV or Parquet"),
     (r"\s*BO_ |\s*VERSION \"", "a CAN database", "import takes measured signals"),
 )
 

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..config.units import UNITS
+from .cells import text_cells
 from .foreign import Channel
-from .units import split_head, unit_of
+from .stamps import unit_of_numbers
+from .units import TIME_UNITS, split_head, time_unit_of, unit_of
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -47,11 +49,14 @@ def channels_of(tree: Mapping[str, Any]) -> Found:
     tree = dict(tree)
     yield from _of_asammdf(tree)
     yield from _of_catman(tree)
+    lengths = {len(column) for value in tree.values() if (column := _vector(value)) is not None}
     for name, value in tree.items():
         column = _vector(value)
         if column is not None:
             plain, unit = split_head(name)
             yield [name], Channel(name, "time" if name == "tout" else plain, unit, column)
+        elif (texts := _texts(value)) is not None and len(texts) in lengths:
+            yield [name], Channel(name, name, "", text_cells(name, texts, f"variable {name}"))
         elif isinstance(value, np.ndarray):
             yield from _of_matrix(name, value)
         else:
@@ -62,6 +67,13 @@ def _vector(value: object) -> Floats | None:
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim == 1 and len(value) > 1:
         return value.astype(float)
     return None
+
+
+def _texts(value: object) -> list[str] | None:
+    """Return the texts of a cell array or a matrix of signs; None for anything else."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "U" and value.ndim == 1:
+        value = value.tolist()
+    return value if isinstance(value, list) and value and all(isinstance(one, str) for one in value) else None
 
 
 def _grow(values: Floats | None) -> bool:
@@ -88,18 +100,18 @@ def _of_matrix(name: str, values: np.ndarray) -> Found:
             yield [head], Channel(head, head, "", column, times)
 
 
-def _inside(path: str, value: Any) -> Found:
-    """Yield the channels of a struct, or of each element of a list."""
+def _inside(path: str, value: Any, times: Floats | None = None) -> Found:
+    """Yield the channels of a struct, or of each element of a list, over the ``times`` of the struct around it if it has none."""
     if isinstance(value, list):
         for number, one in enumerate(value, 1):
-            yield from _inside(f"{path}[{number}]", one)
+            yield from _inside(f"{path}[{number}]", one, times)
     elif isinstance(value, dict):
         if "signals" in value:
             yield from _of_signals(path, value)
         elif "X" in value and "Y" in value:
             yield from _of_controldesk(path, value)
         else:
-            yield from _of_struct(path, value)
+            yield from _of_struct(path, value, times)
 
 
 def _of_signals(path: str, struct: Mapping) -> Found:
@@ -151,13 +163,16 @@ def _times_of(axis: object) -> tuple[Floats | None, str]:
     return values * UNITS[unit][1], ""
 
 
-def _of_struct(path: str, struct: Mapping) -> Found:
+def _of_struct(path: str, struct: Mapping, around: Floats | None) -> Found:
     """Yield the vectors of a struct, with the times of the one that is named t or time if they fit, and what is in its structs."""
     units, names = (struct[one] if isinstance(struct.get(one), dict) else {} for one in ("units", "names"))
     own = _text(_first(struct, UNIT))
     vectors = {name: column for name, value in struct.items() if (column := _vector(value)) is not None}
     axis = next((name for name in TIMES if _grow(vectors.get(name))), None)
-    times = vectors.pop(axis) * _factor(units.get(axis)) if axis is not None else None
+    times = around
+    if axis is not None:
+        times = vectors.pop(axis)
+        times = times * _factor(units.get(axis), times)
     for name, column in vectors.items():
         plain, unit = split_head(name)
         fits = times is not None and len(times) == len(column)
@@ -169,10 +184,12 @@ def _of_struct(path: str, struct: Mapping) -> Found:
         yield [f"{path}.{name}"], Channel(head, shown, str(stated or unit), column, times if fits else None)
     for name, value in struct.items():
         if name not in vectors and name != axis and name not in ("units", "names"):
-            if isinstance(value, np.ndarray) and value.ndim == 2:
+            if (texts := _texts(value)) is not None and times is not None and len(texts) == len(times):
+                yield [f"{path}.{name}"], Channel(f"{path}.{name}", name, "", text_cells(name, texts, f"variable {path}"), times)
+            elif isinstance(value, np.ndarray) and value.ndim == 2:
                 yield from _columns(f"{path}.{name}", value, times)
             else:
-                yield from _inside(f"{path}.{name}", value)
+                yield from _inside(f"{path}.{name}", value, times)
 
 
 def _columns(path: str, values: np.ndarray, times: Floats | None) -> Found:
@@ -186,9 +203,9 @@ def _columns(path: str, values: np.ndarray, times: Floats | None) -> Found:
             yield [f"{path}[{number}]"], Channel(f"{path}[{number}]", f"{path}[{number}]", "", column, times)
 
 
-def _factor(unit: object) -> float:
-    known = unit_of(_text(unit))
-    return UNITS[known][1] if known and UNITS[known][0] == "time" else 1.0
+def _factor(unit: object, values: Floats) -> float:
+    """Return the factor of times to s, by their unit or, without one, by their size (days of MATLAB, ms since 1970)."""
+    return TIME_UNITS[time_unit_of(_text(unit)) or unit_of_numbers(values)]
 
 
 def _of_asammdf(tree: dict[str, Any]) -> Found:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..config.units import UNITS
 from ..errors import RigError
+from .cells import text_cells
 from .foreign import Channel, Foreign, Form
 from .heads import apart
 from .packages import needed
@@ -69,7 +70,7 @@ def read_mdf(path: Path, _form: Form) -> Foreign:
                     if attachment.file_name == f"{KEY}.json":
                         provenance = read_provenance(file.extract_attachment(number)[0])
                 for group in file.virtual_groups:
-                    found += _group(file, group)
+                    found += _group(path, file, group)
                 has_frames = any(name.startswith(FRAMES) for name in file.channels_db)
         except Exception as error:  # the package raises many classes for files that are damaged or no MDF
             problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
@@ -80,7 +81,7 @@ def read_mdf(path: Path, _form: Form) -> Foreign:
             f"{path}: holds frames of a bus and no signals; decode it with the bus's database first, e.g. "
             "asammdf.MDF(FILE).extract_bus_logging({'CAN': [('BUS.dbc', 0)]}).save('decoded.mf4')"
         )
-    if not found:
+    if not any(channel.kind == "numbers" for _, channel in found):
         raise RigError(f"{path}: holds no channel of numbers")
     return Foreign(path, apart(found), provenance=provenance, start=start)
 
@@ -96,8 +97,8 @@ def _quiet() -> Iterator[None]:
         sys.unraisablehook = hook
 
 
-def _group(file: Any, group: int) -> Iterator[tuple[list[str], Channel]]:
-    """Yield the channels of numbers of a group that shares its times, each with the names by which it can be told from others."""
+def _group(path: Path, file: Any, group: int) -> Iterator[tuple[list[str], Channel]]:
+    """Yield the channels of a group that shares its times, each with the names by which it can be told from others."""
     places = [(number, channel) for number, them in file.included_channels(group)[group].items() for channel in them]
     for number in {place[0] for place in places}:
         _check_whole(file.groups[number], number, file.original_name.stat().st_size)
@@ -105,14 +106,14 @@ def _group(file: Any, group: int) -> Iterator[tuple[list[str], Channel]]:
     signals = file.select([(None, *place) for place in places], ignore_value2text_conversions=True, copy_master=False)
     for place, one in zip(places, signals):
         values = np.asarray(one.samples)
-        if values.ndim != 1 or values.dtype.kind not in "fiub" or len(values) < 2:
+        if values.ndim != 1 or values.dtype.kind not in "fiubSU" or len(values) < 2:
             continue
         block = file.groups[place[0]].channels[place[1]]
-        values = values.astype(float)
-        invalid = one.invalidation_bits
+        is_text, invalid = values.dtype.kind in "SU", one.invalidation_bits
+        values = _texts(values) if is_text else values.astype(float)
         if invalid is not None:
-            values[np.asarray(invalid, bool)] = np.nan
-        if file.version >= "4":
+            values[np.asarray(invalid, bool)] = "" if is_text else np.nan
+        if file.version >= "4" and not is_text:
             if place in without:
                 values[:] = np.nan
             if (is_status := _statuses(block.conversion)) is not None:
@@ -120,7 +121,18 @@ def _group(file: Any, group: int) -> Iterator[tuple[list[str], Channel]]:
         over, factor = _axis(file, group, one)
         times = None if over else np.asarray(one.timestamps, float) * factor
         unit = unit_of(one.unit or "") or one.unit or ""
-        yield _names(file, place, one), Channel(one.name, one.name, unit, values, times, over)
+        content = text_cells(one.name, values.tolist(), path) if is_text else values
+        yield _names(file, place, one), Channel(one.name, one.name, unit, content, times, over)
+
+
+def _texts(values: np.ndarray) -> np.ndarray:
+    """Return texts without what fills them up; bytes are UTF-8, or Latin-1 as in MDF 2 and 3."""
+    if values.dtype.kind == "S":
+        try:
+            values = np.char.decode(values, "utf-8")
+        except UnicodeDecodeError:
+            values = np.char.decode(values, "latin-1")
+    return np.char.strip(values, " \0")
 
 
 def _check_whole(group: Any, number: int, length: int) -> None:

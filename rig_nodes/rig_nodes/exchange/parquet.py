@@ -15,6 +15,7 @@ from ..errors import RigError
 from .cells import Cells, Signs, signs_of
 from .files import pyarrow
 from .foreign import Channel, Foreign, Form
+from .heads import apart
 from .provenance import KEY, read_provenance
 from .units import split_head
 
@@ -44,20 +45,22 @@ def read_parquet(path: Path, form: Form) -> Foreign:
     """
     pa, parquet = pyarrow()
     try:
-        table = parquet.read_table(path)
+        with parquet.ParquetFile(path) as file:  # read_table takes no heads that are there twice
+            table = file.read()
     except (pa.ArrowException, ValueError) as error:
         raise RigError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from None
     if not table.num_columns or table.num_rows < 2:
         raise RigError(f"{path}: holds {table.num_columns} columns with {table.num_rows} rows; a recording needs more")
-    channels = []
-    for name, field, column in _flat(pa, table):
+    found, texts = [], [column for _, field, column in _flat(pa, table) if _is_text(pa, field.type)]
+    for number, (name, field, column) in enumerate(_flat(pa, table), 1):
         plain, unit = split_head(name)
         stated = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
         cells = Cells(name, partial(_cells, pa, field.type, column), partial(_place, path), stated=_kind(pa, field.type))
         if _is_text(pa, field.type):
-            cells.signs = _signs(column, form)
-        channels.append(Channel(name, name if stated else plain, stated or unit, cells))
-    return Foreign(path, channels, provenance=read_provenance((table.schema.metadata or {}).get(KEY.encode())))
+            own = _signs([column], form)
+            cells.signs = own if own.sure else _signs(texts, form)  # the other columns may show what this one leaves open
+        found.append(([f"column {number}"], Channel(name, name if stated else plain, stated or unit, cells)))
+    return Foreign(path, apart(found), provenance=read_provenance((table.schema.metadata or {}).get(KEY.encode())))
 
 
 def _place(path: Path, row: int) -> str:
@@ -79,22 +82,22 @@ def _flat(pa: Any, table: Any) -> Iterator[tuple[str, Any, Any]]:
 
 def _is_text(pa: Any, kind: Any) -> bool:
     kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
 
 
-def _signs(column: Any, form: Form) -> Signs:
-    texts = "\n".join(text for text in map(str, column.unique().to_pylist()) if "\n" not in text)
+def _signs(columns: list, form: Form) -> Signs:
+    texts = "\n".join(text for column in columns for text in map(str, column.unique().to_pylist()) if "\n" not in text)
     return signs_of(texts, "\n", Signs(thousands=form.thousands, missing=form.missing), form.decimal)
 
 
 def _kind(pa: Any, kind: Any) -> str:
     """Return the type by its name, where it is none of those that need no word."""
     kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-    if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+    if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
         return "numbers"
     if pa.types.is_temporal(kind) and not pa.types.is_interval(kind):
         return "dates and times in UTC" if pa.types.is_timestamp(kind) and kind.tz else "dates and times"
-    return "no values" if pa.types.is_null(kind) else "text" if _is_text(pa, kind) else str(kind)
+    return "no values" if pa.types.is_null(kind) else "" if _is_text(pa, kind) else str(kind)  # texts may be numbers
 
 
 def _cells(pa: Any, kind: Any, column: Any) -> Any:

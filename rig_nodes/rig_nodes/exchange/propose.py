@@ -20,6 +20,7 @@ from ..errors import RigError, quoted
 from ..transmission import Transmission, transmission_of
 from .foreign import Channel, Foreign
 from .imported import ORDER_NAMES
+from .profile import OPEN
 from .stamps import unit_of_numbers
 from .time_columns import Times, found_times
 from .units import time_unit_of, unit_of
@@ -106,8 +107,8 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
             continue
         signal, unit = best.get(one.head), unit_of(one.unit) or ""
         if signal is not None and guesses.count(signal.name) == 1:
-            unit_text = unit or f"{signal.display_unit}"
-            doubt = _doubt(one) or ("" if unit else "  # the file has no unit: is it this one?")
+            unit_text = unit or OPEN  # a unit is never invented, as no period is
+            doubt = _doubt(one) or ("" if unit else f"  # the file has no unit: is it {signal.display_unit}?")
             own = times.own.get(one.head)
             clock = f", time: {_quoted(own.head)}" if own is not None and own is not times.main else ""
             lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(unit_text)}{clock}}}{doubt}")

@@ -97,7 +97,7 @@ def stamps_of_numbers(values: np.ndarray, unit: str | None) -> Stamps:
     dated = SINCE_1970[0] <= float(first) * factor <= SINCE_1970[1] or (unit == "d" and any(a <= first <= b for a, b in DAYS))
     if not dated:
         return Stamps(values.astype(float) * factor)
-    shown = f"{first} {unit}" if values.dtype.kind in "iu" else f"{first:.15g} {unit}"
+    shown = f"{int(first) if first == int(first) else format(first, '.15g')} {unit}"
     return Stamps((values - first).astype(float) * factor, True, float(first) * factor, shown)
 
 
@@ -118,15 +118,19 @@ def unit_of_numbers(known: np.ndarray) -> str:
 def are_stamps(cells: Sequence[Any] | np.ndarray) -> str:
     """Return what a column of cells holds by its first ones: ``times``, ``dates`` (days without a time), or nothing."""
     if isinstance(cells, np.ndarray):
-        days = cells.dtype.kind == "M" and np.datetime_data(cells.dtype)[0] == "D"
-        return "dates" if days else "times" if cells.dtype.kind in "Mm" else ""
+        if cells.dtype.kind != "M":
+            return "times" if cells.dtype.kind == "m" else ""
+        some = cells[~np.isnat(cells)][:LOOKED_AT]
+        return "dates" if np.all(some == some.astype("M8[D]")) else "times"
     some = [cell for cell in cells[: 50 * LOOKED_AT] if cell is not None and cell != ""][:LOOKED_AT]
     if not some:
         return ""
+    if all(isinstance(cell, datetime.date) for cell in some) and not any(
+        isinstance(cell, datetime.datetime) and cell.time() != datetime.time() for cell in some
+    ):
+        return "dates"  # days, which a workbook and pandas hold as midnights
     if all(isinstance(cell, (datetime.datetime, datetime.time, datetime.timedelta)) for cell in some):
         return "times"
-    if all(isinstance(cell, datetime.date) for cell in some):
-        return "dates"
     if not all(isinstance(cell, str) for cell in some):
         return ""
     texts = [cell.strip() for cell in some]
@@ -169,7 +173,7 @@ def stamps_of_cells(column: Cells, dates: Cells | None = None) -> Stamps:
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "Mm":
         return _of_array(cells, " UTC" if column.stated.endswith("UTC") else "")
     if dates is not None:
-        days = dates.cells.astype(str).tolist() if isinstance(dates.cells, np.ndarray) else dates.cells
+        days = dates.cells.astype("M8[D]").astype(str).tolist() if isinstance(dates.cells, np.ndarray) else dates.cells
         cells = [
             f"{str(day).strip().partition(' ')[0]} {str(time).strip()}" if day and time not in (None, "") else None
             for day, time in zip(days, cells)

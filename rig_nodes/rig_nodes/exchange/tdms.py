@@ -16,6 +16,7 @@ import numpy as np
 
 from ..config.units import UNITS
 from ..errors import RigError
+from .cells import text_cells
 from .foreign import CUT, Channel, Foreign, Form
 from .heads import apart
 from .packages import needed
@@ -55,17 +56,17 @@ def read_tdms(path: Path, _form: Form) -> Foreign:
         is_cut = file.file_status.incomplete_final_segment
         starts = [start for group in file.groups() for one in group.channels() if (start := _start(one)) is not None]
         start = min(starts, default=None)
-        found = [pair for group in file.groups() for pair in _group(group, start or 0)]
+        found = [pair for group in file.groups() for pair in _group(path, group, start or 0)]
     except Exception as error:  # npTDMS raises errors of many classes for damaged files
         problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
         raise RigError(f"{path}: cannot be read as TDMS ({problem})") from None
-    if not found:
+    if not any(channel.kind == "numbers" for _, channel in found):
         raise RigError(f"{path}: holds no channel of numbers")
     return Foreign(path, apart(found), start=None if start is None else start * 1e-9, notes=[CUT] if is_cut else [])
 
 
-def _group(group: Any, start: int) -> list[tuple[list[str], Channel]]:
-    columns = [one for one in group.channels() if one.dtype is not None and np.dtype(one.dtype).kind in "fiubM" and len(one) > 1]
+def _group(path: Path, group: Any, start: int) -> list[tuple[list[str], Channel]]:
+    columns = [one for one in group.channels() if one.dtype is not None and np.dtype(one.dtype).kind in "fiubMO" and len(one) > 1]
     axis = next((one for one in columns if _is_axis(one)), None)
     out = []
     for one in columns:
@@ -74,7 +75,8 @@ def _group(group: Any, start: int) -> list[tuple[list[str], Channel]]:
         stated = _stated(one)
         name, unit = (one.name, unit_of(stated) or stated) if stated else split_head(one.name)
         times, over = _times(one, axis, start)
-        out.append(([group.name, one.path], Channel(one.name, name, unit, np.asarray(one[:]).astype(float), times, over)))
+        values = text_cells(one.name, list(one[:]), path) if one.dtype.kind == "O" else np.asarray(one[:]).astype(float)
+        out.append(([group.name, one.path], Channel(one.name, name, unit, values, times, over)))
     return out
 
 
@@ -92,8 +94,8 @@ def _unit(one: Any) -> str:
 
 def _is_axis(one: Any) -> bool:
     """Return True for a channel of times: dates, or numbers that grow and have a unit of time or its name."""
-    if _is_dates(one):
-        return True
+    if _is_dates(one) or np.dtype(one.dtype).kind == "O":
+        return _is_dates(one)
     unit = _unit(one)
     is_named = not unit and split_head(one.name)[0].lower() in TIME_NAMES
     return (is_named or UNITS.get(unit, ("",))[0] == "time") and bool(np.all(np.diff(np.asarray(one[:]).astype(float)) > 0.0))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 FIRST_ROWS = 2000  # by which the kind of a column is judged
 PADDING = "\x1a\0"  # end of file of old systems, and what a logger that lost its power leaves
 
+# a cell of several lines in quotes, as Excel writes remarks and heads with line breaks
+_BROKEN = re.compile(r'(?<![^;,\t|\r\n])"(?:[^"\r\n]|"")*(?:\r?\n(?:[^"\r\n]|"")*){1,20}"(?=[;,\t|\r\n]|\Z)')
+
 
 def read_text(path: Path, form: Form) -> Foreign:
     """Read a text file.
@@ -56,6 +60,7 @@ def read_text(path: Path, form: Form) -> Foreign:
         When the file cannot be used; the error is one sentence.
     """
     text = _decoded(path, form)
+    text, breaks = _BROKEN.subn(lambda match: " ".join(match[0].split()), text) if '"' in text else (text, 0)
     lines = text.rstrip(f"{PADDING}\r\n").splitlines()
     whole = text.rstrip(PADDING).endswith("\n")
     del text
@@ -63,6 +68,8 @@ def read_text(path: Path, form: Form) -> Foreign:
         lines.pop()
     form, layout = found_form(path, lines, form)
     notes = _without_end(lines, form, layout, whole)
+    if breaks:
+        notes.append(f"{breaks} cell{'s have' if breaks > 1 else ' has'} a line break in quotes, which is counted as no line here")
     heads = names_of(lines[form.header - 1], form.delimiter)
     units = [""] * len(heads)
     if form.units:

@@ -43,6 +43,7 @@ _QUANTITY = re.compile(
     re.IGNORECASE,
 )
 _RATES = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "s/s": 1.0, "ks/s": 1e3, "sps": 1.0, "ksps": 1e3}
+csv.field_size_limit(1 << 30)  # a long text is no reason to refuse a file
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,12 @@ class Times:
 
 @dataclass(frozen=True)
 class Axis:
-    """The times of the rows of a measurement: where they are from, and notes for its user."""
+    """The times of the rows of a measurement: the columns that they and their dates are from, and notes for its user."""
 
     head: str | None
     stamps: Stamps
     notes: tuple[str, ...] = ()
+    date: str | None = None
 
 
 def found_times(channels: Sequence[Channel]) -> Times:
@@ -128,7 +129,8 @@ def axis_of(foreign: Foreign, profile: Profile, columns: Sequence[Channel]) -> A
     if longest.times is not None:
         return Axis(None, Stamps(longest.times))
     if (times := found_times(foreign.channels)).main is not None:
-        return Axis(times.main.head, stamps_of(foreign, times.main, None, times.date))
+        date = times.date.head if times.date else None
+        return Axis(times.main.head, stamps_of(foreign, times.main, None, times.date), date=date)
     if foreign.period is not None:
         period, place = foreign.period
         note = f"the time between rows, {period * 1e3:.7g} ms, is from {place}"
@@ -287,9 +289,14 @@ def _check_counter(foreign: Foreign) -> None:
         if len(values) < 3:
             continue
         steps = np.diff(values)
-        if np.all(steps >= 1.0) and np.all(steps % 1.0 == 0.0) and np.median(steps) == 1.0 and np.any(steps > 1.0):
-            at = int(np.argmax(steps > 1.0))
+        single = float(np.median(steps))
+        if not single > 0.0 or not np.all(steps > 0.0):
+            continue
+        counted = np.rint(steps / single)
+        if np.all(np.abs(steps / single - counted) < 0.1 * counted) and np.any(counted > 1.0):  # a counter, or times without a unit
+            at = int(np.argmax(counted > 1.0))
             raise RigError(
-                f"{foreign.path}: rows are missing: '{one.head}' goes from {values[at]:g} to {values[at + 1]:g} at "
-                f"{foreign.row(at + 1)}, and a period would close {int((steps - 1.0).sum())} rows up; add a column of times"
+                f"{foreign.path}: rows are missing: '{one.head}' goes from {values[at]:.10g} to {values[at + 1]:.10g} at "
+                f"{foreign.row(at + 1)}, and a period would close {int((counted - 1.0).sum())} rows up; take it as the times, "
+                f"time: {{column: {one.head}, unit: UNIT}} in a profile, or add a column of times"
             )

@@ -9,7 +9,8 @@ The table of a sheet and the lines of its names and units are found from the cel
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+import io
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,13 +19,14 @@ from typing import Any
 
 from ..config.names import unknown
 from ..errors import RigError
-from .cells import Cells, Signs, signs_of
+from .cells import OBVIOUS, Cells, Signs, signs_of
 from .foreign import Channel, Foreign, Form
 from .heads import apart
 from .packages import needed
 from .units import split_head, unit_of
 
 LAST_ROWS = 20  # by which the number of columns of values is found
+LITTLE = 20  # a table with so many times fewer rows than another sheet's is no recording beside it
 FIRST_ROWS = 200  # in which the first row of values is looked for
 DATES = (datetime.date, datetime.time, datetime.timedelta)  # a datetime is a date too
 
@@ -44,7 +46,8 @@ def read_xlsx(path: Path, form: Form) -> Foreign:
     Returns
     -------
     Foreign
-        The columns of one sheet: of that of ``form``, or the first visible one with a table; a note names it.
+        The columns of one sheet: of that of ``form``, or the first visible one with a table that is not small beside the others';
+        a note names it.
 
     Raises
     ------
@@ -53,7 +56,8 @@ def read_xlsx(path: Path, form: Form) -> Foreign:
     """
     package = needed("openpyxl", "xlsx")
     try:
-        book = package.load_workbook(path, read_only=True, data_only=True)
+        with open(path, "rb") as file:  # by its path, openpyxl would judge it by its ending
+            book = package.load_workbook(io.BytesIO(file.read()), read_only=True, data_only=True)
         sheets = {sheet.title: sheet for sheet in book.worksheets if sheet.title == form.sheet or sheet.sheet_state == "visible"}
         if form.sheet is not None and form.sheet not in sheets:
             raise RigError(f"{path}: {unknown('sheet', form.sheet, sheets)}")
@@ -69,7 +73,8 @@ def read_xlsx(path: Path, form: Form) -> Foreign:
         raise RigError(
             f"{path}: no sheet has a table of numbers; formulas have values only after Excel or LibreOffice has saved the workbook"
         )
-    name, rows = next(iter(tables.items()))
+    most = max(map(len, tables.values()))
+    name, rows = next((name, rows) for name, rows in tables.items() if LITTLE * len(rows) >= most)
     others = [f"'{one}'" for one in tables if one != name]
     note = f"read from the sheet '{name}'" + (
         f"; others with tables are {', '.join(others)}, for 'sheet' in a profile" if others else ""
@@ -90,6 +95,11 @@ def _is_value(cell: object) -> bool:
     if isinstance(cell, str):
         return cell.strip().replace(",", ".", 1).lstrip("+-").replace(".", "", 1).isdigit()
     return isinstance(cell, (int, float, *DATES)) and not isinstance(cell, bool)
+
+
+def _is_word(cell: object) -> bool:
+    """Return True for a text such as ``Mean``, which is no value and says no value is missing."""
+    return isinstance(cell, str) and bool(cell.strip()) and not _is_value(cell) and not OBVIOUS.fullmatch(cell.strip())
 
 
 def _values(row: Row) -> int:
@@ -127,25 +137,34 @@ def _table(path: Path, sheet: str, rows: list[Row], form: Form, note: str) -> Fo
         raise RigError(f"{path}: sheet '{sheet}' has no names of its columns above the values in row {data + 1}")
     body, notes = rows[data:], [note]
     least = max(1.0, median(map(_values, body[:LAST_ROWS])) / 2.0)
-    while len(body) > 2 and _values(body[-1]) < least:
+    first = next((i for i, cell in enumerate(body[0]) if _is_value(cell)), 0)
+    while len(body) > 2 and (_values(body[-1]) < least or _is_word(_at(body[-1], first))):
         row = body.pop()
         if any(map(_text, row)):
             notes.append(
                 f"row {data + len(body) + 1} is no row of values and was left out: '{_text(next(filter(_text, row)))[:40]}'"
             )
     place = partial(_place, path, sheet, data)
-    found = []
-    for i, cell in enumerate(rows[header]):
+    found, given = [], Signs(thousands=form.thousands, missing=form.missing)
+    whole = signs_of(_texts(cell for row in body for cell in row), "\n", given, form.decimal)
+    for i in range(max(len(rows[header]), len(body[0]))):
+        cell = _at(rows[header], i)
         head, stated = _text(cell), _text(_at(rows[units], i)) if units is not None else ""
         column = [_at(row, i) for row in body]
         if not head:
-            continue
+            if all(one is None for one in column):
+                continue
+            head = f"column {i + 1}"
         name, unit = (head, unit_of(stated) or stated.strip("[]() ")) if stated else split_head(head)
-        texts = "\n".join({text for text in column if isinstance(text, str) and "\n" not in text})
-        signs = signs_of(texts, "\n", Signs(thousands=form.thousands, missing=form.missing), form.decimal)
+        own = signs_of(_texts(column), "\n", given, form.decimal)
+        signs = own if own.sure else whole  # the other columns may show what this one leaves open
         found.append(([f"column {i + 1}"], Channel(head, name, unit, Cells(head, column.copy, place, signs))))
     form = replace(form, sheet=sheet, header=header + 1, units=None if units is None else units + 1, data=data + 1)
     return Foreign(path, apart(found), form, notes=notes)
+
+
+def _texts(cells: Iterable[Any]) -> str:
+    return "\n".join({text for text in cells if isinstance(text, str) and "\n" not in text})
 
 
 def _at(row: Row, column: int) -> Any:
