@@ -52,7 +52,7 @@ def test_blf_asc_and_candump_hold_the_same_frames_at_simulated_times(folder, bag
     times = [t for t, *_ in logs[0]]
     assert times == sorted(times) and times[0] == 0.0 and times[-1] == pytest.approx(bag.last * 1e-9, abs=2e-3)
     assert {one.channel for one in frames(folder)} == {0}
-    assert "1970" not in (folder / "run.asc").read_text().splitlines()[0]
+    assert "1970" not in (folder / "run.asc").read_text()[:500]
 
 
 def test_the_database_decodes_every_frame_to_what_the_run_recorded(folder, bag, database):

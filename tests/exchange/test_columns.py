@@ -34,6 +34,17 @@ def test_a_column_that_nobody_asked_for_spoils_no_text_file(others, note, tmp_pa
     assert rpm(found) == pytest.approx([1500.0, 1501.0]) and note in found.notes
 
 
+def test_a_quote_that_is_not_closed_swallows_no_rows(tmp_path):
+    found = measured(tmp_path, table(Bemerkung=lambda k: '"offen' if k == 100 else ""))
+    assert len(found.channels["n_wej"]) == ROWS and not np.isnan(found.channels["n_wej"]).any()
+
+
+def test_a_gap_in_a_slower_column_is_counted(tmp_path):
+    found = measured(tmp_path, table(**{"I_zr_p1 [mA]": lambda k: "" if k % 10 or 100 < k < 200 else "5,0"}))
+    assert np.isnan(found.channels["I_zr_p1"]).sum() == 99
+    assert f"99 of {7 * ROWS} values are missing: 0 were bridged by straight lines, 99 in gaps over 2 ms stay empty" in found.notes
+
+
 def test_texts_in_front_of_the_times_are_no_head(tmp_path):
     lines = table().splitlines()
     found = measured(tmp_path, "\n".join([f"Status;{lines[0]}", *(f"OK;{line}" for line in lines[1:])]))

@@ -92,12 +92,14 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
     count, stamp = 0, 0
     with whole(target) as part, open(part, "wb") if kind == "blf" else open(part, "w", encoding="utf-8") as file:
         log = getattr(can, WRITERS[kind])(file)
-        if kind == "asc":  # python-can puts the date of the export there
+        if kind == "asc":  # python-can puts the date of the export there, and 1970
             file.seek(0)
             file.truncate()
-            date = started(small, index.last)
-            file.write(f"date {date:%a %b %d %H:%M:%S}.{date.microsecond // 1000:03d} {date:%Y}\n")
-            file.write("base hex  timestamps absolute\ninternal events logged\n")
+            began = started(small, index.last)
+            date = f"{began:%a %b %d %H:%M:%S}.{began.microsecond // 1000:03d} {began:%Y}"
+            file.write(f"date {date}\nbase hex  timestamps absolute\ninternal events logged\nBegin Triggerblock {date}\n")
+            file.write(" 0.000000 Start of measurement\n")
+            log.header_written = True  # its own would have the date 1970
 
         def put(number: int, data: bytes, extended: bool) -> None:
             nonlocal count

@@ -241,9 +241,10 @@ class Clock:
             np.where((every > known[0]) & (every < known[-1]), inside, np.maximum(known[0] - every, every - known[-1])) <= longest
         )
         empty = ~np.isfinite(out)
-        if own == 1:
-            counts["missing"] += int(empty.sum())
-            counts["bridged"] += int((empty & near).sum())
+        counts["missing"] += int(
+            (empty if own == 1 else empty & ~near).sum()
+        )  # between the values of a slower signal none is missing
+        counts["bridged"] += int((empty & near).sum()) if own == 1 else 0
         return np.where(empty & near, filled, out)
 
     def carried(self, times: Floats, values: Floats, held: bool, counts: dict[str, int]) -> Floats:

@@ -281,7 +281,9 @@ def _in_si(one: Mapped, channel: Channel, signal: Signal) -> Floats:
     unit = unit_of(stated)
     if unit is None or UNITS[unit][0] != dimension:
         known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
-        raise RigError(f"{one.where} is in {stated}; {with_article(dimension)} such as {one.signal} is in {known}")
+        raise (RigError if unit else CellError)(
+            f"{one.where} is in {stated}; {with_article(dimension)} such as {one.signal} is in {known}"
+        )
     values = channel.values
     if one.factor != 1.0 or one.offset:
         values = values * one.factor + one.offset

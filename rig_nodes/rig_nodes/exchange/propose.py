@@ -108,7 +108,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         signal, unit = best.get(one.head), unit_of(one.unit) or ""
         if signal is not None and guesses.count(signal.name) == 1:
             unit_text = unit or OPEN  # a unit is never invented, as no period is
-            doubt = _doubt(one) or ("" if unit else f"  # the file has no unit: is it {signal.display_unit}?")
+            doubt = _doubt(one) or ("" if unit else f"  # the file has {one.unit or 'no unit'}: is it {signal.display_unit}?")
             own = times.own.get(one.head)
             clock = f", time: {_quoted(own.head)}" if own is not None and own is not times.main else ""
             lines.append(f"  {_quoted(one.head)}: {{signal: {signal.name}, unit: {_quoted(unit_text)}{clock}}}{doubt}")
