@@ -145,10 +145,10 @@ class _Body:
     def texts(self, column: int, rows: int | None = None) -> list[str]:
         sign, lines = self._sign, self._lines[:rows]
         if self._quoted:
-            rows = list(csv.reader(lines, delimiter=sign, skipinitialspace=sign == " "))
-            if len(rows) != len(lines):  # a quote that is not closed ends with its line, and swallows none of the next ones
-                rows = [fields(line, sign) for line in lines]
-            return [row[column].strip() for row in rows]
+            found = list(csv.reader(lines, delimiter=sign, skipinitialspace=sign == " "))
+            if len(found) != len(lines):  # a quote that is not closed ends with its line, and swallows none of the next ones
+                found = [fields(line, sign) for line in lines]
+            return [row[column].strip() for row in found]
         if sign == " ":
             return [line.split()[column] for line in lines]
         return [line.split(sign, column + 1)[column].strip() for line in lines]
