@@ -54,7 +54,7 @@ def refused(path, **options):
     "data, says",
     [
         (b"", "is empty (0 bytes)"),
-        (b"SQLite format 3\x00" + bytes(100), "does not begin as an MCAP file at byte 0"),
+        (b"SQLite format 3\x00" + bytes(100), "is a bag of sqlite3; make one of MCAP of it"),
         (b"{}", "does not begin as an MCAP file at byte 0"),
         (bytes(5000), "does not begin as an MCAP file at byte 0"),
     ],

@@ -361,7 +361,7 @@ class Gathered:
     def check_began(self) -> None:
         """Raise BagError when nothing was recorded or nothing of the recording is left."""
         if not self.began:
-            raise BagError(f"{self.path}: {nothing_in(self.damage)}")
+            raise BagError(f"{self.path}: {nothing_in(self.damage, self.library)}")
 
     @property
     def recovered(self) -> str:

@@ -37,11 +37,15 @@ _MESSAGE = struct.Struct("<QQ")
 
 @dataclass(frozen=True)
 class Kept:
-    """What was read: messages per topic, messages per topic that are known to be lost, and a sentence per fault."""
+    """What was read: messages per topic, messages per topic that are known to be lost, and a sentence per fault.
+
+    ``unread`` is True when something could not be read that may have held messages which nothing counts.
+    """
 
     counts: dict[str, int]
     lost: dict[str, int]
     damage: list[str]
+    unread: bool = False
 
     @property
     def whole(self) -> bool:
@@ -72,7 +76,7 @@ def check(bags: OpenedBags) -> Kept:
     # a bag may begin later than its run, unless its recorder counted what it left out; an early end leaves no hole in the numbers
     for topic, holes in numbers.gaps(begun_late=not bags.left_out).items():
         lost[topic] = max(lost[topic], holes - bags.holes[topic])
-    return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage)
+    return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage, kept.unread)
 
 
 class AsSent:
@@ -208,7 +212,7 @@ def write(
     finally:
         shutil.rmtree(part, ignore_errors=True)
     kept = _kept(bags, held)
-    return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage)
+    return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage, kept.unread)
 
 
 def counted(timeline: Iterator[tuple[int, tuple[str, bytes]]], held: Counter[str]) -> Iterator[tuple[int, tuple[str, bytes]]]:
@@ -219,4 +223,4 @@ def counted(timeline: Iterator[tuple[int, tuple[str, bytes]]], held: Counter[str
 
 
 def _kept(bags: OpenedBags, held: Counter[str]) -> Kept:
-    return Kept({topic: held[topic] for topic in bags.types}, bags.lost(held), bags.damage)
+    return Kept({topic: held[topic] for topic in bags.types}, bags.lost(held), bags.damage, bool(bags.damage))

@@ -49,6 +49,7 @@ CODES = {
     "float64": "d",
 }
 TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
+_WIDE = re.compile(r"\s*wstring[\s\[<]")
 _TYPE = re.compile(r"[A-Za-z]\w{0,199}(/msg)?/[A-Za-z]\w{0,199}", re.ASCII)
 
 
@@ -356,6 +357,8 @@ def _parsed(ros_type: str, text: str) -> tuple[Node, str, Typestore]:
         return _message(ros_type, store.fielddefs), store.hash_rihs01(ros_type), store
     except RigError:
         raise
+    except KeyError as error:
+        raise RigError(f"the definition of {ros_type} cannot be read: it uses {error.args[0]}, which it does not define") from None
     except Exception as error:
         # rosbags raises errors of several unrelated classes, with the whole text in their message
         why = f"{type(error).__name__}: {str(error).partition(chr(10))[0][:200]}"
@@ -368,6 +371,8 @@ def _stripped(ros_type: str, text: str) -> str:
     longest = max(map(len, lines), default=0)
     if not _TYPE.fullmatch(ros_type):
         raise RigError(f"'{ros_type[:100]}' is not a message type; expected package/msg/Name")
+    if any(_WIDE.match(line) for line in lines):
+        raise RigError(f"the definition of {ros_type} has a wide string (wstring), which is not read")
     if len(lines) > limits.LINES or longest > limits.LINE:
         raise RigError(
             f"the definition of {ros_type} has {len(lines)} lines of up to {longest} characters; at most "

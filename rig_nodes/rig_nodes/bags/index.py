@@ -117,7 +117,10 @@ class BagIndex:
             self._count: Counter[int] = Counter()
             self._summary_at = 0  # byte at which the summary begins, 0 without one
             if not self._by_summary():
+                stated = self._count
                 self._by_walking()
+                if self.damage:  # what the summary counts is still known of what cannot be read
+                    self._count |= Counter({number: stated[number] for number in self._records.contents.streams})
             self._streams = by_name(self._records.contents.streams.values())
             self._set_times()
         except BaseException:
@@ -350,15 +353,17 @@ class BagIndex:
         ``records`` is the number of metadata records that the summary lists.
         """
         messages, _, _, attachments, metadata, chunks, _, _, length = _STATISTICS.unpack_from(statistics)
-        if attachments or metadata != records:
-            return False  # the walk over the file finds them
         if length > len(statistics) - _STATISTICS.size:
             return False
-        self._count = Counter(dict(struct.iter_unpack("<HQ", statistics[_STATISTICS.size : _STATISTICS.size + length])))
+        counts = Counter(dict(struct.iter_unpack("<HQ", statistics[_STATISTICS.size : _STATISTICS.size + length])))
+        if sum(counts.values()) != messages:
+            return False
+        self._count = counts
         return (
-            chunks == len(self._parts)
-            and self._count.keys() <= self._records.contents.streams.keys()
-            and sum(self._count.values()) == messages
+            not attachments
+            and metadata == records  # otherwise the walk over the file finds them
+            and chunks == len(self._parts)
+            and counts.keys() <= self._records.contents.streams.keys()
             and (chunks > 0 or messages == 0)
         )
 
@@ -374,7 +379,11 @@ class BagIndex:
             self.library = library(self._file, start, position)
             unpacked, plain = 0, position
             while True:
-                opcode, start, end = self._file.record(position)
+                try:
+                    opcode, start, end = self._file.record(position)
+                except Damage:
+                    self._close_plain(plain, position)
+                    raise
                 if opcode not in (SCHEMA, CHANNEL, MESSAGE) or self._records.held >= _PLAIN:
                     self._close_plain(plain, position)
                     plain = end
@@ -397,7 +406,12 @@ class BagIndex:
                         self._take_attachment(start, end)
                     self._tell_faults()
                 except Damage as damage:
-                    self._records.take()
+                    if opcode == CHUNK:
+                        self._records.take()
+                        self._records.described_by_summary()
+                    else:
+                        self._close_plain(plain, position)
+                        plain = end
                     if damage.fatal:
                         raise
                     self._tell(damage)

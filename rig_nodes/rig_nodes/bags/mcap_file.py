@@ -15,7 +15,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import BagError
+from ..errors import BagError, quoted
 from . import limits
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -27,6 +27,7 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
 FOOTER_BODY = struct.Struct("<QQI")
 _BLOCK = 1 << 20  # bytes per read
+_SQLITE = b"SQLite f"  # the first bytes of a file of sqlite3
 
 
 class Damage(Exception):
@@ -63,6 +64,8 @@ class McapFile:
         wrong = ""
         if not head:
             wrong = "is empty (0 bytes); the run that made it wrote nothing, record it again"
+        elif head == _SQLITE:
+            wrong = not_sqlite(path)
         elif not MAGIC.startswith(head):
             wrong = "does not begin as an MCAP file at byte 0; expected a bag of `rig run` or `ros2 bag record -s mcap`"
         if wrong:
@@ -120,6 +123,11 @@ class ChunkHead:
     crc: int
     compression: str
     packed: tuple[int, int]  # start and end of the packed data in the file
+
+
+def not_sqlite(path: Path) -> str:
+    """Return why a bag of sqlite3 is not read where a run is expected, with the way to a bag that is."""
+    return f"is a bag of sqlite3; make one of MCAP of it: ./rig bag merge {quoted(path)} --out NEW"
 
 
 def chunk_head(file: McapFile, start: int, end: int) -> ChunkHead:

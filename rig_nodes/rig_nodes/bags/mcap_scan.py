@@ -140,6 +140,7 @@ class _Scan(Records):
                 if not self.recover or damage.fatal:
                     raise
                 self.contents.damage.append(damage.sentence(file.size))
+                self.described_by_summary()
             self.contents.damage += [fault.sentence(file.size) for fault in self.take_faults()]
             position = end
             yield

@@ -27,6 +27,8 @@ from .records import ENCODING, Contents, Stream, by_name
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
 _STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
 NOTHING = "nothing was recorded: the run was stopped before its time began"
+NOT_A_RUN = "holds no message later than time 0, so there is nothing to show"  # a bag that the project did not record
+NAMED = 3  # faults that a sentence names
 OWN = "rig_nodes "  # the project's own recorder begins its library name with this
 
 
@@ -58,7 +60,7 @@ class Messages:
     def check_began(self) -> None:
         """Raise BagError when nothing was recorded or nothing of the recording is left."""
         if not self.began:
-            raise BagError(f"{self.path}: {nothing_in(self.damage)}")
+            raise BagError(f"{self.path}: {nothing_in(self.damage, self.library)}")
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Return an iterator over the log time [ns] and the recorded bytes of every message of a topic."""
@@ -300,9 +302,15 @@ class Messages:
         return np.array([getattr(message, name) for _, message in self.messages(stream.topic)])
 
 
-def nothing_in(damage: list[str]) -> str:
-    """Return the reason why a bag holds nothing to show."""
-    return f"nothing of it can be read ({'; '.join(damage)})" if damage else NOTHING
+def nothing_in(damage: list[str], library: str) -> str:
+    """Return the reason why a bag, written by this library, holds nothing to show."""
+    return f"nothing of it can be read ({in_short(damage)})" if damage else NOTHING if library.startswith(OWN) else NOT_A_RUN
+
+
+def in_short(damage: list[str]) -> str:
+    """Return the first faults of a bag and the number of the others, in one line."""
+    more = len(damage) - NAMED
+    return "; ".join(damage[:NAMED]) + (f"; {more} more faults" if more > 0 else "")
 
 
 def stamps_of(head: np.ndarray) -> np.ndarray:

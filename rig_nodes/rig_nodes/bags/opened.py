@@ -21,6 +21,7 @@ from pathlib import Path
 from ..errors import BagError, RigError
 from . import limits
 from .index import BagIndex, joined_spans
+from .messages import in_short, nothing_in
 from .metadata import read_profile
 from .pieces import PACKED, Metadata, in_order, plain, read_metadata
 from .reader import Bag
@@ -124,8 +125,8 @@ class OpenedBags:
     def holes_in_time(self) -> list[str]:
         """One sentence for each hole in time, which the replay jumps over and no option counts."""
         return [
-            f"no message between {before / 1e9:.3f} s and {after / 1e9:.3f} s, {(after - before) / 86_400e9:.0f} days, which are "
-            "jumped over"
+            f"no message between {before / 1e9:.3f} s and {after / 1e9:.3f} s, {(after - before) / 86_400e9:.0f} days, which a "
+            "replay jumps over and no option counts"
             for (_, before), (after, _) in pairwise(self.spans)
         ]
 
@@ -176,6 +177,13 @@ class OpenedBags:
             return recorded, recorded.reason if recorded.state == CUT_OFF else ""
         bag = self.bag([topic for topic, ros_type in self.types.items() if topic in (STATE, EVENTS) or ros_type == RUN_INFO])
         return end_of_run(bag), "" if self.damage and not of_damaged else cut_off(bag)
+
+    def check_began(self) -> None:
+        """Raise BagError when no message can be read that is later than time 0."""
+        if not self.last:
+            for _ in self.timeline(self.types):
+                pass  # what is at fault is met when it is read
+            raise BagError(f"{self.files[0]}: {nothing_in(self.damage, self.pieces[0].library)}")
 
     def _piece(self, name: str) -> BagIndex:
         return next(piece for piece in self.pieces if name in piece.types)
@@ -247,7 +255,7 @@ class OpenedBags:
                     raise
                 self._damage.append(str(error))
         if not opened:
-            raise BagError(f"{path}: nothing of it can be read ({'; '.join(self._damage)})")
+            raise BagError(f"{path}: nothing of it can be read ({in_short(self._damage)})")
 
     def _add(self, piece: BagIndex) -> None:
         self.pieces.append(piece)

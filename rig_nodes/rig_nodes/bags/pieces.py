@@ -21,6 +21,7 @@ import zstandard
 from ..config.yaml_file import read_yaml
 from ..errors import BagError
 from . import limits
+from .mcap_file import not_sqlite
 from .old_form import topic_of_today
 
 PIECE = 1 << 23  # bytes of messages that are in memory at a time where a bag is read in pieces, some 8 s of a run
@@ -51,6 +52,8 @@ def files_of_run(path: Path) -> list[Path]:
         raise BagError(f"{path}: there is no such file or folder; give the folder of a run or its .mcap file")
     files = in_order([*path.glob("*.mcap"), *path.glob(f"*.mcap{PACKED}")])
     names = {found[1] if (found := _NUMBERED.fullmatch(_stem(file))) else file.name for file in files}
+    if not files and any(path.glob("*.db3*")):
+        raise BagError(f"{path}: {not_sqlite(path)}")
     if not files or (len(files) > 1 and len(names) > 1):
         held = ", ".join(sorted(f.name for f in files)) or "none"
         raise BagError(f"{path}: a run's folder holds one bag of .mcap files, this one holds {held}; name the file itself")

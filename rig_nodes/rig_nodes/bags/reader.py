@@ -9,6 +9,7 @@ The report, the view and the tests use it. The messages are those of bags.messag
 from __future__ import annotations
 
 import json
+import math
 import re
 import struct
 from collections.abc import Iterator, Mapping
@@ -25,7 +26,7 @@ from ..errors import BagError, RigError
 from ..transmission import Transmission, transmission_of
 from . import limits
 from .mcap_scan import read_mcap, read_pieces
-from .messages import Messages, stamps_of
+from .messages import Messages, in_short, stamps_of
 from .pieces import files_of_run, plain, read_metadata
 from .records import Contents, Stream
 from .rig_record import rig_record
@@ -301,6 +302,8 @@ class Bag(Messages):
             raise BagError(
                 f"{self.path}: a block of {topic} has {head['channels'].max()} columns where the channel list names {len(names)}"
             )
+        if not 0.0 < head["period"][0] < math.inf:
+            raise BagError(f"{self.path}: the period of {topic} is {head['period'][0]} s; expected one above 0")
         if np.any(head["period"] != (head["period"][0] if after is None else after.period)):
             raise BagError(f"{self.path}: the period of {topic} changes within the run; one logger has one period")
         first, period = int(head["first_sample"][0]), float(head["period"][0])
@@ -370,9 +373,12 @@ class Bag(Messages):
                 with suppress(BagError):
                     self.require(topic, _BLOCK)
                     try:
-                        self._blocks(topic)
+                        head, _ = self._blocks(topic)
                     except BagError as error:
                         found[topic] = str(error).removeprefix(f"{self.path}: ")
+                    else:
+                        if what := _false_heads(head):
+                            found[topic] = f"{topic}: {what}"
         return found
 
     def begin_by(self, numbers: Numbers) -> float:
@@ -507,6 +513,21 @@ class Bag(Messages):
         raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
 
 
+def _false_heads(head: np.ndarray) -> str:
+    """Return what the heads of a logger's blocks contradict each other in; empty when they agree."""
+    first, rows, period = head["first_sample"], head["rows"], head["period"]
+    if not np.all((period == period[0]) & (period > 0.0) & (period < math.inf)):
+        return "the period is not one and the same above 0 in all its blocks"
+    if "seq" in (head.dtype.names or ()):
+        # where a block was lost, or is there twice, the numbers of the messages tell it
+        follows = head["seq"][1:] == head["seq"][:-1] + np.uint64(1)
+        wrong = np.flatnonzero(follows & (first[1:] != first[:-1] + rows[:-1]))
+        if len(wrong):
+            at = wrong[0]
+            return f"a block begins with row {first[at + 1]}, not with {int(first[at]) + int(rows[at])} as the one before it says"
+    return ""
+
+
 def _read(file: Path, recover: bool) -> Contents:
     with plain(file) as opened:
         return read_mcap(opened, recover)
@@ -542,7 +563,7 @@ def recovered(held: int, last: int, damage: list[str]) -> str:
     damage : list of str
         One sentence per fault.
     """
-    return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(damage)})" if damage else ""
+    return f"{held} messages recovered up to {last / 1e9:.3f} s ({in_short(damage)})" if damage else ""
 
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:

@@ -22,7 +22,23 @@ import zstandard
 from ..errors import RigError
 from . import limits
 from .definitions import parse
-from .mcap_file import CHANNEL, MESSAGE, MESSAGE_HEAD, PRIVATE, RECORD, SCHEMA, ChunkHead, Damage, McapFile, metadata_of, text
+from .mcap_file import (
+    CHANNEL,
+    FOOTER,
+    FOOTER_BODY,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    PRIVATE,
+    RECORD,
+    SCHEMA,
+    ChunkHead,
+    Damage,
+    McapFile,
+    metadata_of,
+    plain_record,
+    text,
+)
 from .old_form import Convert, form_of_today, topic_of_today
 
 ENCODING = "cdr/ros2msg"  # that of the messages which can be decoded
@@ -124,6 +140,26 @@ class Records:
         if head.crc and zlib.crc32(content) != head.crc:
             raise Damage("a chunk does not match its checksum", at)
         self.records(content, at, without)
+
+    def described_by_summary(self) -> None:
+        """Take the channels that the summary repeats: those of a chunk that cannot be read may be described nowhere else."""
+        file = self.file
+        try:
+            footer = file.size - len(MAGIC) - FOOTER_BODY.size - RECORD.size
+            opcode, start, end = file.record(footer)
+            position, _, crc = FOOTER_BODY.unpack(file.bytes_at(start, FOOTER_BODY.size))
+            if opcode != FOOTER or position < len(MAGIC) or (crc and file.checksum(position, end - 4) != crc):
+                return
+            while position < footer:
+                opcode, start, end = file.record(position)
+                if opcode in (SCHEMA, CHANNEL):
+                    self.records(plain_record(file, start, end), position)
+                position = end
+        except Damage as damage:
+            if damage.fatal:
+                raise
+        except struct.error:
+            pass  # no summary
 
     def _unpacked(self, head: ChunkHead, at: int) -> bytes:
         start, end = head.packed

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -56,6 +57,10 @@ def from_sqlite(file: Path, folder: Path) -> tuple[Path, list[str]]:
                     _describe(writer, topic, definitions)
                 faults += _copy(store, writer, {number: (topic["name"], topic["type"]) for number, topic in topics.items()})
     except (sqlite3.Error, KeyError, ValueError) as error:
+        if "malformed" in str(error):
+            raise BagError(
+                f"{file}: is cut or damaged ({error}); fetch it again, or save what is left with sqlite3's .recover"
+            ) from None
         raise BagError(
             f"{file}: cannot be read as an sqlite3 bag ({type(error).__name__}: {error}); expected one of "
             "`ros2 bag record -s sqlite3`"
@@ -90,12 +95,35 @@ def _describe(writer: BagWriter, topic: dict[str, str], definitions: dict[str, s
     writer.describe(topic["name"], ros_type, encoding, text, about, "measurement")
 
 
+def _rows(store: sqlite3.Connection, refused: Counter[str]) -> Iterator[tuple]:
+    """Yield topic, time and data of all messages in order of time; count in ``refused`` those that cannot be read."""
+    done = 0
+    try:
+        for row in store.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"):
+            yield row
+            done += 1
+        return
+    except sqlite3.DatabaseError:
+        pass  # a page is damaged: the rest is read message by message, as far as the index of times reaches
+    for place, (message,) in enumerate(store.execute("SELECT id FROM messages ORDER BY timestamp, id").fetchall()):
+        if place < done:
+            continue
+        try:
+            row = store.execute("SELECT topic_id, timestamp, data FROM messages WHERE id = ?", (message,)).fetchone()
+        except sqlite3.DatabaseError:
+            row = None
+        if row is None:
+            refused["unknown topics"] += 1
+        else:
+            yield row
+
+
 def _copy(store: sqlite3.Connection, writer: BagWriter, topics: dict[int, tuple[str, str]]) -> list[str]:
     """Write all messages; return the faults met."""
     refused: Counter[str] = Counter()
     faults = []
     try:
-        for number, time, data in store.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"):
+        for number, time, data in _rows(store, refused):
             if number not in topics or not isinstance(data, bytes) or not isinstance(time, int):
                 refused[topics[number][0] if number in topics else f"topic {number}, which is not described"] += 1
                 continue

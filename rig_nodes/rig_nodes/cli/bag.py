@@ -113,6 +113,7 @@ def _print_notes(path: str, bags: OpenedBags) -> None:
 def _write(args: argparse.Namespace) -> int:
     from ..bags import limits
     from ..bags.copy import AsSent, left_out, write
+    from ..bags.messages import in_short
     from ..bags.opened import OpenedBags
     from ..errors import RigError, printable
 
@@ -125,7 +126,8 @@ def _write(args: argparse.Namespace) -> int:
             if begin >= end or begin > bags.last:
                 raise RigError(f"--from and --to: nothing lies between them; the bag is {bags.length / 1e9:.3f} s long")
         if not any(bags.counts.values()):
-            raise RigError(f"{bags.path}: holds no messages; there is nothing to write")
+            why = f" that can be read ({in_short(bags.damage)})" if bags.damage else ""
+            raise RigError(f"{bags.path}: holds no messages{why}; there is nothing to write")
         as_sent = AsSent(bags) if args.work == "recover" else None
         path, kept = write(bags, args.out, topics, begin, end, as_sent)
         print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
@@ -150,7 +152,8 @@ def _print_lost(path: str, kept: Kept) -> int:
         print(f"rig: {path}: {topic} lost {lost} messages", file=sys.stderr)
     known = sum(kept.lost.values())
     held = sum(kept.counts.values())
-    number = f"{known} messages are lost" if known else "the number of lost messages is not known"
+    number = f"{known} messages are lost" if known else "none is lost"
+    number = "the number of lost messages is not known" if kept.unread and not known else number
     print(f"rig: {path}: damaged, {held} messages are kept, {number}", file=sys.stderr)
     return LOST
 

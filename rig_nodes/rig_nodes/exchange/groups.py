@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.reader import Bag, Logger
 from ..catalogue import Signal
@@ -99,13 +98,12 @@ class Signals:
             When the run cannot be read, has no signal, or none of a name.
         """
         with OpenedBags([run]) as index:
+            index.check_began()
             self._run, self.path, self._counts = run, index.files[0], index.counts
             self.small = index.bag([topic for topic, ros_type in index.types.items() if ros_type in DESCRIBING])
             self.last = index.last
             self.left_out = index.not_of(self.small.catalogue.all_topics)
             _, self.cut_off = index.end()
-        if not self.last:
-            raise BagError(f"{self.path}: {nothing_in(self.small.damage)}")
         self.groups = _chosen(self._all(units), chosen, self.path)
         if not self.groups:
             raise BagError(f"{self.path}: holds no signal of a rig; expected a bag of `rig run` or `rig simulate`")

@@ -21,14 +21,13 @@ from ..analysis.gather import gather, gathering
 from ..analysis.gathered import SMALL
 from ..analysis.metrics import with_ends
 from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
-from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag, recovered
 from ..bags.run_end import CUT_OFF, NO_REPORT
 from ..bags.sequence_numbers import Numbers
 from ..config.names import unknown
-from ..errors import BagError, RigError
+from ..errors import RigError
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import event_row, report_document
@@ -84,15 +83,15 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted
         When rerun-sdk is missing, the file cannot be written, the window lies outside the run or it has no such shift.
     """
     with OpenedBags([run]) as index:
-        if not index.last:
-            raise BagError(f"{index.files[0]}: {nothing_in(index.damage)}")
+        index.check_began()
         import_rerun()
         path = index.files[0].parent / VIEW_FILE
         key = _key(index, window, wanted)
         fresh = _key_of(path) != key
-        notes = _make(_Source(index, run, window, wanted), path, key) if fresh else list(index.damage)
+        source = _Source(index, run, window, wanted) if fresh else None
+        notes = list(index.damage) if source is None else _make(source, path, key)
         lacks, faulty = _lacks(index)
-        return View(path, fresh, notes + lacks, faulty)
+        return View(path, fresh, notes + lacks, faulty or bool(source and source.damaged))
 
 
 def _make(source: _Source, path: Path, key: str) -> list[str]:
@@ -176,8 +175,7 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         None, with no file written, for another tab, or for a run whose report is not beside the bag.
     """
     with OpenedBags([run]) as index:
-        if not index.last:
-            raise BagError(f"{index.files[0]}: {nothing_in(index.damage)}")
+        index.check_began()
         source = _Source(index, run, None, wanted)
         tab = source.tab(tab)
         if source.report is None or tab not in [one.page.key for one in source.close]:
@@ -249,6 +247,7 @@ class _Source:
         self, index: OpenedBags, run: str | Path, window: tuple[float, float] | None, wanted: Sequence[int] | str | None
     ) -> None:
         self.index, self.bag, self.window = index, run, window
+        self.damaged = False  # known when the whole bag was read
         self.small = _small(index)
         self.pages = _pages(self.small)
         self.names, self.own = _names(self.pages, index, self.small)
@@ -362,6 +361,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
                 gathered.add(piece)
             numbers.add(piece)
             held, last = held + sum(piece.counts.values()), max(last, piece.last)
+        source.damaged = bool(piece.damage)
         notes = [recovered(held, last, piece.damage)] if piece.damage else []
         notes += numbers.disorder(source.small)
         if report is None:
