@@ -422,6 +422,12 @@ def test_the_profiles_that_rosbag2_documents_are_taken(values, tmp_path, domain)
         assert output.count("names topics that are not in the bag: /of/another/bag") == 1 and "518 messages in" in output
 
 
+@pytest.mark.parametrize("unknown", ["unknown", 3])
+def test_a_recorded_profile_whose_history_was_not_known_is_taken(unknown, tmp_path):
+    (tmp_path / "qos.yaml").write_text(f"/motor/state: {{history: {unknown}, depth: 0}}")
+    assert read_overrides(tmp_path / "qos.yaml") == {"/motor/state": {"history": HistoryPolicy.SYSTEM_DEFAULT}}
+
+
 def test_a_damaged_bag_is_replayed_less_its_damage_which_is_told_and_counted_as_lost(domain, tmp_path):
     data = bytearray((SAMPLE / "sample_0.mcap").read_bytes())
     with open(SAMPLE / "sample_0.mcap", "rb") as file:

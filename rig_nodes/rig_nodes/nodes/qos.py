@@ -129,7 +129,11 @@ def read_overrides(path: Path) -> dict[str, dict[str, Any]]:
     if not isinstance(given, Mapping) or not all(isinstance(fields, Mapping) for fields in given.values()):
         raise RigError(f"{path}: expected topics with fields of their profiles, as '/motor/state: {{reliability: best_effort}}'")
     return {
-        str(topic): {name: _value(name, value, f"{path}: {topic}") for name, value in fields.items()}
+        str(topic): {
+            name: _value(name, value, f"{path}: {topic}")
+            for name, value in fields.items()
+            if not (name == "depth" and value is not False and value == 0)  # of a recorded profile: none was known
+        }
         for topic, fields in given.items()
     }
 
@@ -139,6 +143,8 @@ def _value(name: str, value: Any, where: str) -> Any:
     if name in WORDS:
         policies = [policy for policy in WORDS[name] if policy.short_key not in ("unknown", "best_available")]
         values = {policy.short_key: policy for policy in policies} | {policy.value: policy for policy in policies}
+        default, none = WORDS[name].SYSTEM_DEFAULT, WORDS[name].UNKNOWN
+        values |= {none.short_key: default, none.value: default}  # so recorded profiles say that it was not known
         if isinstance(value, bool) or value not in values:
             words = [f"{policy.short_key} ({policy.value})" for policy in policies]
             raise RigError(f"{where}: {name} is {value}; expected {' or '.join(words)}")
