@@ -86,6 +86,16 @@ def test_after_a_long_pause_there_is_nothing_to_say(folder, capsys):
     assert "did not begin at rest" in page.read_text()
 
 
+def test_a_line_that_has_not_run_empty_is_named_when_the_piston_has_returned(folder, capsys):
+    words = ["simulate", str(folder / "again.yaml"), "--with", "pause=6 s", "--out", str(folder / "middle")]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"shift 3, I -> II at .* did not begin at rest: \d\.\d cm3 of oil still in the line of S2", out)
+    assert re.search(r"began in different states: oil left in the line of S2 0\.0 cm3 in 1, \d\.\d cm3 in 3, .*pause longer", out)
+    rows = json.loads((folder / "middle" / "report.json").read_text())["shifts"]
+    assert rows[2]["kiss_s"] < rows[0]["kiss_s"] - 0.02
+
+
 def test_a_comparison_and_a_series_of_runs_name_the_shifts_that_began_differently(folder, capsys):
     assert main(["compare", str(folder / "runs" / "short"), str(folder / "runs" / "long")]) == 0
     assert re.search(r"shift 3, I -> II began in different states: .*0\.0 mm in long, \d\.\d mm in short", capsys.readouterr().out)
@@ -102,6 +112,10 @@ def test_a_sweep_has_the_states_in_its_results_and_names_what_differs(folder, ca
     wanted = [row["at_order"]["clutches"].get("S2", {}).get("piston_m") for row in rows]
     assert [value is None for value in column] == [value is None for value in wanted]
     assert [one for one in column if one is not None] == pytest.approx([one for one in wanted if one is not None], abs=5e-5)
+    lines = [row["at_order"]["clutches"].get("S2", {}).get("line_m3") for row in rows]
+    column = table.column("at_order.S2.line_m3").to_pylist()
+    assert max(filter(None, lines)) > 1e-5  # by the pressure in the bag; that of the plant is in the sweep's
+    assert [one for one in column if one is not None] == pytest.approx([one for one in lines if one is not None], abs=2e-7)
     assert table.schema.field("at_order.S2.piston_m").metadata[b"unit"] == b"m"
     assert main(["report", str(folder / "sweep")]) == 0
     assert re.search(DIFFERENT, capsys.readouterr().out)

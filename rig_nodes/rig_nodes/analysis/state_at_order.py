@@ -8,8 +8,9 @@ Reports, sweeps, comparisons and the tuner use it. What differs counts from the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from ..description.structure import Structure, structure_of
 from ..errors import RigError
 from ..parts import part as parts
+from ..parts.wet_clutch import NO_PRESSURE
 from ..transmission import Transmission
 from .plate_heat import above_the_oil
 from .uncertainty import temperature_error
@@ -25,20 +27,22 @@ if TYPE_CHECKING:
     from ..bags.reader import Bag
     from .gathered import Gathered
 
-CLUTCH_FIELDS, OIL_FIELDS = ["piston_position", "heat"], ["temperature"]
+CLUTCH_FIELDS, OIL_FIELDS = ["piston_position", "heat", "pressure"], ["temperature"]
 LEAST_TIME, LEAST_FRICTION, LEAST_SPEED = 1e-3, 0.01, 1.0  # s, share, rpm: least effects that count where a result has no error
 MOST_NAMED, MOST_GROUPS = 6, 3  # shifts and groups of them that are named in a sentence
 FILL = 0.4  # s, a usual fill, for a shift whose own is not known
+SHARES = ("friction_change", "line_done")  # keys that follow from others
 UNITS = {"m": "m", "m3": "m3", "degc": "degC"}  # unit of a value by the last word of its key
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What is noted of a rig at an order: temperature of the oil [degC]; by clutch, travel of the piston [m], plates [degC]."""
+    """What is noted of a rig at an order: temperature of the oil [degC]; by clutch, piston [m], plates [degC], empty line [m3]."""
 
     oil: float | None
-    pistons: Mapping[str, float]
-    plates: Mapping[str, float]
+    pistons: Mapping[str, float | None]
+    plates: Mapping[str, float | None]
+    empty: Mapping[str, float] = field(default_factory=dict)
 
 
 def fields(structure: Structure) -> dict[str, list[str]]:
@@ -78,20 +82,30 @@ def put_states(bag: Bag | Gathered, record: Mapping, box: Transmission, rows: It
     for clutch in box.clutches:
         pack = _pack(structure, record, clutch.instance)
         if clutch.state in series and pack.get("heat_capacity") and (record.get("effects") or {}).get("plate_heat"):
-            times, (_, heat) = series[clutch.state]
+            times, (_, heat, _) = series[clutch.state]
             over[clutch.state] = times, [above_the_oil(times, heat, pack["heat_capacity"], pack["cooling"])]
     oil_topics = [f"/{one.name}/state" for one in structure.of_role(parts.OIL)]
     for row in rows:
         t = row["t_order_s"]
         oil = next((found for topic in oil_topics if (found := last(topic, 0, t)) is not None), None)
-        pistons, plates = {}, {}
+        pistons, plates, empty = {}, {}, {}
         for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging:
             pistons[clutch.name] = last(clutch.state, 0, t)
+            if clutch.state in series:
+                times, (_, _, pressure) = series[clutch.state]
+                empty[clutch.name] = _empty(times, pressure, t, record[clutch.instance])
             if clutch.state in over and oil is not None:
                 times, (values,) = over[clutch.state]
                 at = int(np.searchsorted(times, t + 1e-9, side="right")) - 1
                 plates[clutch.name] = oil + float(values[at]) if at >= 0 else None
-        row["at_order"] = state(record, box, oil, pistons, plates)
+        row["at_order"] = state(record, box, Moment(oil, pistons, plates, empty))
+
+
+def _empty(times: np.ndarray, pressure: np.ndarray, t: float, values: Mapping) -> float:
+    """Return the empty part of a clutch's line [m3] at a time, by how long it had no pressure; a line begins empty."""
+    most = float(values.get("drained_volume", 0.0))
+    under = np.flatnonzero(pressure[: int(np.searchsorted(times, t + 1e-9, side="right"))] > NO_PRESSURE)
+    return most * -math.expm1((times[under[-1]] - t) / values["drain_time"]) if most and under.size else most
 
 
 def put_known(record: Mapping, box: Transmission, rows: Iterable[dict], known: Mapping[float, Moment]) -> None:
@@ -107,13 +121,13 @@ def put_known(record: Mapping, box: Transmission, rows: Iterable[dict], known: M
     for row in rows:
         if (moment := known.get(row["t_order_s"])) is not None:
             engaging = [clutch.name for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging]
-            pistons, plates = ({name: one.get(name) for name in engaging} for one in (moment.pistons, moment.plates))
-            row["at_order"] = state(record, box, moment.oil, pistons, plates)
+            known_of = (
+                {name: one[name] for name in engaging if name in one} for one in (moment.pistons, moment.plates, moment.empty)
+            )
+            row["at_order"] = state(record, box, Moment(moment.oil, *known_of))
 
 
-def state(
-    record: Mapping, box: Transmission, oil: float | None, pistons: Mapping[str, float | None], plates: Mapping[str, float | None]
-) -> dict[str, Any]:
+def state(record: Mapping, box: Transmission, moment: Moment) -> dict[str, Any]:
     """Return the state at an order as plain values, without what is not known.
 
     Parameters
@@ -122,34 +136,36 @@ def state(
         Record of the rig.
     box : Transmission
         Its transmission.
-    oil : float or None
-        Temperature of the oil [degC].
-    pistons, plates : mapping of str to float or None
-        Travel of the pistons off their stops [m] and temperature of the plates [degC] of the engaging clutches, by name.
+    moment : Moment
+        What is known of the engaging clutches.
 
     Returns
     -------
     dict
         ``oil_degc``, and ``clutches`` by name: ``piston_m``, ``filled_m3`` (volume that the piston holds), ``fill_done`` (share of
-        the travel to the kiss point), ``plates_degc`` and ``friction_change`` (share by which the plates' heat changes their
-        friction from that at the oil's temperature).
+        the travel to the kiss point), ``line_m3`` and ``line_done`` (oil that has not yet run out of a line that does without
+        pressure, and its share of all oil up to the kiss point), ``plates_degc`` and ``friction_change`` (share by which the
+        plates' heat changes their friction from that at the oil's temperature).
     """
     structure, found = structure_of(record["structure"]), {}
     for clutch in box.clutches:
         one: dict[str, float] = {}
         values, pack = record[clutch.instance], _pack(structure, record, clutch.instance)
-        piston, warm = pistons.get(clutch.name), plates.get(clutch.name)
+        piston, warm, oil = moment.pistons.get(clutch.name), moment.plates.get(clutch.name), moment.oil
         if piston is not None and "clearance" in values:
             one |= {
                 "piston_m": piston,
                 "filled_m3": piston * float(values["piston_area"]),
                 "fill_done": piston / float(values["clearance"]),
             }
+            if drained := float(values.get("drained_volume", 0.0)):
+                one["line_m3"] = drained - moment.empty.get(clutch.name, drained)
+                one["line_done"] = one["line_m3"] / (drained + float(values["piston_area"] * values["clearance"]))
         if warm is not None and oil is not None:
             one |= {"plates_degc": warm, "friction_change": float(pack.get("friction_per_kelvin", 0.0)) * (warm - oil)}
         if one:
             found[clutch.name] = one
-    return ({} if oil is None else {"oil_degc": oil}) | {"clutches": found}
+    return ({} if moment.oil is None else {"oil_degc": moment.oil}) | {"clutches": found}
 
 
 def _pack(structure: Structure, record: Mapping, clutch: str) -> Mapping:
@@ -166,7 +182,7 @@ def flat(row: Mapping) -> dict[str, float]:
     named = {f"at_order.{key}": value for key, value in found.items() if key != "clutches"}
     for name, one in found.get("clutches", {}).items():
         known = one | ({"plates_degc": round(one["plates_degc"], 1)} if "plates_degc" in one else {})
-        named |= {f"at_order.{name}.{key}": value for key, value in known.items() if key != "friction_change"}
+        named |= {f"at_order.{name}.{key}": value for key, value in known.items() if key not in SHARES}
     return named
 
 
@@ -178,9 +194,9 @@ def unit_of(name: str) -> str | None:
 # ---- in words
 
 
-def _saved(row: Mapping, clutch: Mapping) -> float:
-    """Return the time by which a piston off its stop shortens the fill of a shift [s], by its kiss point or that of a usual one."""
-    done = min(max(clutch.get("fill_done", 0.0), 0.0), 0.9)
+def _saved(row: Mapping, clutch: Mapping, share: str = "fill_done") -> float:
+    """Return the time by which oil of before shortens the fill of a shift [s], by its kiss point or that of a usual one."""
+    done = min(max(clutch.get(share, 0.0), 0.0), 0.9)
     filled = row.get("kiss_s") or row.get("t_c_s") or FILL
     return filled * done / (1.0 - done)
 
@@ -214,6 +230,8 @@ def begun(row: Mapping, errors: Mapping[str, float], box: Transmission) -> str:
         if _saved(row, one) > time:
             way = f"{100.0 * one['fill_done']:.0f} % of the way to its kiss point"
             parts_of.append(f"piston of {name} {1e3 * one['piston_m']:.1f} mm off its stop, {way}")
+        if _saved(row, one, "line_done") > time:
+            parts_of.append(f"{1e6 * one['line_m3']:.1f} cm3 of oil still in the line of {name}, which runs empty in a pause")
         if abs(one.get("friction_change", 0.0)) > share:
             parts_of.append(f"plates of {name} at {one['plates_degc']:.0f} degC, friction {100.0 * one['friction_change']:+.1f} %")
     change = row.get("input_speed_change_rpm")
@@ -252,6 +270,10 @@ def unlike(shifts: Iterable[tuple[str, Mapping, Mapping]], box: Transmission, wh
             states = [(name, row, (row.get("at_order") or {}).get("clutches", {}).get(clutch.name, {})) for name, row, _ in members]
             pistons = [(name, _saved(row, one), 1e3 * one["piston_m"]) for name, row, one in states if "piston_m" in one]
             found += _apart(f"travel of the piston of {clutch.name}", pistons, time, "mm", 1, "t_c and E_loss depend on it")
+            lines_of = [
+                (name, _saved(row, one, "line_done"), 1e6 * one["line_m3"]) for name, row, one in states if "line_m3" in one
+            ]
+            found += _apart(f"oil left in the line of {clutch.name}", lines_of, time, "cm3", 1, "t_c and E_loss depend on it")
             plates = [(name, one["friction_change"], one["plates_degc"]) for name, _, one in states if "plates_degc" in one]
             found += _apart(f"plates of {clutch.name}", plates, share, "degC", 0, "their friction depends on it")
         advice = ["pause longer before the order"] if found else []

@@ -182,13 +182,13 @@ def moment_of(rig: Rig) -> Moment:
     """Return how a rig stands now, for the state at an order of its report."""
     structure = rig.config.structure
     oils = [float(rig.device(one.name)["oil_temperature"]) for one in structure.of_role(parts.OIL)]
-    found: dict[str, dict[str, float]] = {"piston": {}, "temperature": {}}
+    found: dict[str, dict[str, float]] = {"piston": {}, "temperature": {}, "empty": {}}
     for clutch in structure.clutches:
         device = rig.device(clutch.name)
         for name, values in found.items():
             if name in (device.dtype.names or ()):
                 values[clutch.called] = float(device[name])
-    return Moment(oils[0] if oils else None, found["piston"], found["temperature"])
+    return Moment(oils[0] if oils else None, found["piston"], found["temperature"], found["empty"])
 
 
 @cache
