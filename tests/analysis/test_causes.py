@@ -37,6 +37,14 @@ def row():
         ("high", 250.0, 0.0, ""),
         ("low", 12.0, 8.0, "S1 and S2 together carry 20 Nm, a torque hole: engage S2 earlier or release S1 later"),
         ("low", 140.0, -170.0, "S2 carries -170 Nm and brakes the output: engage S2 later, or let p2 rise more slowly"),
+        ("low", 0.0, -280.0, "S2 carries -280 Nm and brakes the output: let p2 rise more slowly"),  # S1 is open: later is no help
+        (
+            "low",
+            0.0,
+            65.0,
+            "S1 and S2 together carry 65 Nm, a torque hole",
+        ),  # in gear I this would drive the load, in II it does not
+        ("low", 65.0, 0.0, ""),
         ("low", -60.0, 20.0, "S1 carries -60 Nm and brakes the output: release S1 earlier"),
     ],
 )

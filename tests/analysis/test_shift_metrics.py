@@ -12,8 +12,9 @@ import pytest
 from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
 from rig_nodes.analysis.metrics import DETAILS, KEYS, Recording, shift_metrics, shifts
+from rig_nodes.analysis.quality import quality_of
 from rig_nodes.errors import RigError
-from rig_nodes.transmission import Inertias
+from rig_nodes.transmission import Inertias, transmission_of
 
 UP = Shift()
 DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)
@@ -166,6 +167,10 @@ def test_no_supply_pressure():
     assert any("p1 did not rise" in reason for reason in rows[0]["why"])
     reasons = " / ".join(rows[1]["why"])
     assert "gear I was not in" in reasons and "p1 was not up" in reasons and "p2 never rose" in reasons
+    verdict = quality_of(rows[1], transmission_of())
+    assert verdict is not None and verdict["reasons"] == [
+        "gear II was not reached"
+    ]  # a drive that was not there was not interrupted
 
 
 def test_swapped_valves():

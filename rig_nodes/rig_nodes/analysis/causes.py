@@ -8,13 +8,14 @@ analysis.quality adds it to its reasons. Torques are reduced to the input shaft;
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from ..transmission import Clutch, Shift, Transmission
 from .course import LEAST_TORQUE, asked_of_input
 
 LOCKED = 2e-3  # s after lock-up from which the gear counts as engaged
-TIED = 0.25  # share of the engaging clutch's torque from which the releasing one that opposes it is named as a cause
+TIED = 0.25  # share of the engaging clutch's torque from which that of the releasing one, which opposes it, is part of a cause
 SWING = 0.3  # s after lock-up within which the course of the torque is still that of the shift
 
 
@@ -67,12 +68,18 @@ def _cause_of_low(row: Mapping, box: Transmission, carried: tuple[float, float],
     (releasing, engaging), at = carried, row["t_low_s"]
     old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
     if engaging < -clear:
-        return f"{new} carries {engaging:.0f} Nm and brakes the output: engage {new} later, or {_softer(moved.engaging, new)}"
+        later = (
+            f"engage {new} later, or " if releasing > max(clear, -TIED * engaging) else ""
+        )  # no help once the old clutch is open
+        return f"{new} carries {engaging:.0f} Nm and brakes the output: {later}{_softer(moved.engaging, new)}"
     if releasing < -clear:
         return f"{old} carries {releasing:.0f} Nm and brakes the output: release {old} earlier"
     if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
         return _swing(row, at, moved.engaging, new)
-    if releasing + engaging < 0.9 * (asked_of_input(row, box, least=True) or 0.0):
+    load = row["output_torque_nm"]
+    if math.copysign(1.0, load) * (box.ratios[row["from_gear"]] * releasing + box.ratios[row["to_gear"]] * engaging) < 0.9 * abs(
+        load
+    ):
         both = f"{old} and {new} together carry {releasing + engaging:.0f} Nm"
         return f"{both}, a torque hole: engage {new} earlier or release {old} later"
     return ""

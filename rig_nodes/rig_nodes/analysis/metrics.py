@@ -64,7 +64,8 @@ KEYS = (
     "why",
     "undefined",
 )
-DETAILS = ("torques", "clipped")  # keys of a row in addition, which are no single value: course.fill_course, clipped.drop_clipped
+# keys of a row in addition, which are no metrics: course.fill_course, clipped.drop_clipped, and whether the old gear was in
+DETAILS = ("torques", "clipped", "in_gear")
 UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J", "mpas": "MPa/s"}  # unit of a key by its last word; any other key has no unit
 RPM = 30.0 / pi
 STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
@@ -351,6 +352,7 @@ class _Shift:
         if end is not None:  # one that never settled is judged as long as the settled torque is looked for
             last = min(last, end + self.samples(SETTLED_AFTER)) if settled is None else settled
         row["course_s"] = (last - self.order) * self.period
+        row["in_gear"] = self.old is None or old_slip is not None
         fill_course(row, self, last)
         if end is None:
             self.check_slipping()

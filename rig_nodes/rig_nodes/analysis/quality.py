@@ -66,7 +66,8 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
         if row["t_c_s"] > slow and not box.turns_round(row["from_gear"], row["to_gear"]):
             grade = POOR if row["t_c_s"] > UNTUNED else FAIR
             reasons.append((grade, f"it took {row['t_c_s']:.3f} s from the order, over {UNTUNED if grade == POOR else slow:g} s"))
-    reasons += [*_of_speed(row, box), *_of_torque(row, box)]
+    if row.get("in_gear") is not False:  # what no gear drove before, the shift does not interrupt; nor is its torque a load's
+        reasons += [*_of_speed(row, box), *_of_torque(row, box)]
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)
     return {
         "grade": GRADES[worst] if reasons or (judged and row.get("valid", True)) else None,  # no invalid shift is good
