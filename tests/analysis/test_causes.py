@@ -123,3 +123,28 @@ def test_the_logger_alone_gives_the_torques_within_their_error_and_the_same_reme
             for role in ("releasing", "engaging"):
                 assert abs(found[role] - true["torques"][name][role]) <= found["error"], (one["to_gear"], name, role)
     assert cause(measured[0], box, "high").rpartition(": ")[2] == cause(known[0], box, "high").rpartition(": ")[2]
+
+
+HOLDS_BOTH = """\
+from rig_nodes.controllers import ControllerOutputs
+
+
+class Both:
+    levels = ("current",)
+
+    def initialize(self, info): pass
+
+    def step(self, inputs):
+        gear = inputs.gear_request
+        return ControllerOutputs([0.74 * (gear > 0), 0.74 * (gear == 2), 0.0], gear=min(gear, 1), shifting=False)
+
+    def terminate(self): pass
+"""
+
+
+def test_an_old_clutch_that_never_slips_is_part_of_the_tie_up(tmp_path):
+    """Without slip its ratio to the input does not show; its torque is what the engaging clutch leaves of the input's."""
+    (tmp_path / "both.py").write_text(HOLDS_BOTH)
+    main(["simulate", "demo", "--controller", f"python:{tmp_path / 'both.py'}:Both", "--out", str(tmp_path / "run")])
+    (found,) = json.loads((tmp_path / "run" / "report.json").read_text())["quality"]
+    assert re.search(r"S1 carries -\d{3} Nm and S2 \d{3} Nm, a tie-up: release S1 earlier or engage S2 later", found["reasons"][1])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 STATE = ("torque", "slip")
 SHAFTS, SPEEDS = "/gearbox/state", ("speed_in", "speed_out")
 CORNER, SLOPE = 1e-3, 8e-3  # s; an acceleration is taken over SLOPE, up to CORNER before the instant, because lock-up is a corner
+LEAST_SLIP = 1.0  # rad/s of a gear at the input, from which it shows the ratio between a clutch's torque and the input's
 TORQUE_ERROR = 1.01  # Nm, thesis tab. 7.1
 
 
@@ -95,12 +96,13 @@ def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> Non
         for name in row["torques"] if box.changes(row["from_gear"], row["to_gear"]) else ():
             at, carried = row["t_order_s"] + row[f"t_{name}_s"], row[f"input_torque_{name}_nm"]
             found = {
-                role: _reduced(known[one.name], box.ratios[gear], (t, *speeds), row["t_order_s"], at)
+                role: reduced
                 for role, those, gear in (
                     ("releasing", moved.releasing, row["from_gear"]),
                     ("engaging", moved.engaging, row["to_gear"]),
                 )
                 for one in those
+                if (reduced := _reduced(known[one.name], box.ratios[gear], (t, *speeds), row["t_order_s"], at)) is not None
             }
             if found:
                 row["torques"][name] = _nearest(found, carried)
@@ -108,8 +110,8 @@ def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> Non
 
 def _reduced(
     state: tuple[np.ndarray, list[np.ndarray]], ratio: float, shafts: tuple[np.ndarray, ...], order: float, at: float
-) -> np.ndarray:
-    """Return a clutch's torque reduced to the input, at the states before and behind an instant [Nm].
+) -> np.ndarray | None:
+    """Return a clutch's torque reduced to the input, at the states before and behind an instant [Nm]; None where it never slips.
 
     Its power is torque times slip in the clutch and torque times slip of the gear at the input shaft, so the ratio of the slips,
     taken where they are largest around the shift, is that of the torques.
@@ -119,13 +121,15 @@ def _reduced(
     w_in, w_out = (np.interp(t[near], shafts[0], one) for one in shafts[1:])
     of_gear = w_in - ratio * w_out
     widest = int(np.abs(of_gear).argmax())
+    if abs(of_gear[widest]) < LEAST_SLIP:
+        return None
     lever = slip[near][widest] / of_gear[widest]
     behind = min(max(int(np.searchsorted(t, at)), 1), len(t) - 1)
     return lever * torque[behind - 1 : behind + 1]
 
 
 def _nearest(found: Mapping[str, np.ndarray], carried: float) -> dict[str, float]:
-    """Return the torques at the state whose sum comes nearest to the input torque; a gear without a clutch has the rest."""
+    """Return the torques at the state whose sum comes nearest to the input torque; the rest is of the gear without one."""
     both = np.sum(list(found.values()), axis=0)
     at = int(np.abs(both - carried).argmin())
     out = {role: float(values[at]) for role, values in found.items()}
