@@ -20,6 +20,7 @@ from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.tune.bench import Point
 from rig_nodes.tune.problem import held
+from rig_nodes.view.document import report_document
 
 AGAIN = """\
 description: up, down and up again
@@ -81,6 +82,7 @@ def test_after_a_long_pause_there_is_nothing_to_say(folder, capsys):
     assert main(["report", str(folder / "runs" / "long")]) == 0
     out = capsys.readouterr().out
     assert "begin at rest" not in out and "different states" not in out
+    assert "did not begin at rest: piston of S2" in report_document(report(folder, "short"), [])
     page = folder / "page.html"
     assert main(["report", str(folder / "runs" / "short"), "--html", str(page)]) == 0
     assert "did not begin at rest" in page.read_text()
@@ -98,7 +100,9 @@ def test_a_line_that_has_not_run_empty_is_named_when_the_piston_has_returned(fol
 
 def test_a_comparison_and_a_series_of_runs_name_the_shifts_that_began_differently(folder, capsys):
     assert main(["compare", str(folder / "runs" / "short"), str(folder / "runs" / "long")]) == 0
-    assert re.search(r"shift 3, I -> II began in different states: .*0\.0 mm in long, \d\.\d mm in short", capsys.readouterr().out)
+    out = capsys.readouterr().out
+    assert re.search(r"shift 3, I -> II began in different states: .*0\.0 mm in long, \d\.\d mm in short", out)
+    assert "no t_low: both: the torque did not go beyond those before and after the shift" in out
     assert any(re.search(DIFFERENT, sentence) for sentence in warnings_of(members_in(folder / "runs")))
 
 

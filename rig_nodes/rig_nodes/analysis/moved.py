@@ -64,10 +64,16 @@ def without_rest(difference: float, *of: float) -> float:
     return 0.0 if abs(difference) <= REST * max(map(abs, of), default=0.0) else difference
 
 
+def _no_extreme(row: Mapping, key: str) -> str:
+    """Return why an extreme of the input torque has no time: a torque that only goes from one level to the other has none."""
+    torque = {"t_high_s": "input_torque_high_nm", "t_low_s": "input_torque_low_nm"}.get(key, "")
+    return "" if row.get(torque) is None else "the torque did not go beyond those before and after the shift"
+
+
 def _reason(a: Mapping, b: Mapping, key: str) -> str:
     """Return why a metric is missing in one row or both; empty when it is in both."""
     reasons = {
-        name: reasons_in(row).get(key) or "; ".join(row["why"]) or "it does not belong to such a shift"
+        name: reasons_in(row).get(key) or _no_extreme(row, key) or "; ".join(row["why"]) or "it does not belong to such a shift"
         for name, row in (("first", a), ("other", b))
         if row[key] is None
     }

@@ -18,6 +18,7 @@ from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
 from ..analysis.report import columns_of, no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
 from ..analysis.shown import in_unit, shown
+from ..analysis.state_at_order import begun_lines
 from ..transmission import Transmission
 
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
@@ -52,6 +53,7 @@ def report_document(report: dict, problems: list[str]) -> str:
         parts += [f"{name}, is not valid: {reason}" for reason in row.get("why", [])]
     names = [shift_name(number, row, box, ARROW) for number, row in enumerate(report["shifts"], 1)]
     parts += undefined_lines(names, report["shifts"], columns_of(box))
+    parts += begun_lines(names, report["shifts"], report.get("uncertainty") or [], box)
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
     rows = _run_rows(report, box)
