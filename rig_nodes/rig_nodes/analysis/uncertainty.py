@@ -104,7 +104,8 @@ def uncertainty(
     * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque
       meter's error, plus the amount by which a mean over 2 ms, or a sample of a slower logger, lowers the peak of a torque that
       rises to it in 45 ms and then breaks down (this part only reads low); the highest and the lowest torque alike, from one to
-      the other. The time of an extreme: the torque meter's error on that rise. A reversed torque is taken as half a sine.
+      the other, or within t_p when that is shorter. The time of an extreme: the torque meter's error on that rise. A reversed
+      torque is taken as half a sine.
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error divided by the slope of the signal
       that crosses a threshold there. Slip ends count both encoders' resolution divided by the slip's rate, which is the change of
       ratio over t_p. The releasing pressure falls as fitted in chapter 9; its error counts in full although a constant
@@ -156,9 +157,9 @@ def _course(row: dict, torque: float, period: float) -> dict[str, float]:
     high, low = row.get("input_torque_high_nm"), row.get("input_torque_low_nm")
     if high is None or low is None:
         return found
-    swing = max(high - low, torque)
+    swing, rise = max(high - low, torque), min(STEEP_RISE, row["t_p_s"] or STEEP_RISE)  # at low speed a shift is over sooner
     found |= dict.fromkeys(
-        ("input_torque_high_nm", "input_torque_low_nm"), torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * swing / STEEP_RISE
+        ("input_torque_high_nm", "input_torque_low_nm"), torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * swing / rise
     )
     found["t_high_s"] = ends + torque * STEEP_RISE / swing  # the lowest may lie anywhere on a flat stretch
     if reversed_s := row.get("reversed_s"):
