@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.parts.centrifugal_clutch import clutch_torque
-from rig_nodes.parts.combustion_engine import full_torque
-from rig_nodes.parts.saw_chain import chain_inertia
-from rig_nodes.testbench.calculations import Recorded, calculations_of, of_run
-from rig_nodes.testbench.configuration import RigConfig, load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.validation.figures import Figure, Series
+from rig_nodes.plant.parts.centrifugal_clutch import clutch_torque
+from rig_nodes.plant.parts.combustion_engine import full_torque
+from rig_nodes.plant.parts.saw_chain import chain_inertia
+from rig_nodes.rig.configuration import RigConfig, load_rig
+from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.studies.validation.figures import Figure, Series
 
 HERE, RIG = Path(__file__).parent, "chain_saw"
 WORN = {"clutch.shoe_mass": "41.07 g"}

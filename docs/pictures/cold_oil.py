@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from rig_nodes.analysis.metrics import Recording, shift_metrics
-from rig_nodes.parts.load_pump import relief_setting_for
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.transmission import transmission_of
-from rig_nodes.validation.figures import Figure, Series
+from rig_nodes.plant.parts.load_pump import relief_setting_for
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.runs.rig import Rig
+from rig_nodes.studies.validation.figures import Figure, Series
 
 HERE = Path(__file__).parent
 TEMPERATURES = (-20, -10, 0, 10, 20, 30, 40, 50, 60, 70, 80, 90)  # degC, kept during the test

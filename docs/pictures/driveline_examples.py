@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.validation.figures import Figure, Series
+from rig_nodes.studies.validation.figures import Figure, Series
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "how_to" / "driveline_examples.md"

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from rig_nodes.testbench.calculations import Recorded, calculations_of, of_run
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.validation.figures import Figure, Series
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.studies.validation.figures import Figure, Series
 
 HERE = Path(__file__).parent
 RIG, POINTS = "hydmag_coupling", 1500  # of a line, about

@@ -6,10 +6,10 @@
 import numpy as np
 import pytest
 
-from rig_nodes.alfa46.controller import Alfa46
-from rig_nodes.alfa46.settings import Alfa46Config
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.alfa46.box import Alfa46
+from rig_nodes.rig.alfa46 import Alfa46Config
+from rig_nodes.rig.configuration import load_rig
 
 
 def box_with(rig="hydmag", **settings):

@@ -6,15 +6,15 @@
 import numpy as np
 import pytest
 
-from rig_nodes.alfa46 import law
-from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.analysis.metrics import shifts
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.controllers.alfa46.box import Alfa46
+from rig_nodes.plant import alfa46_law as law
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 # A clutch joins the sun to the input. The first gear holds the ring, the second one joins input and carrier.
 TWO = """\

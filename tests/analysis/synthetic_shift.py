@@ -13,9 +13,9 @@ import numpy as np
 
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.bags.rig_record import rig_record
-from rig_nodes.description.structure import structure_of
-from rig_nodes.errors import BagError
-from rig_nodes.transmission import transmission_of
+from rig_nodes.base.errors import BagError
+from rig_nodes.rig.structure import structure_of
+from rig_nodes.rig.transmission import transmission_of
 
 I1, I2 = 47 / 34, 41 / 40
 RPM = 30 / pi

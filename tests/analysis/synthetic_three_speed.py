@@ -11,8 +11,8 @@ import numpy as np
 from synthetic_shift import PERIOD, RPM
 
 from rig_nodes.analysis.metrics import Recording
-from rig_nodes.description.structure import End
-from rig_nodes.transmission import Clutch, Gear, Inertias, Transmission
+from rig_nodes.rig.structure import End
+from rig_nodes.rig.transmission import Clutch, Gear, Inertias, Transmission
 
 KISS = {"C1": 0.2e6, "C2": 0.3e6, "B1": 0.25e6}
 GEARS = {1: ("C1", "B1"), 2: ("C1", "C2"), 3: ("C2", "B1")}

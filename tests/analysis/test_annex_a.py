@@ -11,8 +11,8 @@ from synthetic_shift import I1, I2, PERIOD, RPM, Shift
 
 from rig_nodes.analysis.annex_a import shift_metrics_annex_a, shifts_annex_a
 from rig_nodes.analysis.metrics import KEYS, Recording, shift_metrics, shifts
-from rig_nodes.errors import RigError
-from rig_nodes.transmission import transmission_of
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.transmission import transmission_of
 
 UP = (1.0, 1, 2)
 DOWN = (1.0, 2, 1)

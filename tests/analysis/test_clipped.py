@@ -13,8 +13,8 @@ from rig_nodes.analysis.clipped import Clipping, at_an_end
 from rig_nodes.analysis.metrics import Recording, shifts
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
-from rig_nodes.catalogue import catalogue
-from rig_nodes.transmission import Gear, transmission_of
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.transmission import Gear, transmission_of
 
 ORDERS = [(0.0, "/controller/events", "shift_ordered", "", 1.0), (1.0, "/controller/events", "shift_ordered", "", 2.0)]
 UP = Shift(peak=250.0)

@@ -10,7 +10,7 @@ import pytest
 from synthetic_shift import ENCODER
 
 from rig_nodes.analysis.coast_down import coast_down
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 
 STEP = 1e-3
 

@@ -16,11 +16,11 @@ from rig_nodes.analysis.compare_tables import metric_tables, reasons
 from rig_nodes.analysis.report import recording_of
 from rig_nodes.analysis.side_by_side import Source, compare, short_names
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 OFFSET, DRIFT = 0.73, 50e-6

@@ -12,8 +12,8 @@ from synthetic_shift import I1, Shift
 from rig_nodes.analysis.definitions import undefined_lines
 from rig_nodes.analysis.metrics import orders_of, shifts
 from rig_nodes.analysis.report import columns_of
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import transmission_of
 
 WITH_A_HELD_SPEED = {"t_o_s", "k", "e_loss_j", "e_loss_settled_j"}
 

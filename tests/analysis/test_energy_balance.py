@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.energy import balance, energies_of
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.transmission import Inertias, transmission_of
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import Inertias, transmission_of
 
 T = np.arange(0.0, 2.0001, 0.005)
 

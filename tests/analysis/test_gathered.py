@@ -13,10 +13,10 @@ from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.errors import BagError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.base.errors import BagError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 LOGGER = "/instruments/hmg4000"

@@ -9,7 +9,7 @@ from synthetic_shift import FakeBag, Shift
 from rig_nodes.analysis.limits import judged, limit_lines, parse_limits, read_limits
 from rig_nodes.analysis.report import build_report
 from rig_nodes.analysis.results import Result, results_of, spread, spread_lines
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 
 
 @pytest.fixture(scope="module")

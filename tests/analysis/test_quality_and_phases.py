@@ -11,7 +11,7 @@ from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, phases_of, times_of
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
-from rig_nodes.transmission import transmission_of
+from rig_nodes.rig.transmission import transmission_of
 
 
 @pytest.fixture(scope="module")

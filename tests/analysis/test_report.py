@@ -18,8 +18,8 @@ from synthetic_shift import FakeBag, Shift
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.report import build_report, columns_of, format_report, read_report, write_report
 from rig_nodes.analysis.results import name_and_unit, results_of
-from rig_nodes.errors import BagError, RigError
-from rig_nodes.transmission import transmission_of
+from rig_nodes.base.errors import BagError, RigError
+from rig_nodes.rig.transmission import transmission_of
 from rig_nodes.view.document import report_document
 from rig_nodes.view.report_page import Facts, report_page
 

@@ -17,9 +17,9 @@ from synthetic_shift import FakeBag, Shift
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli import report as command
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.cli.output_files import KINDS
-from rig_nodes.errors import RigError
 from rig_nodes.view import pdf
 from rig_nodes.view.html_page import Axis, Curve, Envelope, on_white, page
 

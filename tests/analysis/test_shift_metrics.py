@@ -13,8 +13,8 @@ from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
 from rig_nodes.analysis.metrics import DETAILS, KEYS, Recording, shift_metrics, shifts
 from rig_nodes.analysis.quality import quality_of
-from rig_nodes.errors import RigError
-from rig_nodes.transmission import Inertias, transmission_of
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.transmission import Inertias, transmission_of
 
 UP = Shift()
 DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)

@@ -15,11 +15,11 @@ from rig_nodes.analysis.runs_table import members_in, warnings_of
 from rig_nodes.analysis.state_at_order import begun, unlike
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.tune.bench import Point
-from rig_nodes.tune.problem import held
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.studies.tune.bench import Point
+from rig_nodes.studies.tune.problem import held
 from rig_nodes.view.document import report_document
 
 AGAIN = """\
@@ -167,6 +167,6 @@ def test_only_what_results_show_beyond_their_error_is_named():
 def test_the_tuner_names_points_in_which_a_piston_had_not_returned(monkeypatch):
     points = [Point("I-II", speed, 40.0) for speed in (90.0, 100.0)]
     assert held(load_rig(), points)[1] == []
-    monkeypatch.setattr("rig_nodes.tune.bench.Bench.started", lambda _, point: made(1e-3 if point.speed > 95.0 else 0.0))
+    monkeypatch.setattr("rig_nodes.studies.tune.bench.Bench.started", lambda _, point: made(1e-3 if point.speed > 95.0 else 0.0))
     (note,) = held(load_rig(), points)[1]
     assert "began in different states: travel of the piston of S2 0.0 mm in I-II 859 rpm 40 Nm" in note

@@ -17,9 +17,9 @@ from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.metrics import Recording, shifts
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.uncertainty import Instrument, uncertainty
-from rig_nodes.errors import RigError
-from rig_nodes.exchange.orders import parse_orders
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.bags.exchange.orders import parse_orders
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
 
 INSTRUMENTS = {
     "torque": Instrument(500.0, 0.2),

@@ -21,9 +21,9 @@ from rig_nodes.analysis.uncertainty import (
     temperature_error,
     uncertainty,
 )
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
 
 ROW = dict.fromkeys(KEYS) | {
     "from_gear": 1,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.valve_response import valve_delay
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 
 RATE = 125e3
 

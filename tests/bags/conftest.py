@@ -11,7 +11,7 @@ import pytest
 
 from rig_nodes.bags.cdr import encode_any, encoder
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.catalogue import catalogue
+from rig_nodes.rig.catalogue import catalogue
 
 sys.path.insert(0, str(Path(__file__).parent))  # for crafted.py
 

@@ -230,7 +230,7 @@ def index_all(path):
     """Reads a bag as the replay does, without publishing."""
     from rig_nodes.bags.metadata import read_profile
     from rig_nodes.bags.opened import OpenedBags
-    from rig_nodes.errors import RigError
+    from rig_nodes.base.errors import RigError
 
     with OpenedBags([path]) as bag:
         for topic in bag.types:
@@ -243,8 +243,8 @@ def index_all(path):
 
 def command(verb, *options):
     def call(path):
+        from rig_nodes.base.errors import RigError
         from rig_nodes.cli.main import main
-        from rig_nodes.errors import RigError
 
         output = io.StringIO()
         with contextlib.redirect_stderr(output), contextlib.redirect_stdout(output):
@@ -268,9 +268,9 @@ def memory_mb(line_name):
 
 def try_out(folder):
     """Tries every reader on every file of a folder."""
+    from rig_nodes.base.errors import RigError
     from rig_nodes.cli import report, view  # noqa: F401
-    from rig_nodes.errors import RigError
-    from rig_nodes.testbench.configuration import load_rig
+    from rig_nodes.rig.configuration import load_rig
     from rig_nodes.view import convert, viewer  # noqa: F401
 
     load_rig()  # loaded here, so that its modules and compiled code do not count as memory of a bag

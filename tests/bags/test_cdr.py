@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rig_nodes.bags.cdr import decode, encode_any, encoder, exact, stamp, stamp_and_seq
 from rig_nodes.bags.definitions import installed
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 
 SHARE = Path(get_package_share_directory("rig_msgs")) / "msg"
 # types in bags; the messages of a controller's handshake, Controller*, have no stamp and are not recorded

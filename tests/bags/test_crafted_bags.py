@@ -13,8 +13,8 @@ import crafted
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
 
 LONGEST, MOST = 4.0, 200.0  # s of processor time, twice that of the worst bag on an idle machine; MB that reading the bag adds
 

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.errors import BagError
+from rig_nodes.base.errors import BagError
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from mcap.writer import Writer
 from rig_nodes.bags.copy import check
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import BagError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import BagError
 
 FLOAT = b"\0\1\0\0" + struct.pack("<d", 1.5)
 PROTOBUF = b"\x0a\xff\xfe\x00binary"

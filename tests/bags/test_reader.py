@@ -15,9 +15,9 @@ from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.pieces import read_metadata
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.catalogue import catalogue
+from rig_nodes.base.errors import BagError, RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import BagError, RigError
+from rig_nodes.rig.catalogue import catalogue
 
 LOGGER = "/instruments/hmg4000"
 COMMAND = "/controller/command"

@@ -13,12 +13,12 @@ from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.recording import Recording
 from rig_nodes.bags.writer import BagWriter, Layout
-from rig_nodes.catalogue import catalogue
+from rig_nodes.base.config import load_yaml
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.config import load_yaml
-from rig_nodes.errors import RigError
-from rig_nodes.graph.recording_options import add_options, words
-from rig_nodes.graph.result import join_pieces, lost_messages
+from rig_nodes.nodes.processes.recording_options import add_options, words
+from rig_nodes.nodes.processes.result import join_pieces, lost_messages
+from rig_nodes.rig.catalogue import catalogue
 
 S = 1_000_000_000
 LENGTH = 0.95

@@ -15,8 +15,8 @@ from rig_nodes.bags.pieces import files_of_run
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.run_end import RECORD_NAME
 from rig_nodes.bags.writer import LIBRARY, LIBRARY_OF_RUN, BagWriter, Layout
-from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
+from rig_nodes.rig.catalogue import catalogue
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 LOGGER = "/instruments/hmg4000"

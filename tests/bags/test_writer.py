@@ -23,9 +23,9 @@ from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.metadata import PROFILES
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter, Column, Layout
-from rig_nodes.catalogue import QOS, catalogue
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 from rig_nodes.nodes.qos import publisher_profile
+from rig_nodes.rig.catalogue import QOS, catalogue
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 
@@ -231,7 +231,7 @@ TOPIC, TYPE = "/motor/n_wej", "rig_msgs/msg/Measurement"
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 encode = encoder("rig_msgs/msg/Measurement").encode
 writer = BagWriter(sys.argv[1], "run")

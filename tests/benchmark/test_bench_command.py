@@ -12,9 +12,9 @@ import sys
 
 import pytest
 
-from rig_nodes.benchmark import document, machine, peers, rigs, two_inertias
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
+from rig_nodes.studies.benchmark import document, machine, peers, rigs, two_inertias
 
 
 def test_what_is_refused(capsys):
@@ -30,7 +30,7 @@ def test_what_is_refused(capsys):
 
 
 def test_one_part_as_json(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("rig_nodes.benchmark.kernel.VARIANTS", {"the usual": ({}, True)})
+    monkeypatch.setattr("rig_nodes.studies.benchmark.kernel.VARIANTS", {"the usual": ({}, True)})
     assert main(["bench", "kernel", "--repeats", "1", "--json", str(tmp_path / "x.json")]) == 0
     result = json.loads((tmp_path / "x.json").read_text())
     row = result["kernel"]["the usual"]
@@ -40,7 +40,7 @@ def test_one_part_as_json(tmp_path, monkeypatch, capsys):
 
 
 def test_every_rig_runs_a_sequence_of_its_own(monkeypatch, capsys):
-    monkeypatch.setattr("rig_nodes.benchmark.rigs.installed", lambda _: ["cylinder_bench"])
+    monkeypatch.setattr("rig_nodes.studies.benchmark.rigs.installed", lambda _: ["cylinder_bench"])
     assert main(["bench", "rigs", "--repeats", "1"]) == 0
     assert "| cylinder_bench | 100 | 48.0 |" in capsys.readouterr().out
     assert rigs.own_sequence("three_speed").endswith("three_speed/sequences/demo.yaml")

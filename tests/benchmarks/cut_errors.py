@@ -12,13 +12,13 @@ from pathlib import Path
 
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.outputs import Outputs
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.sequence_runner import SequenceRunner
-from rig_nodes.testbench.simulate import LocalBench, simulate
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.outputs import Outputs
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.sequence_runner import SequenceRunner
+from rig_nodes.runs.simulate import LocalBench, simulate
 
 TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")
 CASES = [*((device,) for device in load_rig().cuttable), load_rig().cuttable]

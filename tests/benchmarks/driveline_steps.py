@@ -17,8 +17,8 @@ import sys
 import time
 from pathlib import Path
 
-from rig_nodes.plant import driveline_run
-from rig_nodes.plant.driveline import Driveline
+from rig_nodes.driveline import run as driveline_run
+from rig_nodes.driveline.builder import Driveline
 
 STEPS = 50_000
 STEP_S = 1e-4

@@ -15,10 +15,10 @@ import sys
 
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.uncertainty import uncertainty
-from rig_nodes.config.units import UNITS
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.base.units import UNITS
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
 
 SETTLED = 6.0  # time that replaces a wait for a measured value [s]; longer than any such wait
 SPEEDS = {"500 rpm": "delay", "1500 rpm": "grid_point"}

@@ -19,11 +19,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import qmc
 
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig_base import Tripped
-from rig_nodes.validation.calibrate import at_shares, load_stages, total
-from rig_nodes.validation.calibration_rows import RPM, shift
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory.calibration_rows import RPM, shift
+from rig_nodes.runs.rig_base import Tripped
+from rig_nodes.studies.validation.calibrate import at_shares, load_stages, total
 
 UNSHIFTED = 10.0  # tolerances for a shift that does not end
 JUMP = {"plate_pack.film_time": "0 s", "plate_pack.friction_speed": "0.001 mm/s"}

@@ -15,10 +15,10 @@ import pymodbus.server  # noqa: F401
 import pytest
 
 import rig_nodes
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import load_controller
-from rig_nodes.errors import RigError
-from rig_nodes.graph.domain import allocate, use_own_transports
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.controllers.ros.domain import allocate, use_own_transports
+from rig_nodes.rig.configuration import load_rig
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
 INCLUDE, EXAMPLES = CONTROLLERS / "include", CONTROLLERS / "examples"
@@ -144,7 +144,7 @@ def multicast_works() -> str:
     """Returns the reason why udp_multicast does not work on this machine, empty when it works."""
     import can
 
-    from rig_nodes.controllers.can_bus import open_bus
+    from rig_nodes.controllers.can.bus import open_bus
 
     try:
         one, other = (open_bus(MULTICAST, "udp_multicast", "probe", port=43200) for _ in range(2))

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
-from rig_nodes.errors import RigError
 
 from .conftest import ALFA46_C, C_FRAME, EXAMPLES, INCLUDE, SANITIZE, SIMULINK_FOLDER, STRICT, ask
 

@@ -15,12 +15,12 @@ from pathlib import Path
 import can
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
-from rig_nodes.controllers.can_bus import open_bus
-from rig_nodes.controllers.can_loopback import LoopbackBus
+from rig_nodes.controllers.can.bus import open_bus
+from rig_nodes.controllers.can.loopback import LoopbackBus
 from rig_nodes.controllers.examples.can_alfa46 import CanController
-from rig_nodes.errors import RigError
 
 from .conftest import multicast_works
 

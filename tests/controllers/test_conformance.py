@@ -8,7 +8,7 @@ import json
 import pytest
 
 from rig_nodes.cli.main import main
-from rig_nodes.testbench.conformance import Check
+from rig_nodes.runs.conformance import Check
 
 from .conftest import ALFA46_C, PYTHON, C
 
@@ -148,6 +148,6 @@ def test_a_controller_that_fails_every_item_gets_a_verdict_on_each(tmp_path, cap
 
 
 def test_a_fault_that_no_plug_foresaw_is_a_verdict_too(capsys, monkeypatch):
-    monkeypatch.setattr("rig_nodes.testbench.conformance.desk", lambda *_: {}["gear"])
+    monkeypatch.setattr("rig_nodes.runs.conformance.desk", lambda *_: {}["gear"])
     code, items = table(capsys, "alfa46")
     assert code == 1 and items["answers"] == (False, "the check could not go on: KeyError: 'gear'") and items["ends"][0]

@@ -17,11 +17,11 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.controllers.can_bus import open_bus
+from rig_nodes.controllers.can.bus import open_bus
 from rig_nodes.controllers.examples.can_alfa46 import CanController
 from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController
 from rig_nodes.controllers.plug import BuiltIn
-from rig_nodes.fmu.build import build_controller_fmu
+from rig_nodes.runs.fmu.build import build_controller_fmu
 
 from .conftest import ALFA46_C, CONTROLLERS, INCLUDE
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.controllers.load import level_line
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import advance_with, simulate
 
 from .conftest import ALFA46_C, ask
 from .test_own_process import is_gone
@@ -57,7 +57,7 @@ DUTY = FAULTS.replace("RIG_LEVEL_CURRENT", "RIG_LEVEL_DUTY | RIG_LEVEL_CURRENT")
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
     """Builds the reference controller, or another C text, as an FMU of a version of FMI."""
-    from rig_nodes.fmu.build import build_controller_fmu
+    from rig_nodes.runs.fmu.build import build_controller_fmu
 
     folder, built = tmp_path_factory.mktemp("fmu"), {}
 
@@ -225,7 +225,7 @@ def test_no_file_and_no_level_are_said(build, config, tmp_path):
 
 
 def test_c_code_that_does_not_compile_is_said(tmp_path, config):
-    from rig_nodes.fmu.build import build_controller_fmu
+    from rig_nodes.runs.fmu.build import build_controller_fmu
 
     path = tmp_path / "mine.c"
     path.write_text(FAULTS.replace("volatile int endless", "int never, endless"))
@@ -416,7 +416,7 @@ def open_command(process):
 
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_the_end_of_an_fmu_is_watched(tmp_path, config, ending):
-    from rig_nodes.fmu.build import build_controller_fmu
+    from rig_nodes.runs.fmu.build import build_controller_fmu
 
     what, beside, refused, sentence = ENDINGS[ending]
     source, path = tmp_path / "ending.c", tmp_path / "ending.fmu"

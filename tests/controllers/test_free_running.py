@@ -21,23 +21,23 @@ import pytest
 
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs, load_controller
-from rig_nodes.controllers.can_bus import open_bus
-from rig_nodes.controllers.can_database import dbc_text
+from rig_nodes.controllers.can.bus import open_bus
+from rig_nodes.controllers.can.database import dbc_text
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.can_alfa46 import CanController
 from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController
+from rig_nodes.controllers.modbus.registers import csv_text, markdown_text, register_map
 from rig_nodes.controllers.record import record_of
-from rig_nodes.controllers.registers import csv_text, markdown_text, register_map
 from rig_nodes.controllers.wire import measured
-from rig_nodes.errors import RigError
-from rig_nodes.testbench import conformance
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import advance_with, ask_controller, give_answer, simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs import conformance
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import advance_with, ask_controller, give_answer, simulate
 
 from .conftest import MULTICAST, multicast_works
 

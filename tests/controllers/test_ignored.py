@@ -12,7 +12,7 @@ import pytest
 
 from rig_nodes.controllers import ControllerFailed, load_controller
 from rig_nodes.controllers.ignored import REASONS, Ignored
-from rig_nodes.controllers.udp_frames import ANSWER, HELLO, READY, Client, pack, unpack
+from rig_nodes.controllers.udp.frames import ANSWER, HELLO, READY, Client, pack, unpack
 
 from .conftest import ask
 

@@ -15,16 +15,16 @@ import can
 import cantools
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, load_controller
-from rig_nodes.controllers.can_bus import open_bus
-from rig_nodes.controllers.can_database import dbc_text
+from rig_nodes.controllers.can.bus import open_bus
+from rig_nodes.controllers.can.database import dbc_text
 from rig_nodes.controllers.examples.can_alfa46 import CanController
 from rig_nodes.controllers.record import record_of
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.simulate import advance_with
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.simulate import advance_with
 
 RPM = 0.10471975511965977
 ETC1, ETC2 = 61442, 61445

@@ -9,7 +9,7 @@ import pytest
 
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.load import level_line, load_controller
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 
 SHORT = """\
 description: gear I at standstill

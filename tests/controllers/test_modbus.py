@@ -11,12 +11,12 @@ import can
 import pymodbus.client
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import load_controller
-from rig_nodes.controllers.can_bus import open_bus
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.simulate import advance_with
+from rig_nodes.controllers.can.bus import open_bus
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.simulate import advance_with
 
 from .test_free_running import free_port
 

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
-from rig_nodes.controllers.step_cost import controllers_table, format_table
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import advance_with, simulate
+from rig_nodes.studies.benchmark.step_cost import controllers_table, format_table
 
 from .conftest import PYTHON
 

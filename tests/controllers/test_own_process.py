@@ -12,11 +12,11 @@ import sys
 
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.simulate import advance_with
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.simulate import advance_with
 
 from .conftest import C_FRAME, ask
 
@@ -133,7 +133,7 @@ def test_arithmetic_that_a_library_changes_is_its_own(build, config):
 def test_nothing_stays_behind_when_the_rig_is_killed(build, step):
     code = (
         "import os, sys; from rig_nodes.controllers import load_controller\n"
-        "from rig_nodes.testbench.configuration import load_rig\n"
+        "from rig_nodes.rig.configuration import load_rig\n"
         f"plug = load_controller('c:{build(frame(step))}', load_rig('hydmag'))\n"
         "print(plug.process_id, flush=True)\nplug.pace(None)\n"
         "plug.step(0, (0.0, 0.0, 0.0), [0.0, 0.0, 0.0, 0.0])\nprint('answered', flush=True)\nsys.stdin.read()"
@@ -315,7 +315,7 @@ def test_children_of_a_library_end_with_it(build, config, tmp_path, end):
 def test_children_of_a_library_end_when_the_rig_is_killed(build, tmp_path):
     code = (
         "import sys; from rig_nodes.controllers import load_controller\n"
-        "from rig_nodes.testbench.configuration import load_rig\n"
+        "from rig_nodes.rig.configuration import load_rig\n"
         f"plug = load_controller('c:{with_children(build, tmp_path / 'pids')}', load_rig('hydmag'))\n"
         "plug.step(0, (0.0, 0.0, 0.0), [0.0, 0.0, 0.0, 0.0])\nprint('answered', flush=True)\nsys.stdin.read()"
     )

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import load_controller
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.sequence_runner import SequenceRunner
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.sequence_runner import SequenceRunner
+from rig_nodes.runs.simulate import simulate
 
 from .conftest import ask
 

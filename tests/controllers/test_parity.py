@@ -12,9 +12,9 @@ from fmpy.validation import validate_fmu
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
-from rig_nodes.fmu.build import build_controller_fmu
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.runs.fmu.build import build_controller_fmu
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 from .conftest import CONTROLLERS, INCLUDE, SANITIZE
 

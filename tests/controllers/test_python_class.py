@@ -7,8 +7,8 @@ import ast
 
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
-from rig_nodes.errors import RigError
 
 from .conftest import ask
 

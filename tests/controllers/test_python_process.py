@@ -10,9 +10,9 @@ import signal
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerFailed, hosted, load_controller
-from rig_nodes.errors import RigError
 
 from .conftest import ask
 from .test_own_process import is_gone

@@ -8,16 +8,16 @@ from dataclasses import replace
 
 import pytest
 
-from rig_nodes.catalogue import catalogue
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, load_controller
-from rig_nodes.controllers.can_database import database
+from rig_nodes.controllers.c.record_header import NAME, header_text
+from rig_nodes.controllers.can.database import database
+from rig_nodes.controllers.modbus.registers import register_map
 from rig_nodes.controllers.record import ControllerRecord, Gear, Output, controller_info, record_of
-from rig_nodes.controllers.record_header import NAME, header_text
-from rig_nodes.controllers.registers import register_map
 from rig_nodes.controllers.seam import ControllerOutputs, checked
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.conformance import Desk
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.conformance import Desk
 
 from .conftest import C_FRAME, EXAMPLES, INCLUDE, ask
 

@@ -20,16 +20,16 @@ from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, Con
 
 from rig_nodes.bags import cdr
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, ControllerOutputs, Status, load_controller
-from rig_nodes.controllers.ros_node import ControllerNode
-from rig_nodes.controllers.ros_topics import NoAnswer, pack_step, unpack_answer
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.conformance import Check
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.controllers.ros.node import ControllerNode
+from rig_nodes.controllers.ros.topics import NoAnswer, pack_step, unpack_answer
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.conformance import Check
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import advance_with, simulate
 
 from .conftest import ask
 from .test_thesis_trace import SETTINGS, currents_are_those_of_the_thesis

@@ -12,7 +12,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rig_msgs.msg import ControllerReady
 
 from rig_nodes.controllers import load_controller
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 
 from .conftest import ALFA46_C, CONTROLLERS, EXAMPLES, INCLUDE
 from .test_parity import C

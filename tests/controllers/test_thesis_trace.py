@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.controllers import load_controller
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 
 from .conftest import PYTHON, SIMULINK, C
 

@@ -15,10 +15,11 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.run_arguments import step_timeout
 from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller
 from rig_nodes.controllers.examples.alfa46 import Alfa46
-from rig_nodes.controllers.udp_frames import (
+from rig_nodes.controllers.udp.frames import (
     ANSWER,
     BODIES,
     BYE,
@@ -34,11 +35,10 @@ from rig_nodes.controllers.udp_frames import (
     text,
     unpack,
 )
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import advance_with, simulate
 
 from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, EXAMPLES, INCLUDE, SANITIZE, STRICT, ask
 

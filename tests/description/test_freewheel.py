@@ -6,10 +6,10 @@
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 # in addition to its brake, the ring of the three-speed gearbox has a free-wheel that prevents backward rotation
 FREEWHEEL = """\

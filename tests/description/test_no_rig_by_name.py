@@ -8,20 +8,20 @@ import re
 from pathlib import Path
 
 import rig_nodes
-from rig_nodes.config.names import installed
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.base.names import installed
+from rig_nodes.rig.configuration import load_rig
 
 ROOT = Path(rig_nodes.__file__).parent
 # Code that evaluates the laboratory's printed pages and tests, the rigs' folders, and examples for users
 OF_THE_LABORATORY = (
     "rigs/",
-    "validation/",
+    "studies/validation/",
     "cli/calibrate.py",
-    "config/conditions.py",
+    "rig/conditions.py",
     "controllers/examples/",
     "analysis/annex_a.py",
     "analysis/slip_tests.py",
-    "analysis/bench_report.py",
+    "analysis/press_bench.py",
     "analysis/coast_down.py",
     "plant/friction/bench.py",
     "bags/old_form.py",

@@ -9,13 +9,13 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.config.names import installed
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 
 @pytest.fixture(scope="module")

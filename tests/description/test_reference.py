@@ -8,10 +8,10 @@ from dataclasses import fields
 from pathlib import Path
 
 from rig_nodes.cli.main import main
-from rig_nodes.description.reference import page, sections
-from rig_nodes.fmu.rig_variables import rig_variables
-from rig_nodes.parts.part import part, parts
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.plant.parts.part import part, parts
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.reference import page, sections
+from rig_nodes.runs.fmu.rig_variables import rig_variables
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -14,8 +14,8 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.fmu.drive import main as drive
-from rig_nodes.graph.domain import allocate, use_own_transports
+from rig_nodes.controllers.ros.domain import allocate, use_own_transports
+from rig_nodes.runs.fmu.drive import main as drive
 
 SEQUENCE = str(Path(__file__).with_name("three.yaml"))
 RIG = ("--rig", "three_speed")

@@ -7,14 +7,14 @@ from dataclasses import MISSING
 
 import pytest
 
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.units import UNITS
 from rig_nodes.cli.main import main
-from rig_nodes.config.units import UNITS
-from rig_nodes.description.quantities import QUANTITIES
-from rig_nodes.description.transducer_types import TRANSDUCER_TYPES
-from rig_nodes.errors import RigError
-from rig_nodes.instruments.transducers import HIGH, LOW
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.plant.instruments.transducers import HIGH, LOW
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.quantities import QUANTITIES
+from rig_nodes.rig.transducer_types import TRANSDUCER_TYPES
+from rig_nodes.runs.rig import Rig
 
 
 @pytest.fixture

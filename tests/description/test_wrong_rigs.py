@@ -7,11 +7,11 @@ import shutil
 
 import pytest
 
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.plan import plan_of
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.plan import plan_of
 
 THREE = (RIGS_DIR / "three_speed" / "rig.yaml").read_text()
 MESH = (

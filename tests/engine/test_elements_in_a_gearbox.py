@@ -5,8 +5,8 @@
 
 import pytest
 
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 BASE = "description: three speeds and more\nbase: three_speed\n"
 WITHOUT = (

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every element of plant.driveline in a rig's folder: the engine moves it as driveline_run.Run does."""
+"""Every element of driveline.builder in a rig's folder: the engine moves it as driveline_run.Run does."""
 
 import shutil
 from pathlib import Path
@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.description.signals import torque_signals
-from rig_nodes.description.structure import structure_of
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline_run import Run
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.joint_torques import JointTorques
-from rig_nodes.testbench.plan import plan_of
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.driveline.run import Run
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.signals import torque_signals
+from rig_nodes.rig.structure import structure_of
+from rig_nodes.runs.joint_torques import JointTorques
+from rig_nodes.runs.plan import plan_of
+from rig_nodes.runs.rig import Rig
 
 FOLDER = Path(__file__).parent / "every_element"
 TEXT = (FOLDER / "rig.yaml").read_text()

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from small_rig import HEAD
 
-from rig_nodes.plant.driveline_run import Run
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.plan import plan_of
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.driveline.run import Run
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.plan import plan_of
+from rig_nodes.runs.rig import Rig
 
 COMMON = (
     "description: what depends on the motion\n"

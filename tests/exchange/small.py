@@ -9,9 +9,9 @@ import functools
 
 import numpy as np
 
-from rig_nodes.exchange.imported import read_measurement
-from rig_nodes.exchange.profile import read_profile
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.bags.exchange.imported import read_measurement
+from rig_nodes.bags.exchange.profile import read_profile
+from rig_nodes.rig.configuration import load_rig
 
 HEADS = ("M_wej [Nm]", "n_wej [rpm]", "M_wyj [Nm]", "n_wyj [rpm]", "p1 [bar]", "p2 [bar]")
 ROWS = 400

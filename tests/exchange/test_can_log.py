@@ -15,8 +15,8 @@ from laboratory import SAMPLE
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
-from rig_nodes.controllers.can_bus import open_bus
-from rig_nodes.testbench.recorded_rig import config_of_record
+from rig_nodes.controllers.can.bus import open_bus
+from rig_nodes.rig.recorded_rig import config_of_record
 
 RPM = 0.10471975511965977
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from small import HEADS, ROWS, measured, rpm, table, values
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
 
 K = np.arange(ROWS)
 TAKEN = "columns: {M_wej: M_wej, n_wej: n_wej}\n"

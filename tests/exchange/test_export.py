@@ -14,10 +14,10 @@ import pytest
 from laboratory import SAMPLE
 
 from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.bags.exchange import groups
+from rig_nodes.bags.exchange.groups import Signals, on_one_clock, on_own_clocks
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.exchange import groups
-from rig_nodes.exchange.groups import Signals, on_one_clock, on_own_clocks
 
 
 @pytest.fixture(scope="module")

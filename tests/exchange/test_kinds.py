@@ -16,10 +16,10 @@ import pyarrow.parquet
 import pytest
 from nptdms import ChannelObject, TdmsWriter
 
+from rig_nodes.bags.exchange.foreign import read_foreign
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.exchange.foreign import read_foreign
 
 T = np.arange(300) * 2e-3
 TORQUE, PRESSURE = 10.0 + np.sin(5.0 * T), 2.0 + np.cos(T)

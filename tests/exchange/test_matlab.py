@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from rig_nodes.bags.exchange.foreign import read_foreign
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.exchange.foreign import read_foreign
 
 N = 300
 T = np.arange(N) * 2e-3

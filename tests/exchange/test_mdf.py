@@ -13,10 +13,10 @@ import can
 import numpy as np
 import pytest
 
+from rig_nodes.bags.exchange.foreign import read_foreign
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.exchange.foreign import read_foreign
 
 T = np.arange(400) * 2e-3
 HEADS = {"M_wej": "Nm", "n_wej": "1/min", "M_wyj": "Nm", "n_wyj": "1/min", "p1": "bar", "p2": "bar"}

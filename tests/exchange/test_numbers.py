@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from small import ROWS, SECONDS, measured, rpm, table
 
+from rig_nodes.bags.exchange.profile import read_profile
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.exchange.profile import read_profile
 
 POINTS = [one.replace(",", ".") for one in SECONDS]
 TAKEN = "columns: {M_wej: M_wej, n_wej: n_wej}\n"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from small import ROWS, SECONDS, measured, rpm, table
 
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
 
 MIDNIGHT = datetime(2024, 3, 14, 23, 59, 59, 900000)
 EPOCH = 1710460799900

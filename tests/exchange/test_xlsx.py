@@ -11,10 +11,10 @@ import numpy as np
 import openpyxl
 import pytest
 
+from rig_nodes.bags.exchange.foreign import read_foreign
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.exchange.foreign import read_foreign
 
 N = 200
 T = np.arange(N) * 0.01

@@ -5,8 +5,8 @@
 
 import pytest
 
-from rig_nodes.fmu.build import build_rig_fmu
-from rig_nodes.fmu.importer import Fmu
+from rig_nodes.controllers.fmi.importer import Fmu
+from rig_nodes.runs.fmu.build import build_rig_fmu
 
 
 @pytest.fixture(scope="session")

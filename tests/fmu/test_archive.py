@@ -8,10 +8,10 @@ import zipfile
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.fmu import archive
-from rig_nodes.fmu.archive import unpack
-from rig_nodes.fmu.importer import Fmu
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.fmi import archive
+from rig_nodes.controllers.fmi.archive import unpack
+from rig_nodes.controllers.fmi.importer import Fmu
 
 XML = b'<?xml version="1.0"?><fmiModelDescription fmiVersion="2.0" modelName="m" guid="g"/>'
 LAUGHS = b"""<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">

@@ -11,13 +11,13 @@ import pytest
 from fmpy import read_model_description, simulate_fmu
 
 import rig_nodes
-from rig_nodes.controllers.c_library import INCLUDE
-from rig_nodes.errors import RigError
-from rig_nodes.fmu.build import build_controller_fmu
-from rig_nodes.fmu.importer import Fmu, FmuFailed
-from rig_nodes.fmu.rig_variables import Reader, Values, rig_variables, with_parameters
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.c.library import INCLUDE
+from rig_nodes.controllers.fmi.importer import Fmu, FmuFailed
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.fmu.build import build_controller_fmu
+from rig_nodes.runs.fmu.rig_variables import Reader, Values, rig_variables, with_parameters
+from rig_nodes.runs.rig import Rig
 
 PACKAGE = Path(rig_nodes.__file__).parents[1]
 SI = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -194,7 +194,7 @@ def test_at_the_initialization_outputs_depend_on_what_the_description_says(rig_f
 
 REASON = "100 %n%s of the oil is gone"
 TRIPPING = f"""
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.runs.rig import Rig
 advance = Rig.advance_samples
 def advance_samples(self, samples=1):
     advance(self, samples)

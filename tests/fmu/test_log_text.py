@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-from rig_nodes.fmu.log_text import SIGNATURE, formatted, text_at
+from rig_nodes.controllers.fmi.log_text import SIGNATURE, formatted, text_at
 
 CALLER = """
 typedef void (*logger)(void *, const char *, int, const char *, const char *, ...);

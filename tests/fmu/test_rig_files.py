@@ -8,9 +8,9 @@ import shutil
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.fmu.build import files_of
-from rig_nodes.fmu.rig_process import RigModel
+from rig_nodes.base.errors import RigError
+from rig_nodes.runs.fmu.build import files_of
+from rig_nodes.runs.fmu.rig_process import RigModel
 
 
 def rig_in(folder, text):

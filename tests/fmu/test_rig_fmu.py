@@ -18,14 +18,14 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.catalogue import catalogue
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.fmu import drive as example
-from rig_nodes.fmu.build import build_rig_fmu
-from rig_nodes.fmu.importer import Fmu, FmuFailed
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.controllers.fmi.importer import Fmu, FmuFailed
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.fmu import drive as example
+from rig_nodes.runs.fmu.build import build_rig_fmu
+from rig_nodes.runs.rig import Rig
 
 MPA, RPM = 1e6, 0.10471975511965977
 
@@ -33,7 +33,7 @@ MPA, RPM = 1e6, 0.10471975511965977
 def children():
     """Returns the process numbers of this process's own children that are rigs behind FMUs."""
     pids = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
-    return [int(p) for p in pids if b"rig_nodes.fmu.rig_process" in Path(f"/proc/{p}/cmdline").read_bytes()]
+    return [int(p) for p in pids if b"rig_nodes.runs.fmu.rig_process" in Path(f"/proc/{p}/cmdline").read_bytes()]
 
 
 def gone(pid):
@@ -194,7 +194,7 @@ def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig
 
 @pytest.mark.parametrize("controller", ["duty", "current"])
 def test_a_controller_stepped_beside_the_rig_has_one_sample_of_delay(fmu2, controller):
-    """As in testbench.simulate, the answer to sample s acts from s + 1 on."""
+    """As in runs.simulate, the answer to sample s acts from s + 1 on."""
     rig, level = Rig(load_rig(), controller="external", level=controller), ("duty", "current").index(controller)
     fmu2.set(controller=level + 1)
     fmu2.initialize()
@@ -322,7 +322,7 @@ def test_the_death_of_the_process_is_fatal_and_said(rig_fmu):
 
 def test_the_death_of_the_importer_ends_the_process(rig_fmu):
     code = (
-        "import sys; from rig_nodes.fmu.importer import Fmu; fmu = Fmu(sys.argv[1]); fmu.initialize();"
+        "import sys; from rig_nodes.controllers.fmi.importer import Fmu; fmu = Fmu(sys.argv[1]); fmu.initialize();"
         "import os; print(open(f'/proc/self/task/{os.getpid()}/children').read(), flush=True); sys.stdin.read()"
     )
     importer = subprocess.Popen(
@@ -358,15 +358,15 @@ def test_an_interpreter_that_is_not_the_rigs_is_named(rig_fmu, monkeypatch, vari
 SPOILING = """#!{python}
 import sys
 import numpy as np
-from rig_nodes.fmu import rig_process
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.runs.fmu import rig_process
+from rig_nodes.runs.rig import Rig
 move = Rig.move
 def spoiled(rig, samples):
     if rig.sample >= 200:
         rig.clutches[1]["heat"] = np.nan
     return move(rig, samples)
 Rig.move = spoiled
-sys.argv = sys.argv[sys.argv.index("rig_nodes.fmu.rig_process"):]
+sys.argv = sys.argv[sys.argv.index("rig_nodes.runs.fmu.rig_process"):]
 sys.exit(rig_process.main())
 """
 

@@ -9,13 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from rig_nodes import fmu
-from rig_nodes.controllers.c_library import INCLUDE
+from rig_nodes.controllers.c.library import INCLUDE
 from rig_nodes.controllers.record import record_of
-from rig_nodes.fmu.build import SOURCES, controller_defines, controller_variables, fmpy_headers, record_text
-from rig_nodes.fmu.description import c_header
-from rig_nodes.fmu.rig_variables import rig_variables
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs import fmu
+from rig_nodes.runs.fmu.build import SOURCES, controller_defines, controller_variables, fmpy_headers, record_text
+from rig_nodes.runs.fmu.description import c_header
+from rig_nodes.runs.fmu.rig_variables import rig_variables
 
 PACKAGE = Path(fmu.__file__).parents[2]
 ALFA46_C = INCLUDE.parent / "examples" / "alfa46.c"

@@ -18,9 +18,9 @@ from rclpy.task import Future
 from streams import Streams
 
 from rig_nodes.bags import cdr
-from rig_nodes.catalogue import catalogue
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import publisher_profile, recorder_profile
+from rig_nodes.rig.catalogue import catalogue
 
 PATIENCE = 60.0  # s; longest wait for a message, in case that a publisher never starts
 

@@ -22,13 +22,13 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
-from rig_nodes.graph.domain import allocate
-from rig_nodes.graph.supervisor import MODULES, Order, Supervisor
+from rig_nodes.controllers.ros.domain import allocate
 from rig_nodes.nodes.message_class import message_class
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.nodes.processes.supervisor import MODULES, Order, Supervisor
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 SHORT, BRIEF = (Path(__file__).with_name(name) for name in ("short.yaml", "brief.yaml"))
 PATIENCE = 20.0

@@ -14,10 +14,10 @@ from running_graph import PATIENCE, Graph, RigRun
 from verbs import Verbs
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.graph import domain as domains
-from rig_nodes.graph.domain import allocate, of_running_rig, running_rigs
+from rig_nodes.controllers.ros import domain as domains
+from rig_nodes.controllers.ros.domain import allocate, of_running_rig, running_rigs
 from rig_nodes.nodes import running_rig
 
 pytestmark = pytest.mark.against_the_clock

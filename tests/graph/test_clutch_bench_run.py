@@ -10,9 +10,9 @@ import pytest
 from running_graph import rig_run
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
 
 pytestmark = pytest.mark.against_the_clock
 

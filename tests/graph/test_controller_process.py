@@ -14,9 +14,9 @@ from running_graph import SHORT, RigRun, rig_run
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 NOT_THE_PLANTS = {"/controller/events", "all"}
 BREAKING = """
@@ -54,7 +54,7 @@ NAMING = """
 import sys
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
-from rig_nodes.controllers.udp_frames import serve
+from rig_nodes.controllers.udp.frames import serve
 
 
 class Naming(Alfa46):

@@ -16,11 +16,11 @@ from running_graph import BRIEF, RigRun
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.graph.domain import Domain, allocate, environment
+from rig_nodes.controllers.ros.domain import Domain, allocate, environment
 from rig_nodes.nodes import cut_device
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 NOT_THE_PLANTS = {"/controller/events", "/diagnostics", "/parameter_events", "/rosout", "all"}
 GATE = "import sys; from rig_nodes.nodes import rig_container as c; c.GATE_TIMEOUT = 2.0; sys.exit(c.main())"
@@ -171,7 +171,7 @@ def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentenc
 
 
 STRONG = (
-    "import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.engine.outside import Answer, OtherSide\n"
+    "import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.plant.engine.outside import Answer, OtherSide\n"
     "def step(self, port, ticks=1, old=OtherSide.step):\n"
     "    self.ticks = getattr(self, 'ticks', 0) + ticks\n"
     "    answer = old(self, port, ticks)\n"

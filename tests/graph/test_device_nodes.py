@@ -6,14 +6,14 @@
 import pytest
 import rclpy
 
-from rig_nodes.graph.domain import allocate, use_own_transports
+from rig_nodes.controllers.ros.domain import allocate, use_own_transports
 from rig_nodes.nodes.commands import Commands
 from rig_nodes.nodes.device import DeviceNode, device_names, pace_of, setpoints_taken
 from rig_nodes.nodes.rig_container import rig_on_the_graph
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.outputs import Outputs
-from rig_nodes.testbench.sequence import BY_HAND
-from rig_nodes.testbench.simulate import run_record
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.outputs import Outputs
+from rig_nodes.runs.sequence import BY_HAND
+from rig_nodes.runs.simulate import run_record
 
 PARAMETERS = {
     "hydmag": {

@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.graph.domain import BASE_PORT, PORTS, Domain, allocate, environment, from_environment
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.ros.domain import BASE_PORT, PORTS, Domain, allocate, environment, from_environment
 
 
 def test_two_runs_get_two_domains_and_a_released_one_is_free_again():
@@ -25,7 +25,7 @@ def test_two_runs_get_two_domains_and_a_released_one_is_free_again():
 
 
 def test_a_killed_holder_leaves_no_domain_behind():
-    code = "import signal; from rig_nodes.graph.domain import allocate; d = allocate(); print(d.number, flush=True); signal.pause()"
+    code = "import signal; from rig_nodes.controllers.ros.domain import allocate; d = allocate(); print(d.number, flush=True); signal.pause()"
     # the folders of another user make no difference
     holder = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": "/", "XDG_RUNTIME_DIR": "/"}

@@ -14,7 +14,7 @@ from running_graph import SHORT, Client, Graph
 
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
 
 pytestmark = pytest.mark.against_the_clock
 

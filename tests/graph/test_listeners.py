@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, Reliabilit
 from running_graph import BRIEF, rig_run
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.domain import allocate, participants
+from rig_nodes.controllers.ros.domain import allocate, participants
 from rig_nodes.nodes.qos import beyond, publisher_profile
 
 TOPICS = ("/motor/state", "/controller/command", "/motor/command", "/rig/events")  # of the container, alfa46 and the sequencer
@@ -23,7 +23,7 @@ import json, sys
 import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from rclpy.task import Future
-from rig_nodes.catalogue import catalogue
+from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.nodes.executor import events_executor
 from rig_nodes.nodes.message_class import message_class
 

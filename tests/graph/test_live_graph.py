@@ -16,8 +16,8 @@ from running_graph import SHORT, Client, Graph
 from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.catalogue import catalogue
-from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
+from rig_nodes.rig.catalogue import catalogue
 
 pytestmark = pytest.mark.against_the_clock
 

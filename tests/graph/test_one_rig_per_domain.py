@@ -13,8 +13,8 @@ import pytest
 from rig_msgs.msg import RigState
 from running_graph import SHORT, Client, RigRun
 
-from rig_nodes.errors import RigError
-from rig_nodes.graph.domain import allocate, from_environment
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.ros.domain import allocate, from_environment
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

@@ -20,7 +20,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
 
 # in lockstep too, because the order must not reach the box before its process is stopped
 pytestmark = pytest.mark.against_the_clock

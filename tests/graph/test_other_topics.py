@@ -14,11 +14,11 @@ from running_graph import Client, Graph
 from std_msgs.msg import Float64, String, UInt64
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.config import load_yaml
 from rig_nodes.cli.main import main
-from rig_nodes.config import load_yaml
-from rig_nodes.graph.recording_options import TopicChoice
-from rig_nodes.graph.result import facts_of, lost_messages, what_was_lost
 from rig_nodes.nodes.other_topics import OtherTopics
+from rig_nodes.nodes.processes.recording_options import TopicChoice
+from rig_nodes.nodes.processes.result import facts_of, lost_messages, what_was_lost
 from rig_nodes.nodes.replay import obstacle, offered
 from rig_nodes.view.convert import make_view
 

@@ -22,11 +22,11 @@ from running_graph import RigRun
 
 import rig_nodes
 from rig_nodes.bags.reader import Bag
-from rig_nodes.fmu.build import build_controller_fmu
-from rig_nodes.graph.domain import allocate, environment
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.controllers.ros.domain import allocate, environment
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.fmu.build import build_controller_fmu
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 EXAMPLES = Path(rig_nodes.__file__).parent / "controllers" / "examples"
 NOT_THE_PLANTS = {"/controller/events", "all"}

@@ -9,7 +9,7 @@ from running_graph import Client, Graph
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
 from rig_nodes.view.convert import make_view
 
 OPTIONS = ("--start-paused", "--keep-last", "1", "--compression-mode", "file", "--own-topics", "/motor/.*|/instruments/.*|/rig/.*")

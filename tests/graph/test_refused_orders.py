@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages, run_part, what_was_lost
+from rig_nodes.nodes.processes.result import facts_of, lost_messages, run_part, what_was_lost
 
 pytestmark = pytest.mark.against_the_clock
 

@@ -31,9 +31,9 @@ from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.graph.domain import allocate, environment
+from rig_nodes.controllers.ros.domain import allocate, environment
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import read_overrides
 

@@ -15,8 +15,8 @@ from std_srvs.srv import Trigger
 
 import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import join_pieces, run_part
-from rig_nodes.transmission import NEUTRAL
+from rig_nodes.nodes.processes.result import join_pieces, run_part
+from rig_nodes.rig.transmission import NEUTRAL
 
 pytestmark = pytest.mark.against_the_clock
 

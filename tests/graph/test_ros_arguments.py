@@ -18,9 +18,9 @@ from verbs import Verbs
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.graph.domain import allocate, environment
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.controllers.ros.domain import allocate, environment
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0

@@ -12,7 +12,7 @@ from running_graph import SHORT, RigRun, Traces
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.graph.domain import allocate
+from rig_nodes.controllers.ros.domain import allocate
 
 pytestmark = pytest.mark.against_the_clock
 

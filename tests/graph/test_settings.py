@@ -15,14 +15,14 @@ from rig_msgs.srv import SetProfile
 from running_graph import Client, Graph
 from std_srvs.srv import Trigger
 
-from rig_nodes.alfa46 import law
-from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.alfa46.box import Alfa46
 from rig_nodes.controllers.load import load_controller
-from rig_nodes.errors import RigError
-from rig_nodes.graph.result import facts_of, lost_messages
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
+from rig_nodes.plant import alfa46_law as law
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 pytestmark = pytest.mark.against_the_clock
 

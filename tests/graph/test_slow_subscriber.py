@@ -14,7 +14,7 @@ from rig_msgs.msg import RigState
 from running_graph import Client, Graph
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -23,7 +23,7 @@ DEAF = """
 import sys, time
 import rclpy
 from rclpy.qos import HistoryPolicy, QoSProfile
-from rig_nodes.catalogue import catalogue
+from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.nodes.message_class import message_class
 
 rclpy.init()

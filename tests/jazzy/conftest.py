@@ -12,7 +12,7 @@ import pytest
 @pytest.fixture
 def domain():
     """Number of a ROS domain of the test's own."""
-    from rig_nodes.graph.domain import allocate
+    from rig_nodes.controllers.ros.domain import allocate
 
     with allocate() as held:
         yield held.number

@@ -14,12 +14,12 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from rig_nodes.catalogue import installed_topics
-from rig_nodes.errors import RigError
-from rig_nodes.graph.supervisor import Order
+from rig_nodes.base.errors import RigError
 from rig_nodes.nodes import recorder
 from rig_nodes.nodes.process import rig_config
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.nodes.processes.supervisor import Order
+from rig_nodes.rig.catalogue import installed_topics
+from rig_nodes.rig.configuration import load_rig
 
 LAUNCH_FILE = Path(__file__).resolve().parents[2] / "rig_nodes" / "launch" / "rig_launch.py"
 OF_LAUNCH = (
@@ -81,7 +81,7 @@ def test_the_gearbox_rig_is_launched_with_everything_that_was_given(launch_file)
 def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks():
     blocked = "import sys; sys.modules.update(dict.fromkeys(('numba', 'scipy', 'mcap', 'rosbags', 'rclpy')));"
     asked = (
-        "import rig_nodes.graph.supervisor, rig_nodes.testbench.folders; from rig_nodes.config.names import *;"
+        "import rig_nodes.nodes.processes.supervisor, rig_nodes.runs.folders; from rig_nodes.base.names import *;"
         "print(has_controller(rig_of('spring_bench')), has_controller(rig_of('')))"
     )
     done = subprocess.run([sys.executable, "-c", blocked + asked], capture_output=True, text=True)

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.graph.result import end_of
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.nodes.processes.result import end_of
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 PATIENCE = 90.0

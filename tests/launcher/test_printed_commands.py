@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.base.errors import quoted
 from rig_nodes.cli.main import main
-from rig_nodes.errors import quoted
 
 PACKAGE = Path(__file__).parents[2] / "rig_nodes" / "rig_nodes"
 # what is put into a printed command that is no path of a user: names of verbs, devices, rigs' records and numbers

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant import driveline_algebra as algebra
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline import algebra
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.kernel import driveline_step
+from rig_nodes.driveline.run import run
 
 
 def pair(stick=1.0, w1=100.0, w2=0.0, drag=0.0):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import Run, run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import Run, run
 
 MASS, RADIUS, ROD, WHEEL = 2.0, 0.08, 0.2, 0.05
 

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.special import ellipk
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import Run, run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import Run, run
 
 
 def event(result, element, kind):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numba import njit
 
-from rig_nodes.engine.world import Sizes, driveline_dtype
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, LOCKED_HIGH, N_CAPPED, OPEN, VISC
-from rig_nodes.plant.driveline_calls import ARGUMENTS
-from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_losses import BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width
-from rig_nodes.plant.driveline_quiet import quiet_step
+from rig_nodes.driveline.algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, LOCKED_HIGH, N_CAPPED, OPEN, VISC
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.calls import ARGUMENTS
+from rig_nodes.driveline.kernel import driveline_step
+from rig_nodes.driveline.losses import BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width
+from rig_nodes.driveline.quiet import quiet_step
+from rig_nodes.plant.engine.world import Sizes, driveline_dtype
 
 J = (0.4, 0.3, 0.2, 1.5)
 STEP_S = 1e-3

@@ -11,9 +11,9 @@ import itertools
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import run
 
 K, J = 2.5, {"sun": 0.2, "ring": 0.5, "carrier": 3.0}
 

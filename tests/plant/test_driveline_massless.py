@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_modes import modes, sensitivities
-from rig_nodes.plant.driveline_run import Run, run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.modes import modes, sensitivities
+from rig_nodes.driveline.run import Run, run
 
 
 def ends(*, between=(), speed=3.0):

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.modes import modes
 
 
 def test_two_masses_on_a_shaft():

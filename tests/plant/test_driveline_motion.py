@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import run
 
 
 def closes(r):

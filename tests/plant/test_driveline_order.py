@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import run
 
 ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
 

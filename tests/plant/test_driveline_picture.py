@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
 
 
 def described():

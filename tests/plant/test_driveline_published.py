@@ -14,8 +14,8 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import run
 
 STEP = 1e-4
 

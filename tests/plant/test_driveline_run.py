@@ -12,10 +12,10 @@ import time
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_modes import modes
-from rig_nodes.plant.driveline_run import Run, run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.modes import modes
+from rig_nodes.driveline.run import Run, run
 
 K = 2.5  # teeth of a set's ring over those of its sun
 
@@ -227,10 +227,10 @@ def test_a_gears_torque_wants_one_of_its_bodies():
 def test_elements_that_a_description_does_not_use_have_no_compiled_code():
     """A process that runs only clutches and shafts neither compiles nor loads anything for losses, tables and motions."""
     code = """
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_law_steps import run_laws, settled_step
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.kernel import driveline_step
+from rig_nodes.driveline.law_steps import run_laws, settled_step
+from rig_nodes.driveline.run import run
 
 def compiled():
     print([str(one[8]) for one in driveline_step.signatures], len(settled_step.signatures), len(run_laws.signatures))

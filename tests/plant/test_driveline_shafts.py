@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_modes import modes
-from rig_nodes.plant.driveline_run import run
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.modes import modes
+from rig_nodes.driveline.run import run
 
 
 def closes(r):

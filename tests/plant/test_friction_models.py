@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.parts import plates
-from rig_nodes.plant.friction import bench, closed, comparison, drag
+from rig_nodes.base.errors import RigError
+from rig_nodes.plant.friction import bench, closed, drag
 from rig_nodes.plant.friction.geometry import PackGeometry
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.plant.parts import plates
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory import comparison
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures" / "friction_models.py"
 GEARBOX = PackGeometry(12.0, 25e-3, 38e-3, 42e-3, 80e-3, 30.0)  # tab. 3.3

@@ -10,26 +10,32 @@ import sys
 
 import pytest
 
-import rig_nodes.compiled
+import rig_nodes.base.compiled
 
 
 @pytest.mark.parametrize(
     "first",
-    ["rig_nodes.alfa46.law", "rig_nodes.testbench.configuration", "rig_nodes.instruments.noise", "rig_nodes.engine.loop", "numba"],
+    [
+        "rig_nodes.plant.alfa46_law",
+        "rig_nodes.rig.configuration",
+        "rig_nodes.plant.instruments.noise",
+        "rig_nodes.plant.engine.loop",
+        "numba",
+    ],
 )
 def test_every_way_in_leads_to_the_keyed_folder(first):
     code = (
-        f"import {first}; from rig_nodes.engine import loop; from rig_nodes.alfa46 import law; "
+        f"import {first}; from rig_nodes.plant.engine import loop; from rig_nodes.controllers.alfa46 import law; "
         "print(loop.advance._cache.cache_path); print(law.law_step._cache.cache_path)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    folder = str(rig_nodes.compiled.cache_root() / rig_nodes.compiled.cache_key())
+    folder = str(rig_nodes.base.compiled.cache_root() / rig_nodes.base.compiled.cache_key())
     assert all(path.startswith(folder) for path in out), out
 
 
 def test_a_start_loads_neither_coverage_nor_scipys_algebra_which_can_be_loaded_afterwards():
     code = (
-        "import sys; from rig_nodes.engine import loop; import numba.np.arraymath; "
+        "import sys; from rig_nodes.plant.engine import loop; import numba.np.arraymath; "
         "print([name for name in ('coverage', 'scipy.linalg') if name in sys.modules]); "
         "import scipy.linalg.cython_blas as blas; print(blas.__name__)"
     )
@@ -39,7 +45,7 @@ def test_a_start_loads_neither_coverage_nor_scipys_algebra_which_can_be_loaded_a
 
 def test_a_start_prepares_the_compiler_only_where_it_must_compile(tmp_path):
     code = (
-        "import sys; from rig_nodes.instruments import noise; import numpy as np; "
+        "import sys; from rig_nodes.plant.instruments import noise; import numpy as np; "
         "noise.uniform(1, 2, 3); print('numba.np.npdatetime' in sys.modules)"
     )
     starts = [
@@ -59,7 +65,7 @@ def test_a_start_prepares_the_compiler_only_where_it_must_compile(tmp_path):
 def test_what_is_read_from_the_cache_works_in_what_is_compiled_then(tmp_path, first):
     """A function from the cache can be called from Python and from code that is compiled in the same process."""
     (tmp_path / "own.py").write_text(
-        "import numpy as np\nfrom rig_nodes.compiled import njit, use_kernel_cache\n\nuse_kernel_cache()\n\n"
+        "import numpy as np\nfrom rig_nodes.base.compiled import njit, use_kernel_cache\n\nuse_kernel_cache()\n\n"
         "@njit(cache=True)\ndef twice(x):\n    return 2.0 * x\n\n"
         "@njit(cache=True)\ndef squares(n):\n    return np.arange(n) ** 2\n\n"
         "@njit()\ndef four_and(x, n):\n    return twice(twice(x)) + squares(n).sum()\n"
@@ -82,10 +88,10 @@ def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     package = tmp_path / "rig_nodes"
     (package / "plant").mkdir(parents=True)
     (package / "plant" / "valve.py").write_text("a = 1\n")
-    monkeypatch.setattr(rig_nodes.compiled, "__file__", str(package / "compiled.py"))
-    before = rig_nodes.compiled.cache_key()
+    monkeypatch.setattr(rig_nodes.base.compiled, "__file__", str(package / "base/compiled.py"))
+    before = rig_nodes.base.compiled.cache_key()
     (package / "plant" / "valve.py").write_text("a = 2\n")
-    assert rig_nodes.compiled.cache_key() != before
+    assert rig_nodes.base.compiled.cache_key() != before
 
 
 def test_compiled_code_that_others_could_have_written_is_not_run(tmp_path):

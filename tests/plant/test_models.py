@@ -10,13 +10,13 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.config.schema import fill, record_dtype
-from rig_nodes.parts import dc_motor as motor
-from rig_nodes.parts import load_pump, oil_supply, plates
-from rig_nodes.parts import proportional_valve as valve
-from rig_nodes.parts import wet_clutch as clutch
-from rig_nodes.parts.gear_loss import GearLossConfig, loss_by_speed
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.base.schema import fill, record_dtype
+from rig_nodes.plant.parts import dc_motor as motor
+from rig_nodes.plant.parts import load_pump, oil_supply, plates
+from rig_nodes.plant.parts import proportional_valve as valve
+from rig_nodes.plant.parts import wet_clutch as clutch
+from rig_nodes.plant.parts.gear_loss import GearLossConfig, loss_by_speed
+from rig_nodes.rig.configuration import load_rig
 
 
 def record(*instances):

@@ -11,10 +11,10 @@ import pytest
 import reference_shift
 
 from rig_nodes.analysis.metrics import Recording, shift_metrics
-from rig_nodes.parts.load_pump import relief_setting_for
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.transmission import transmission_of
+from rig_nodes.plant.parts.load_pump import relief_setting_for
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.runs.rig import Rig
 
 RPM = math.pi / 30.0
 BEFORE, AFTER = 200, 1300  # ms recorded before and after the order

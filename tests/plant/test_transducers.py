@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.instruments import transducers as parts
-from rig_nodes.instruments.noise import channel_key, noise_at, uniform
+from rig_nodes.plant.instruments import transducers as parts
+from rig_nodes.plant.instruments.noise import channel_key, noise_at, uniform
 
 KEY = channel_key(1, 0)
 RPM = math.pi / 30

@@ -5,7 +5,7 @@
 
 import dataclasses
 
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 
 # values of the pack and its oil passages, which have the same design in both clutches
 OF_THE_PACK = (

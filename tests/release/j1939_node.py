@@ -20,7 +20,7 @@ import can
 import j1939
 from j1939.electronic_control_unit import MessageListener
 
-from rig_nodes.controllers.can_loopback import LoopbackBus
+from rig_nodes.controllers.can.loopback import LoopbackBus
 
 RIG, OWN = 3, 33  # source addresses
 ETC1, ETC2 = 61442, 61445

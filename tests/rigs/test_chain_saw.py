@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.units import UNITS, quantity
 from rig_nodes.cli.main import main
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.config.units import UNITS, quantity
-from rig_nodes.errors import RigError
-from rig_nodes.parts.centrifugal_clutch import clutch_torque
-from rig_nodes.parts.saw_chain import chain_inertia
-from rig_nodes.testbench.calculations import Recorded, calculations_of, of_run
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import Run, record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.plant.parts.centrifugal_clutch import clutch_torque
+from rig_nodes.plant.parts.saw_chain import chain_inertia
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
+from rig_nodes.runs.record import Run, record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 ROOT = Path(__file__).resolve().parents[2]
 CALCULATIONS = calculations_of("chain_saw")

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.parts.combustion_engine import STALLED
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.base.errors import RigError
+from rig_nodes.plant.parts.combustion_engine import STALLED
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 ENGINE = """\
 description: an engine alone on its shaft

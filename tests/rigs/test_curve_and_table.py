@@ -9,10 +9,10 @@ import pytest
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.quality import peak_ratio
 from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
-from rig_nodes.config.names import installed
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.base.names import installed
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
 
 RIGS = [name for name in installed("rigs") if load_rig(name).structure.shifts]
 RPM = 30.0 / np.pi

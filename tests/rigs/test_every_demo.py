@@ -9,9 +9,9 @@ import pytest
 
 from rig_nodes.analysis.metrics import STANDSTILL
 from rig_nodes.analysis.quality import FAIR, GRADES
+from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
-from rig_nodes.config.names import installed
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 
 RIGS = [name for name in installed("rigs") if load_rig(name).structure.shifts]
 

@@ -18,10 +18,10 @@ import pyarrow.parquet
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
-from rig_nodes.config.names import installed
-from rig_nodes.fmu.drive import main as drive
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.fmu.drive import main as drive
 
 ELSEWHERE = ("hydmag", "chapter9", "three_speed", "clutch_bench", "cylinder_bench", "spring_bench")
 SHIFTS = """\

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
-from rig_nodes.parts.sash import motion
-from rig_nodes.parts.saw_cutting import depth_of_cut, feed_per_tooth
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import run
-from rig_nodes.testbench.calculations import Recorded, calculations_of
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.builder import Driveline
+from rig_nodes.driveline.run import run
+from rig_nodes.plant.parts.sash import motion
+from rig_nodes.plant.parts.saw_cutting import depth_of_cut, feed_per_tooth
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.calculations import Recorded, calculations_of
+from rig_nodes.runs.rig import Rig
 
 CALCULATIONS = calculations_of("frame_saw")
 TRUE = {"effects.transducers": "off"}
@@ -144,7 +144,7 @@ def test_the_derivatives_of_the_travel_are_those_of_its_difference_quotients():
 
 
 def test_the_sash_turns_like_the_slider_crank_of_the_driveline(config):
-    """A crank that coasts from a speed, without motor, weight and drag; plant.driveline_laws solves this in another way."""
+    """A crank that coasts from a speed, without motor, weight and drag; driveline.laws solves this in another way."""
     free = {
         "bearings.drag": "0 Nm s/rad",
         "saw.blades": "0 -",

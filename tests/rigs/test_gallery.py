@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.config.names import installed
-from rig_nodes.description.picture import driveline_svg
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.picture import driveline_svg
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 ROOT = Path(__file__).resolve().parents[2]
 # a motor winds the coupling against a flywheel; by default the coupling has neither friction nor play

@@ -7,14 +7,14 @@ import math
 
 import pytest
 
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
-from rig_nodes.parts.combustion_engine import STALLED
-from rig_nodes.testbench.calculations import calculations_of, of_run
-from rig_nodes.testbench.configuration import load_rig, with_overrides
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
+from rig_nodes.plant.parts.combustion_engine import STALLED
+from rig_nodes.rig.configuration import load_rig, with_overrides
+from rig_nodes.runs.calculations import calculations_of, of_run
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 NAME = "hydmag_engine"
 RPM = math.pi / 30.0

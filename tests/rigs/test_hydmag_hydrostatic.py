@@ -8,13 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.calculations import calculations_of
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.calculations import calculations_of
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 NAME = "hydmag_hydrostatic"
 RPM = math.pi / 30.0

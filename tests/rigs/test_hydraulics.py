@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.config.names import DEFAULT_RIG
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
-from rig_nodes.validation.calibration_rows import CURVES, FIRST_RISE, distances, first_true, pressures
-from rig_nodes.validation.targets import load_targets
+from rig_nodes.base.names import DEFAULT_RIG
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory.calibration_rows import CURVES, FIRST_RISE, distances, first_true, pressures
+from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 COLD, USUAL = "-10 degC", "40 degC"
 # clutch -> times after the first rise between which the current ramps and Annex D has a straight line [s]: S1 fills, then follows

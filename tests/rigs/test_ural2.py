@@ -12,15 +12,15 @@ import pytest
 from ruamel.yaml import YAML
 
 from rig_nodes.analysis.modes import system_of
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline_modes import modes
-from rig_nodes.testbench.calculations import Recorded, calculations_of, module_of
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.driveline.modes import modes
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.calculations import Recorded, calculations_of, module_of
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 TRUE = {"effects.transducers": "off"}
 RPM = math.pi / 30.0

@@ -10,10 +10,10 @@ Arguments: folder, number of processes, and "many" for two thousand members. Lin
 import sys
 from pathlib import Path
 
-from rig_nodes.sweep.plan import make_plan
-from rig_nodes.sweep.run import manifest_of, run_sweep
-from rig_nodes.sweep.store import Store
-from rig_nodes.testbench.campaign import Workers
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.studies.sweep.plan import make_plan
+from rig_nodes.studies.sweep.run import manifest_of, run_sweep
+from rig_nodes.studies.sweep.store import Store
 
 HERE = Path(__file__).resolve().parent
 

@@ -9,10 +9,10 @@ Argument: folder. The settings stand in the environment.
 import sys
 from pathlib import Path
 
-from rig_nodes.sweep.plan import make_plan
-from rig_nodes.sweep.run import manifest_of, run_sweep
-from rig_nodes.sweep.store import Store
-from rig_nodes.testbench.workers import Workers
+from rig_nodes.runs.workers import Workers
+from rig_nodes.studies.sweep.plan import make_plan
+from rig_nodes.studies.sweep.run import manifest_of, run_sweep
+from rig_nodes.studies.sweep.store import Store
 
 
 def main() -> None:

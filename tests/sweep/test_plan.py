@@ -6,9 +6,9 @@
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.sweep.plan import make_plan, plan_of, read_plan
-from rig_nodes.testbench.configuration import load_rig, with_overrides
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig, with_overrides
+from rig_nodes.studies.sweep.plan import make_plan, plan_of, read_plan
 
 
 def points(plan):

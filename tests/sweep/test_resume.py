@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.sweep.run import manifest_of, run_sweep
-from rig_nodes.sweep.store import JOURNAL, RESULTS, Journal, Store, decode
-from rig_nodes.testbench.campaign import Workers
+from rig_nodes.base.errors import RigError
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.studies.sweep.run import manifest_of, run_sweep
+from rig_nodes.studies.sweep.store import JOURNAL, RESULTS, Journal, Store, decode
 
 from .killed_sweep import many, plan
 

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
-from rig_nodes.errors import RigError
-from rig_nodes.sweep.plan import make_plan
-from rig_nodes.sweep.plugged import MOST_DELAY, plugged_of
-from rig_nodes.sweep.run import manifest_of, run_sweep
-from rig_nodes.sweep.store import JOURNAL, METADATA, RESULTS, Store
-from rig_nodes.testbench.campaign import Workers
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.studies.sweep.plan import make_plan
+from rig_nodes.studies.sweep.plugged import MOST_DELAY, plugged_of
+from rig_nodes.studies.sweep.run import manifest_of, run_sweep
+from rig_nodes.studies.sweep.store import JOURNAL, METADATA, RESULTS, Store
 
 pq = pytest.importorskip("pyarrow.parquet")
 SHORT = str(Path(__file__).with_name("short.yaml"))
@@ -110,7 +110,7 @@ def test_a_sweep_of_which_nothing_came_to_its_end_says_so_by_its_exit_code_too(t
 )
 def test_what_is_wrong_is_said_before_processes_are_started(arguments, sentence, capsys, monkeypatch):
     """Where nothing is compiled yet, the start of the processes takes half a minute."""
-    monkeypatch.setattr("rig_nodes.testbench.workers.start_server", None)
+    monkeypatch.setattr("rig_nodes.runs.workers.start_server", None)
     assert main(["sweep", SHORT, *arguments]) == 2
     assert sentence in capsys.readouterr().err
 
@@ -119,7 +119,7 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
     def interrupted(plan, store, stream, progress=None):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rig_nodes.sweep.run.run_sweep", interrupted)
+    monkeypatch.setattr("rig_nodes.studies.sweep.run.run_sweep", interrupted)
     folder = tmp_path / "sweep"
     assert main(["sweep", SHORT, "--vary", "rest=30 ms, 60 ms", "--jobs", "1", "--out", str(folder)]) == 130
     assert f"go on with: ./rig sweep {folder}" in capsys.readouterr().err
@@ -145,7 +145,7 @@ def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
 def test_dask_gives_the_same_bytes(tmp_path):
     """The cluster is local and has two processes."""
     pytest.importorskip("distributed")
-    from rig_nodes.sweep.cluster import dask_stream
+    from rig_nodes.studies.sweep.cluster import dask_stream
 
     plan = make_plan(SHORT, {"rest": "30 ms, 60 ms, 90 ms"})
     with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:2") as stream:

@@ -12,7 +12,7 @@ from rig_nodes.cli.main import main
 
 CODE = '''\
 """Calculations of a rig for tests."""
-from rig_nodes.testbench.calculations import Table
+from rig_nodes.runs.calculations import Table
 
 
 def ends(config, recording):

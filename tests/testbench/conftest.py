@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))  # cut_errors.py
 

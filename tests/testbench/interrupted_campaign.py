@@ -5,8 +5,8 @@
 
 import sys
 
-from rig_nodes.testbench.campaign import Workers, run_campaign
-from rig_nodes.testbench.procedure import load_procedure
+from rig_nodes.runs.campaign import Workers, run_campaign
+from rig_nodes.runs.procedure import load_procedure
 
 SHOWN = []
 

@@ -9,14 +9,14 @@ from mcap.reader import make_reader
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
+from rig_nodes.base.errors import DiskFull
 from rig_nodes.controllers.load import load_controller
-from rig_nodes.errors import DiskFull
-from rig_nodes.testbench.bag_outputs import BagOutputs
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.outputs import Outputs
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.bag_outputs import BagOutputs
+from rig_nodes.runs.outputs import Outputs
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 READ = ("n_wej", "p1", "gear_ordered", "s1_torque", "motor_work", "energy_residual")
 

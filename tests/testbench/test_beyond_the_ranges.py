@@ -9,13 +9,13 @@ import random
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.cross_checks import cross_check
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.cross_checks import cross_check
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.sequence import load_sequence
 
 RPM = np.pi / 30.0
 VACUUM = -0.1013e6

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.definitions import installed
-from rig_nodes.catalogue import catalogue
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import installed as installed_rigs
 from rig_nodes.cli.list import WHAT, markdown
 from rig_nodes.cli.main import main
-from rig_nodes.config.names import installed as installed_rigs
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.plan import plan_of
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.plan import plan_of
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -12,14 +12,14 @@ import pytest
 
 from rig_nodes.analysis.slip_tests import cylinder_line, slip_line, slip_tests, spring_line
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
 from rig_nodes.plant.friction.bench import PACKS
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.procedure import load_procedure, prepare
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.procedure import load_procedure, prepare
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
 
 RPM = pi / 30.0
 TRUE = {"effects.transducers": "off"}

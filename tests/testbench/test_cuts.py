@@ -11,16 +11,16 @@ import pytest
 from cut_errors import CASES, errors, settings, shifts
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.engine.outside import NOT_DEVICES, Answer, why_not
-from rig_nodes.errors import RigError
-from rig_nodes.parts import part as parts
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.plant.engine.outside import NOT_DEVICES, Answer, why_not
+from rig_nodes.plant.parts import part as parts
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")

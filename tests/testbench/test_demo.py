@@ -8,9 +8,9 @@ import pytest
 
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 NO_SUPPLY = """
 description: the demo with the clutch oil off
@@ -148,7 +148,7 @@ def test_twice_the_same_bytes(demo, tmp_path):
 
 
 def test_every_topic_of_the_catalogue_is_in_the_bag_without_gaps(demo):
-    from rig_nodes.catalogue import catalogue
+    from rig_nodes.rig.catalogue import catalogue
 
     bag, _ = demo
     assert set(catalogue().topics) == set(bag.counts)

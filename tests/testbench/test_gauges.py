@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 RPM = math.pi / 30
 CHANNELS = Rig(load_rig()).channels

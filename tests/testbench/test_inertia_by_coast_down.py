@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.coast_down import coast_down
-from rig_nodes.testbench.procedure import load_procedure, run_repeat
+from rig_nodes.runs.procedure import load_procedure, run_repeat
 
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.2])

@@ -6,10 +6,10 @@
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import RigStatus
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import RigStatus
 
 
 def shift_up(config, chunks, seed=1):

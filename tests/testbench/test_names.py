@@ -5,8 +5,8 @@
 
 import pytest
 
+from rig_nodes.base.names import unknown
 from rig_nodes.cli.main import main
-from rig_nodes.config.names import unknown
 
 TOPICS = ("/motor/m_wej", "/motor/state", "/gearbox/state")
 

@@ -14,11 +14,11 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.rig_base import Tripped
-from rig_nodes.tune.bench import Bench, Point
-from rig_nodes.validation.calibrate import STAGES_FILE, load_stages, search
-from rig_nodes.validation.calibration_rows import Miss
+from rig_nodes.rigs.hydmag.laboratory.calibration_rows import Miss
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.rig_base import Tripped
+from rig_nodes.studies.tune.bench import Bench, Point
+from rig_nodes.studies.validation.calibrate import STAGES_FILE, load_stages, search
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ import math
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.graph.supervisor import Order
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.nodes.processes.supervisor import Order
+from rig_nodes.runs.sequence import load_sequence
 
 RPM = math.pi / 30.0
 SEQUENCE = """description: a parameter of each kind

@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
 
 
 def test_points_are_taken_together_whatever_their_order(config):

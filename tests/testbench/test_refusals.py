@@ -12,15 +12,15 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig_nodes.base.config import CONFIG_DIR, RIGS_DIR
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import find_of_rigs
 from rig_nodes.cli.main import Shown, main
-from rig_nodes.config import CONFIG_DIR, RIGS_DIR
-from rig_nodes.config.names import find_of_rigs
-from rig_nodes.errors import RigError
 from rig_nodes.nodes.commands import Commands
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.sequence_runner import SequenceFailed, SequenceRunner
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.sequence_runner import SequenceFailed, SequenceRunner
+from rig_nodes.runs.simulate import simulate
 
 RIG = (RIGS_DIR / "hydmag" / "rig.yaml").read_text()
 ALFA46 = (CONFIG_DIR / "controllers" / "alfa46.yaml").read_text()

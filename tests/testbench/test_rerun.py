@@ -13,14 +13,14 @@ from rig_nodes.analysis.gather import gather
 from rig_nodes.analysis.moved import moved_lines
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
-from rig_nodes.config.names import installed
 from rig_nodes.controllers import load_controller
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.recorded_rig import config_of_record
-from rig_nodes.testbench.rerun import different_topics
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.recorded_rig import config_of_record
+from rig_nodes.runs.rerun import different_topics
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 SHIFTS = """
 description: a shift up, with a setting and a setpoint changed on the way

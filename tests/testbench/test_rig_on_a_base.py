@@ -5,10 +5,10 @@
 
 import pytest
 
-from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.base.config import RIGS_DIR
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 
 CHAPTER9 = (RIGS_DIR / "chapter9" / "rig.yaml").read_text()
 

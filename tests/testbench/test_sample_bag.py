@@ -9,9 +9,9 @@ import pytest
 
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

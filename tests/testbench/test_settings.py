@@ -5,15 +5,15 @@
 
 import pytest
 
-from rig_nodes.config.names import installed
-from rig_nodes.description.settings import settings_of
-from rig_nodes.description.structure import structure_of
-from rig_nodes.errors import RigError
-from rig_nodes.fmu.rig_variables import enable_of, rig_variables
-from rig_nodes.sweep.plan import make_plan
-from rig_nodes.testbench.configuration import load_rig, with_overrides
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import installed
+from rig_nodes.rig.configuration import load_rig, with_overrides
+from rig_nodes.rig.settings import settings_of
+from rig_nodes.rig.structure import structure_of
+from rig_nodes.runs.fmu.rig_variables import enable_of, rig_variables
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.studies.sweep.plan import make_plan
 
 UNKNOWN = "there is no value of motor 'ramb'; did you mean 'ramp'"
 

@@ -8,7 +8,7 @@ import math
 
 import pytest
 
-from rig_nodes.testbench.rig import Rig
+from rig_nodes.runs.rig import Rig
 
 # computed by hand from the tables of the thesis and, for calibrated values, from rigs/hydmag/rig.yaml
 RATIO = {1: 47 / 34, 2: 41 / 40}

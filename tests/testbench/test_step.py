@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.metrics import shifts
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.record import record
+from rig_nodes.runs.sequence import load_sequence
 
 METRICS = (
     "t_dt_s",

@@ -8,17 +8,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig_nodes.alfa46.controller import Alfa46
-from rig_nodes.alfa46.settings import Alfa46Config
-from rig_nodes.catalogue import catalogue
-from rig_nodes.description.driveline import held_ratio
-from rig_nodes.errors import RigError
+from rig_nodes.base.errors import RigError
+from rig_nodes.controllers.alfa46.box import Alfa46
+from rig_nodes.driveline.builder import Driveline
 from rig_nodes.nodes.shift_phase import ShiftPhase
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.plan import plan_of
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.transmission import Clutch, Gear, Transmission, transmission_of
+from rig_nodes.rig.alfa46 import Alfa46Config
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.driveline import held_ratio
+from rig_nodes.rig.transmission import Clutch, Gear, Transmission, transmission_of
+from rig_nodes.runs.plan import plan_of
+from rig_nodes.runs.rig import Rig
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ import pytest
 
 from rig_nodes.bags import mcap_writer
 from rig_nodes.bags.reader import Bag
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
-from rig_nodes.uninterrupted import Uninterrupted
+from rig_nodes.base.uninterrupted import Uninterrupted
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 
 
 class Interrupted:

@@ -13,13 +13,13 @@ from multiprocessing import forkserver
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.workers import Workers
+from rig_nodes.base.errors import RigError
+from rig_nodes.runs.workers import Workers
 
 
 def loaded(_item):
     """Returns the worker's parent, and whether the plant is loaded before the first use."""
-    return os.getppid(), "rig_nodes.engine.loop" in sys.modules
+    return os.getppid(), "rig_nodes.plant.engine.loop" in sys.modules
 
 
 def test_they_are_forked_from_one_server_that_has_the_plant():
@@ -32,7 +32,7 @@ def test_they_are_forked_from_one_server_that_has_the_plant():
 
 
 def test_a_verb_can_start_the_server_before_it_loads_a_compiler():
-    code = "import sys, rig_nodes.testbench.workers; print({'numba', 'numpy'} & set(sys.modules))"
+    code = "import sys, rig_nodes.runs.workers; print({'numba', 'numpy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == "set()"
 
@@ -63,7 +63,7 @@ def test_an_interrupt_ends_the_items_that_have_begun():
 
 def test_an_interrupt_while_one_starts_waits_for_it():
     code = (
-        "import signal; from multiprocessing import forkserver; from rig_nodes.testbench.workers import Workers; "
+        "import signal; from multiprocessing import forkserver; from rig_nodes.runs.workers import Workers; "
         "signal.signal(signal.SIGINT, signal.default_int_handler); "  # in a background job it is ignored
         "forked = forkserver.connect_to_new_process; "
         "forkserver.connect_to_new_process = lambda fds: (forked(fds), signal.raise_signal(signal.SIGINT))[0]; "

@@ -12,16 +12,16 @@ import time
 
 import pytest
 
-from rig_nodes.alfa46.settings import read_alfa46
-from rig_nodes.config import CONFIG_DIR, RIGS_DIR, load_yaml
-from rig_nodes.config.yaml_file import MOST_BYTES, MOST_DEPTH, MOST_VALUES
-from rig_nodes.errors import RigError
-from rig_nodes.sweep.plan import read_plan
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.procedure import load_procedure, prepare
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.validation.calibrate import STAGES_FILE, load_stages
-from rig_nodes.validation.targets import TARGETS_FILE, load_targets
+from rig_nodes.base.config import CONFIG_DIR, RIGS_DIR, load_yaml
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.yaml_file import MOST_BYTES, MOST_DEPTH, MOST_VALUES
+from rig_nodes.rig.alfa46 import read_alfa46
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory.targets import TARGETS_FILE, load_targets
+from rig_nodes.runs.procedure import load_procedure, prepare
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.studies.sweep.plan import read_plan
+from rig_nodes.studies.validation.calibrate import STAGES_FILE, load_stages
 
 SECONDS = 4.0  # s of processor time on a busy machine: twice the promised time
 LAUGHS = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -101,8 +101,8 @@ def test_a_file_that_eats_memory_ends_below_300_mb(tmp_path):
     for k, what in enumerate(TOO_MUCH):
         (tmp_path / f"{k}.yaml").write_text(TOO_MUCH[what][1])
     code = (
-        "import sys; from rig_nodes.testbench.sequence import load_sequence; "
-        "from rig_nodes.testbench.configuration import load_rig; from rig_nodes.errors import RigError\n"
+        "import sys; from rig_nodes.runs.sequence import load_sequence; "
+        "from rig_nodes.rig.configuration import load_rig; from rig_nodes.base.errors import RigError\n"
         "for path in sys.argv[1:]:\n"
         "    for load in (load_rig, load_sequence):\n"
         "        try:\n            load(path)\n"

@@ -9,20 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig_nodes.alfa46.settings import read_alfa46
 from rig_nodes.analysis.metrics import shifts
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.campaign import Workers
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import record
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.transmission import transmission_of
-from rig_nodes.tune import document, folder, judge, run, scout, search, space, uncertainty
-from rig_nodes.tune.beginning import read_beginnings
-from rig_nodes.tune.bench import RPM, Bench, Point, Shift
-from rig_nodes.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
+from rig_nodes.rig.alfa46 import read_alfa46
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.runs.record import record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.studies.tune import document, folder, judge, run, scout, search, space, uncertainty
+from rig_nodes.studies.tune.beginning import read_beginnings
+from rig_nodes.studies.tune.bench import RPM, Bench, Point, Shift
+from rig_nodes.studies.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
 
 WAYS = ("I-II", "II-I")
 BEGIN = read_beginnings("hydmag", load_rig("hydmag").transmission)
@@ -91,8 +91,8 @@ def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
     point = Point("I-II", 1500.0 * RPM, 80.0)
     settings = space.settings(config.alfa46, "I-II", BEGIN["I-II"], transmission_of(config))
     whole = bench.shift(point, settings)
-    monkeypatch.setattr("rig_nodes.tune.bench.LEAST_WINDOW", 0.2)
-    monkeypatch.setattr("rig_nodes.tune.bench.AFTER", -0.3)
+    monkeypatch.setattr("rig_nodes.studies.tune.bench.LEAST_WINDOW", 0.2)
+    monkeypatch.setattr("rig_nodes.studies.tune.bench.AFTER", -0.3)
     late = bench.shift(point, settings)
     assert whole.valid and late.valid and late.time == pytest.approx(whole.time, abs=1e-4)
 

@@ -8,16 +8,16 @@ import json
 import numpy as np
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.calculations import Table, calculations_of
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.validation import own_rows
-from rig_nodes.validation.which_rows import rows_file
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.calculations import Table, calculations_of
+from rig_nodes.studies.validation import own_rows
+from rig_nodes.studies.validation.which_rows import rows_file
 
 CODE = '''\
 """Calculations of a rig for tests."""
-from rig_nodes.testbench.calculations import Table
+from rig_nodes.runs.calculations import Table
 
 
 def ratios(config):

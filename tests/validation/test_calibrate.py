@@ -9,15 +9,15 @@ import shutil
 import numpy as np
 import pytest
 
+from rig_nodes.base.config import CONFIG_DIR, RIGS_DIR
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.config import CONFIG_DIR, RIGS_DIR
-from rig_nodes.errors import RigError
 from rig_nodes.plant.kiss_point import kiss_pressure
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig_base import Tripped
-from rig_nodes.validation import calibrate as c
-from rig_nodes.validation import calibration_rows as rows
-from rig_nodes.validation import trade_off
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory import calibration_rows as rows
+from rig_nodes.rigs.hydmag.laboratory import trade_off
+from rig_nodes.runs.rig_base import Tripped
+from rig_nodes.studies.validation import calibrate as c
 
 TARGETS = rows.calibrating()
 

@@ -8,10 +8,10 @@ from math import inf, nan, pi
 
 import pytest
 
-from rig_nodes.errors import RigError
-from rig_nodes.validation.evaluate import evaluate
-from rig_nodes.validation.records import Record, average, select
-from rig_nodes.validation.targets import Span, Target, load_targets
+from rig_nodes.base.errors import RigError
+from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
+from rig_nodes.rigs.hydmag.laboratory.records import Record, average, select
+from rig_nodes.rigs.hydmag.laboratory.targets import Span, Target, load_targets
 
 RPM = pi / 30.0
 UP = {"shift": ("I-II",), "n_wej": (1000.0 * RPM, 2000.0 * RPM), "m_wyj": Span(40.0, 120.0)}

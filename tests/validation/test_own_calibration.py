@@ -8,7 +8,7 @@ import re
 import pytest
 
 from rig_nodes.cli.main import main
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 
 SEQUENCE = """\
 description: the first gear at rest, then under load

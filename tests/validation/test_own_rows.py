@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.metrics import Recording
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.record import Run
-from rig_nodes.validation import own_rows
-from rig_nodes.validation.document import terminal
-from rig_nodes.validation.programme import counts
-from rig_nodes.validation.which_rows import is_laboratory, rows_file
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory.document import terminal
+from rig_nodes.rigs.hydmag.laboratory.programme import counts
+from rig_nodes.runs.record import Run
+from rig_nodes.studies.validation import own_rows
+from rig_nodes.studies.validation.which_rows import is_laboratory, rows_file
 
 ROW = """\
 rows:

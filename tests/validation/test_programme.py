@@ -11,15 +11,15 @@ import pytest
 from synthetic_shift import PERIOD, Shift
 
 from rig_nodes.analysis.metrics import Recording
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.campaign import Workers
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.procedure import run_repeat
-from rig_nodes.validation import programme, readers
-from rig_nodes.validation.derived import derive, dip_begins
-from rig_nodes.validation.evaluate import evaluate
-from rig_nodes.validation.records import Record
-from rig_nodes.validation.targets import load_targets
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory import programme, readers
+from rig_nodes.rigs.hydmag.laboratory.derived import derive, dip_begins
+from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
+from rig_nodes.rigs.hydmag.laboratory.records import Record
+from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.runs.procedure import run_repeat
 
 RPM = pi / 30.0
 UP = {"shift": "I-II", "n_wej": 1500.0 * RPM, "m_wyj": 80.0}

@@ -7,12 +7,12 @@ from math import pi
 
 import pytest
 
-from rig_nodes.validation.derived import gaps
-from rig_nodes.validation.evaluate import evaluate
-from rig_nodes.validation.records import Record
-from rig_nodes.validation.score import balanced_accuracy, trivial
-from rig_nodes.validation.side_by_side import closer, comparisons, farthest, mean_distance, nearest
-from rig_nodes.validation.targets import load_targets
+from rig_nodes.rigs.hydmag.laboratory.derived import gaps
+from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
+from rig_nodes.rigs.hydmag.laboratory.records import Record
+from rig_nodes.rigs.hydmag.laboratory.score import balanced_accuracy, trivial
+from rig_nodes.rigs.hydmag.laboratory.side_by_side import closer, comparisons, farthest, mean_distance, nearest
+from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
 
 RPM = pi / 30.0
 TARGETS = {target.id: target for target in load_targets()}

@@ -15,16 +15,16 @@ from types import SimpleNamespace
 import pytest
 from synthetic_shift import Shift
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.procedure import load_procedure
-from rig_nodes.validation import document, time_courses
-from rig_nodes.validation.evaluate import evaluate
-from rig_nodes.validation.figures import Band, Figure, Series, ticks
-from rig_nodes.validation.pictures import figures
-from rig_nodes.validation.programme import Result
-from rig_nodes.validation.records import Record
-from rig_nodes.validation.targets import load_targets
+from rig_nodes.rigs.hydmag.laboratory import document, time_courses
+from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
+from rig_nodes.rigs.hydmag.laboratory.pictures import figures
+from rig_nodes.rigs.hydmag.laboratory.programme import Result
+from rig_nodes.rigs.hydmag.laboratory.records import Record
+from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
+from rig_nodes.runs.procedure import load_procedure
+from rig_nodes.studies.validation.figures import Band, Figure, Series, ticks
 
 RPM = pi / 30.0
 TARGETS = {target.id: target for target in load_targets()}

@@ -13,12 +13,12 @@ import pytest
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.catalogue import catalogue
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.outputs import Outputs
-from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.outputs import Outputs
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 from rig_nodes.view.convert import make_view
 
 REQUIRED = os.environ.get("RIG_REQUIRE_VIEW") == "1"  # with this variable set, no test here may be skipped

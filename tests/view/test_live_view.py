@@ -16,9 +16,9 @@ import pytest
 from pixels import LONGEST, curve_pixels, dots, image_of, lanes, of_state, text_pixels
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
-from rig_nodes.graph.domain import allocate
+from rig_nodes.controllers.ros.domain import allocate
+from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.view import live, picture
 from rig_nodes.view.live import Sender, Server, live_topics
 from rig_nodes.view.pages import FIRST, SECOND, SUPPLY, Pages
@@ -226,7 +226,7 @@ def test_a_server_that_does_not_start_is_quoted(monkeypatch, tmp_path):
 def test_which_domain_is_meant_must_be_clear(monkeypatch, capsys):
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     for busy, sentence in ((set(), "no ROS domain is in use"), ({3, 5}, "ROS domains 3, 5 are in use")):
-        monkeypatch.setattr("rig_nodes.graph.domain.busy_domains", lambda: busy)
+        monkeypatch.setattr("rig_nodes.controllers.ros.domain.busy_domains", lambda: busy)
         assert main(["view", "--live"]) == 2
         error = capsys.readouterr().err
         assert sentence in error and "--domain N" in error and len(error.splitlines()) == 1

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
-from rig_nodes.config.names import installed
-from rig_nodes.description.structure import structure_of
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.structure import structure_of
 from rig_nodes.view import layout
 from rig_nodes.view import pages as pages_module
 from rig_nodes.view.convert import make_tab_view, make_view

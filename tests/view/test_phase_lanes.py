@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.metrics import KEYS
-from rig_nodes.transmission import transmission_of
+from rig_nodes.rig.transmission import transmission_of
 from rig_nodes.view import layout
 from rig_nodes.view.moments import MARK_COLOURS, shift_page
 from rig_nodes.view.pages import Pages

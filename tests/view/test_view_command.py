@@ -14,9 +14,9 @@ import rerun
 
 from rig_nodes.analysis.report import write_report
 from rig_nodes.analysis.runs_table import Member, write_procedure
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import picture, viewer
 from rig_nodes.view.campaign import is_campaign, read_campaign
 

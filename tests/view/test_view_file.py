@@ -13,14 +13,14 @@ import pytest
 from rig_nodes.analysis.report import format_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.catalogue import catalogue
+from rig_nodes.base.errors import BagError, RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
-from rig_nodes.errors import BagError, RigError
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import simulate
-from rig_nodes.transmission import transmission_of
+from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulate import simulate
 from rig_nodes.view import convert, layout
 from rig_nodes.view.convert import make_view
 from rig_nodes.view.curves import thinned

@@ -24,7 +24,7 @@ from rig_nodes.analysis.report import write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.cli.output_files import KINDS
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout, moments, picture
 from rig_nodes.view.campaign import write_campaign
 from rig_nodes.view.convert import make_close_view, make_tab_view

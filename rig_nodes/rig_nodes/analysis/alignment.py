@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import correlate
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .metrics import BEFORE, Recording
 
 EVENTS, CORRELATION = "events", "correlation"

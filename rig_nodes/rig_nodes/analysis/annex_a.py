@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .definitions import withhold
 from .edges import first_true
 from .lacking import what_is_missing

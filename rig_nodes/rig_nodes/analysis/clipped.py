@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..catalogue import catalogue
-from ..errors import RigError
-from ..transmission import ranges_of
+from ..base.errors import RigError
+from ..rig.catalogue import catalogue
+from ..rig.transmission import ranges_of
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
-    from ..catalogue import Signal
+    from ..rig.catalogue import Signal
     from .gathered import Gathered
     from .metrics import _Shift
 

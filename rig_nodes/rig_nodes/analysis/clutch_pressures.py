@@ -15,7 +15,7 @@ import numpy as np
 from .edges import first_true, odd_width, running_mean
 
 if TYPE_CHECKING:
-    from ..transmission import Clutch
+    from ..rig.transmission import Clutch
     from .metrics import _Shift
 
 KISS_MEAN = 5e-3  # s

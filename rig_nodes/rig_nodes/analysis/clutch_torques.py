@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .clutch_pressures import pressed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ..bags.reader import Bag
-    from ..transmission import Transmission
+    from ..rig.transmission import Transmission
     from .gathered import Gathered
     from .metrics import _Shift
 

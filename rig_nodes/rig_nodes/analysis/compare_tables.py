@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..catalogue import Signal
-from ..transmission import Transmission
+from ..rig.catalogue import Signal
+from ..rig.transmission import Transmission
 from .report import columns_of
 from .shown import in_unit, shown
 from .side_by_side import Comparison, short_names

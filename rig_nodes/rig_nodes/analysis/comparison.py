@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..transmission import Transmission
+from ..rig.transmission import Transmission
 from .course import COURSE_KEYS
 from .plant_states import WHY_NOT
 from .shown import in_unit, shown

@@ -15,7 +15,7 @@ import numpy as np
 from .clutch_torques import split_by_logger
 
 if TYPE_CHECKING:
-    from ..transmission import Transmission
+    from ..rig.transmission import Transmission
     from .metrics import _Shift
 
 COURSE_KEYS = (

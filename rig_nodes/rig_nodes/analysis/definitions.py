@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ..transmission import Transmission
+from ..rig.transmission import Transmission
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

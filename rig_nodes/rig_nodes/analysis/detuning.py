@@ -18,21 +18,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize
 
-from ..config import load_yaml
-from ..config.names import find_config
-from ..config.schema import check_keys
-from ..config.units import quantity
-from ..config.yaml_file import where_of
-from ..errors import RigError, brief
-from ..plant.driveline_modes import modes
+from ..base.config import load_yaml
+from ..base.errors import RigError, brief
+from ..base.names import find_config
+from ..base.schema import check_keys
+from ..base.units import quantity
+from ..base.yaml_file import where_of
+from ..driveline.modes import modes
 from .modes import TURN, State, chosen_state, exciting_body, system_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..arrays import Floats
-    from ..config.yaml_file import Map
-    from ..testbench.configuration import RigConfig
+    from ..base.arrays import Floats
+    from ..base.yaml_file import Map
+    from ..rig.configuration import RigConfig
 
 FILE = "detuning.yaml"
 KEYS = ("settings", "away", "orders", "speeds", "bands", "body", "states")

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..description.structure import Structure
-from ..errors import RigError
-from ..parts import part as parts
-from ..transmission import Transmission, transmission_of
+from ..base.errors import RigError
+from ..plant.parts import part as parts
+from ..rig.structure import Structure
+from ..rig.transmission import Transmission, transmission_of
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..transmission import Clutch, Transmission
+from ..rig.transmission import Clutch, Transmission
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .hum import QUIET, without_hum
 from .lacking import what_is_missing

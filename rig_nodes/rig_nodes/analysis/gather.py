@@ -10,8 +10,8 @@ from pathlib import Path
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag
-from ..errors import RigError
-from ..transmission import transmission_of
+from ..base.errors import RigError
+from ..rig.transmission import transmission_of
 from .clutch_torques import put_torques
 from .gathered import SMALL, Gathered, Thinned
 from .report import info_of, no_rig, orders_in, plain, record_of

@@ -23,21 +23,21 @@ from ..bags.opened import OpenedBags
 from ..bags.reader import Bag, Logger, recovered
 from ..bags.run_end import STATE
 from ..bags.sequence_numbers import Numbers
-from ..errors import BagError, RigError
-from ..transmission import Transmission, ranges_of
+from ..base.errors import BagError, RigError
+from ..rig.transmission import Transmission, ranges_of
 from . import energy, no_change, state_at_order
 from .annex_a import AROUND as ANNEX
 from .annex_a import BLOCK as ANNEX_BLOCK
 from .annex_a import shift_metrics_annex_a
-from .bench_report import pressed_clutch
 from .clipped import Clipping
 from .clutch_torques import STATE as CLUTCH
 from .metrics import BEFORE, LONGEST, Recording, is_shift, shift_metrics, shifts, with_ends
+from .press_bench import pressed_clutch
 from .ranges import LOGGER, Ranges
 
 if TYPE_CHECKING:
-    from ..catalogue import Catalogue
-    from ..description.structure import Structure
+    from ..rig.catalogue import Catalogue
+    from ..rig.structure import Structure
 
 SPARE = 0.05  # s of rows more on both sides of a shift than its metrics use
 WHOLE = 300.0  # s; longest run whose results are looked for in all of its rows at once, 0.7 MB each

@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import load_yaml
-from ..config.names import unknown
-from ..config.schema import where_of
-from ..config.units import UNITS, quantity
-from ..errors import RigError, brief
+from ..base.config import load_yaml
+from ..base.errors import RigError, brief
+from ..base.names import unknown
+from ..base.schema import where_of
+from ..base.units import UNITS, quantity
 from .results import Result, number
 from .shown import shown
 

@@ -29,14 +29,14 @@ from math import pi
 
 import numpy as np
 
-from ..transmission import Clutch, Shift, Transmission, transmission_of
+from ..bags.logged import Logged
+from ..rig.transmission import Clutch, Shift, Transmission, transmission_of
 from .clipped import drop_clipped
 from .clutch_pressures import fill_pressures
 from .course import COURSE_KEYS, fill_course
 from .definitions import undefined_on, withhold
 from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .lacking import what_is_missing
-from .logged import Logged
 
 KEYS = (
     "from_gear",

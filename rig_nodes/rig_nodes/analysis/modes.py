@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import signal as filters
 
-from ..config.names import unknown
-from ..description.driveline import build_driveline, inertias_of
-from ..errors import RigError
-from ..parts import part as parts
-from ..plant.driveline_modes import Modes, Response, Sensitivities, modes, response, sensitivities
+from ..base.errors import RigError
+from ..base.names import unknown
+from ..driveline.modes import Modes, Response, Sensitivities, modes, response, sensitivities
+from ..plant.parts import part as parts
+from ..rig.driveline import build_driveline, inertias_of
 
 if TYPE_CHECKING:
-    from ..arrays import Floats
     from ..bags.reader import Bag
-    from ..plant.driveline_system import System
-    from ..testbench.configuration import RigConfig
+    from ..base.arrays import Floats
+    from ..driveline.system import System
+    from ..rig.configuration import RigConfig
 
 OPEN = "all open"
 TURN = 2.0 * math.pi

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..clocks import SAMPLE
-from ..description.signals import CONTROLLER_COMMAND
-from ..errors import RigError
-from ..transmission import Transmission
+from ..base.clocks import SAMPLE
+from ..base.errors import RigError
+from ..rig.signals import CONTROLLER_COMMAND
+from ..rig.transmission import Transmission
 from .coast_down import coast_down
 from .engagement import engagement_metrics
 from .metrics import RPM, STANDSTILL, Recording, orders_of, stands

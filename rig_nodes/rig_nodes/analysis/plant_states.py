@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..transmission import Transmission, transmission_of
+from ..rig.transmission import Transmission, transmission_of
 from .definitions import reasons_in
 from .metrics import RPM
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..transmission import Transmission
+from ..rig.transmission import Transmission
 from .causes import cause
 from .course import LEAST_TORQUE, asked_of_input
 from .metrics import RPM, STANDSTILL

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import RigError
+from ..base.errors import RigError
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag, Logger

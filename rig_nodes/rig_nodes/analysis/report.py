@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from ..atomic_write import atomic_write
 from ..bags import limits
 from ..bags.messages import NOTHING
 from ..bags.reader import UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
-from ..description.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
-from ..errors import RigError, printable
-from ..transmission import NEUTRAL, Transmission, transmission_of
+from ..base.atomic_write import atomic_write
+from ..base.errors import RigError, printable
+from ..rig.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
+from ..rig.transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
@@ -82,7 +82,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     holds the verdict on each shift (quality.quality_of), ``uncertainty`` the largest error of each of its metrics; ``basis`` holds
     the inertias, ratios and instruments used, which are those of the bag's configuration. ``run["recorded_from_s"]`` is there for
     a bag that does not hold the start of its run. A run without a change between gears has ``measured`` (no_change.measured). A run
-    of a rig without gears has no shifts; its results are under ``"bench"`` (analysis.bench_report) and the range of each signal
+    of a rig without gears has no shifts; its results are under ``"bench"`` (analysis.press_bench) and the range of each signal
     under ``"signals"`` (analysis.ranges).
 
     The energy of a shift covers the time from its order until its torque has settled, or until lock-up on a rig without t_o; it is
@@ -116,7 +116,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     problems: list[str] = []
     record, imported = record_of(bag, run), info_of(bag).get("imported")
     if not record["structure"]["gears"]:
-        from .bench_report import bench_report
+        from .press_bench import bench_report
 
         found = bench_report(bag, record, problems)
         problems += clipped_in(bag, record)
@@ -396,7 +396,7 @@ def format_report(report: dict) -> str:
     report holds them.
     """
     if "bench" in report:
-        from .bench_report import bench_lines
+        from .press_bench import bench_lines
 
         lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
         return _shown([*lines, "", *_run_lines(report["run"])])

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..config.units import UNITS
-from ..transmission import Transmission
-from .bench_report import bench_numbers
+from ..base.units import UNITS
+from ..rig.transmission import Transmission
+from .press_bench import bench_numbers
 from .report import columns_of, shift_name, shown_transmission
 from .shown import shown
 
@@ -70,7 +70,7 @@ class Result:
 
     @property
     def dimension(self) -> str:
-        """Dimension of the unit, as config.units names it; a signal may have a unit that cannot be written in a limit."""
+        """Dimension of the unit, as base.units names it; a signal may have a unit that cannot be written in a limit."""
         return UNITS[self.unit][0] if self.unit in UNITS else ""
 
     @property

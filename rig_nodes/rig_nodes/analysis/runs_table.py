@@ -14,9 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..atomic_write import atomic_write
-from ..errors import RigError
-from ..transmission import Transmission
+from ..base.atomic_write import atomic_write
+from ..base.errors import RigError
+from ..rig.transmission import Transmission
 from .limits import Limit, Verdict, judged
 from .metrics import KEYS
 from .quality import GRADES

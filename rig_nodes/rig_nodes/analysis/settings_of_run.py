@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..description.settings import POINT, settings_of
-from ..description.structure import structure_of
+from ..rig.settings import POINT, settings_of
+from ..rig.structure import structure_of
 
 
 def settings_of_run(record: Mapping) -> list[tuple[str, str]]:

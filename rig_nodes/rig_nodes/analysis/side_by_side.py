@@ -14,7 +14,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from ..transmission import Transmission
+from ..rig.transmission import Transmission
 from .alignment import Clock, align
 from .metrics import Recording
 from .moved import REST, differences

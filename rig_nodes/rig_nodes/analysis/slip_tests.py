@@ -13,11 +13,11 @@ from math import pi
 
 import numpy as np
 
-from ..errors import RigError
+from ..bags.logged import Logged
+from ..base.errors import RigError
 from ..plant.friction import bench
 from ..plant.friction.geometry import PackGeometry
 from .edges import running_mean
-from .logged import Logged
 
 CLAMPED = 0.3e6  # Pa, p_z above which the pack counts as clamped
 SLIPS = 0.2  # rad/s, two steps of the speed sensor

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..description.structure import Structure, structure_of
-from ..errors import RigError
-from ..parts import part as parts
-from ..parts.wet_clutch import NO_PRESSURE
-from ..transmission import Transmission
+from ..base.errors import RigError
+from ..plant.parts import part as parts
+from ..plant.parts.wet_clutch import NO_PRESSURE
+from ..rig.structure import Structure, structure_of
+from ..rig.transmission import Transmission
 from .plate_heat import above_the_oil
 from .uncertainty import temperature_error
 

@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from ..clocks import ROW
-from ..transmission import Transmission, transmission_of
+from ..base.clocks import ROW
+from ..rig.transmission import Transmission, transmission_of
 from .metrics import RPM, SETTLED_BAND, SETTLED_BAND_NM, TORQUE_SPEED_MEAN
 
 STEEP_RISE = 45e-3  # s in which the steeper pressure of chapter 9, and with it the torque, rises from contact to its end
@@ -83,7 +83,7 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
 
 @lru_cache(maxsize=1)
 def _default() -> dict[str, Instrument]:
-    from ..testbench.configuration import load_rig  # imported here, because the modules that read a rig depend on this one
+    from ..rig.configuration import load_rig  # imported here, because the modules that read a rig depend on this one
 
     return instruments_of(load_rig().as_dict())
 

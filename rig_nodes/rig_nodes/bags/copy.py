@@ -18,7 +18,7 @@ from operator import itemgetter
 from pathlib import Path
 
 from .. import __version__
-from ..errors import RigError
+from ..base.errors import RigError
 from . import limits
 from .cdr import stamp_and_seq
 from .metadata import read_profile

@@ -16,7 +16,7 @@ from functools import cache
 from io import StringIO
 from textwrap import indent
 
-from ..catalogue import QOS, Offer
+from ..rig.catalogue import QOS, Offer
 from . import limits
 
 VERSION = 9

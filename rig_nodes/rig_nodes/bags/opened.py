@@ -18,7 +18,7 @@ from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 
-from ..errors import BagError, RigError
+from ..base.errors import BagError, RigError
 from . import limits
 from .index import BagIndex, joined_spans
 from .messages import in_short, nothing_in

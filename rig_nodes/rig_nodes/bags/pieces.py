@@ -18,8 +18,8 @@ from pathlib import Path
 
 import zstandard
 
-from ..config.yaml_file import read_yaml
-from ..errors import BagError
+from ..base.errors import BagError
+from ..base.yaml_file import read_yaml
 from . import limits
 from .mcap_file import not_sqlite
 from .old_form import topic_of_today

@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..catalogue import Catalogue, Signal, catalogue
-from ..description.structure import Structure, structure_of
-from ..errors import BagError, RigError
-from ..transmission import Transmission, transmission_of
+from ..base.errors import BagError, RigError
+from ..rig.catalogue import Catalogue, Signal, catalogue
+from ..rig.structure import Structure, structure_of
+from ..rig.transmission import Transmission, transmission_of
 from . import limits
 from .mcap_scan import read_mcap, read_pieces
 from .messages import Messages, in_short, stamps_of

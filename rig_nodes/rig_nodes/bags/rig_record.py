@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 
-from ..config.names import DEFAULT_RIG, installed
+from ..base.names import DEFAULT_RIG, installed
 from . import limits
 from .old_form import record_of_today
 
@@ -59,13 +59,13 @@ def _like(topics: frozenset[str]) -> str:
 
 @lru_cache(maxsize=64)
 def _topics(name: str) -> frozenset[str]:
-    from ..testbench.configuration import load_rig  # imported here, because the modules that read a rig depend on bags
+    from ..rig.configuration import load_rig  # imported here, because the modules that read a rig depend on bags
 
     return frozenset(load_rig(name).catalogue.all_topics)
 
 
 @lru_cache(maxsize=8)
 def _installed(name: str) -> Mapping:
-    from ..testbench.configuration import load_rig
+    from ..rig.configuration import load_rig
 
     return load_rig(name).as_dict()

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from .. import __version__
-from ..atomic_write import atomic_write
-from ..catalogue import Topic, installed_topics
-from ..errors import RigError, not_written
+from ..base.atomic_write import atomic_write
+from ..base.errors import RigError, not_written
+from ..rig.catalogue import Topic, installed_topics
 from . import limits, metadata
 from .cdr import exact
 from .definitions import Definition, installed

@@ -36,15 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Measure the chosen parts, print and write the numbers."""
-    from ..errors import RigError
+    from ..base.errors import RigError
 
     parts = _chosen(args.parts)
     if args.repeats < 1:
         raise RigError(f"--repeats {args.repeats}: at least 1 is needed")
     if args.write_docs and parts != list(PARTS):
         raise RigError("--write-docs writes about all parts of one run; without naming parts")
-    from ..benchmark.document import TITLES, lines, machine_line, write_document
-    from ..benchmark.machine import machine
+    from ..studies.benchmark.document import TITLES, lines, machine_line, write_document
+    from ..studies.benchmark.machine import machine
     from .json_output import write_json
 
     line = ProgressLine()
@@ -71,8 +71,8 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _chosen(parts: list[str]) -> list[str]:
-    from ..config.names import unknown
-    from ..errors import RigError
+    from ..base.errors import RigError
+    from ..base.names import unknown
 
     for part in parts:
         if part not in (*PARTS, "all"):
@@ -82,32 +82,32 @@ def _chosen(parts: list[str]) -> list[str]:
 
 def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | list[dict] | str:
     if part == "kernel":
-        from ..benchmark.kernel import bench_kernel
+        from ..studies.benchmark.kernel import bench_kernel
 
         return bench_kernel(repeats, show)
     if part == "rigs":
-        from ..benchmark.rigs import bench_rigs
+        from ..studies.benchmark.rigs import bench_rigs
 
         return bench_rigs(repeats, show)
     if part == "demo":
-        from ..benchmark.starts import bench_demo
+        from ..studies.benchmark.starts import bench_demo
 
         return bench_demo(repeats, show)
     if part == "graph":
-        from ..benchmark.starts import bench_graph
+        from ..studies.benchmark.starts import bench_graph
 
         return bench_graph(min(repeats, 3), show)
     if part == "controllers":
-        from ..controllers.step_cost import controllers_table
-        from ..testbench.configuration import load_rig
+        from ..rig.configuration import load_rig
+        from ..studies.benchmark.step_cost import controllers_table
 
         show("every plug")
         rows = [cost._asdict() for cost in controllers_table(load_rig())]
         return [{**row, "median_us": None, "p99_us": None} if row["missing"] else row for row in rows]
     if part == "scaling":
-        from ..benchmark.growth import bench_scaling
+        from ..studies.benchmark.growth import bench_scaling
 
         return bench_scaling(show)
-    from ..benchmark.peers import bench_peers
+    from ..studies.benchmark.peers import bench_peers
 
     return bench_peers(0.05 * repeats, show)

@@ -26,7 +26,7 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 def running_rig(args: argparse.Namespace) -> RunningRig:
     """Return the rig of --domain, a context manager; RigError when there is none."""
-    from ..graph.domain import environment, of_running_rig
+    from ..controllers.ros.domain import environment, of_running_rig
 
     domain = of_running_rig(args.domain)
     wanted = environment(domain)

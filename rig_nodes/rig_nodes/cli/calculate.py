@@ -8,14 +8,14 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from ..config.names import DEFAULT_RIG
+from ..base.names import DEFAULT_RIG
 from .output_files import OutputFile
 
 if TYPE_CHECKING:
     import argparse
 
     from ..bags.reader import Bag
-    from ..testbench.calculations import Table
+    from ..runs.calculations import Table
 
 HELP = "print a calculation of a rig's folder, with its values or on a recording"
 LOST = 3  # exit code: calculated, but something of the run is not in its bag
@@ -44,12 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Print the table, or the list of calculations."""
     from ..bags.run_end import faults_of, with_end
-    from ..config.names import unknown
-    from ..errors import RigError, printable
-    from ..testbench.calculations import calculations_of, of_bag
-    from ..testbench.configuration import load_rig, with_overrides
-    from ..testbench.folders import parse_settings
-    from ..testbench.recorded_rig import config_of_record
+    from ..base.errors import RigError, printable
+    from ..base.names import unknown
+    from ..rig.configuration import load_rig, with_overrides
+    from ..rig.recorded_rig import config_of_record
+    from ..runs.calculations import calculations_of, of_bag
+    from ..runs.folders import parse_settings
     from .json_output import write_json
 
     bag = None if args.run is None else _opened(args.run)
@@ -95,7 +95,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _opened(run: str) -> Bag:
     """Return the bag of a run that has begun."""
-    from ..graph.result import open_bag
+    from ..nodes.processes.result import open_bag
 
     bag = open_bag(run)
     bag.check_began()

@@ -10,12 +10,12 @@ import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from ..config.names import DEFAULT_RIG
+from ..base.names import DEFAULT_RIG
 from .output_files import OutputFile
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
-    from ..validation.calibration_rows import Miss
+    from ..rigs.hydmag.laboratory.calibration_rows import Miss
 
 HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
@@ -67,16 +67,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Search, print the result and, on request, write it; RigError when the search is not possible."""
-    from ..config import load_yaml
-    from ..config.names import beside, find_config, unknown
-    from ..config.units import SI
-    from ..errors import RigError, ended_by
-    from ..testbench.configuration import load_rig
-    from ..validation import calibrate as c
-    from ..validation.calibration_rows import ROWS
-    from ..validation.own_calibration import own_calibration
-    from ..validation.trade_off import trade_offs
-    from ..validation.which_rows import LABORATORY_RIG
+    from ..base.config import load_yaml
+    from ..base.errors import RigError, ended_by
+    from ..base.names import beside, find_config, unknown
+    from ..base.units import SI
+    from ..rig.configuration import load_rig
+    from ..rigs.hydmag.laboratory.calibration_rows import ROWS
+    from ..rigs.hydmag.laboratory.trade_off import trade_offs
+    from ..studies.validation import calibrate as c
+    from ..studies.validation.own_calibration import own_calibration
+    from ..studies.validation.which_rows import LABORATORY_RIG
     from .json_output import write_json
 
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):

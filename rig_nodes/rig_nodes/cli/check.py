@@ -9,14 +9,14 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..config.names import RIG_FILE, find_config
+from ..base.names import RIG_FILE, find_config
 from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 PICTURE = "picture.svg"  # which rig list rigs names, too
 HELP = "check the folder of a rig and draw its driveline"
@@ -35,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Check a rig and return 0 when a run can begin; an error is one sentence with file and line."""
-    from ..atomic_write import atomic_write
-    from ..description.picture import driveline_svg
-    from ..errors import not_written
-    from ..testbench.configuration import load_rig
-    from ..testbench.plan import plan_of
-    from ..testbench.sequence import load_sequence
-    from ..tune.beginning import read_beginnings
+    from ..base.atomic_write import atomic_write
+    from ..base.errors import not_written
+    from ..rig.configuration import load_rig
+    from ..rig.picture import driveline_svg
+    from ..runs.plan import plan_of
+    from ..runs.sequence import load_sequence
+    from ..studies.tune.beginning import read_beginnings
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
@@ -79,14 +79,14 @@ def _sequences(rig: str) -> list[Path]:
 
 def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
     """Yield one line for each of the validation rows and the calibration in the rig's own folder."""
-    from ..validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
+    from ..studies.validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
 
     folder = find_config("rigs", rig).parent
     rows = folder / ROWS_FILE
     if not rows.is_file() or is_laboratory(rows):
         return
-    from ..validation.own_calibration import own_calibration
-    from ..validation.own_rows import load_rows
+    from ..studies.validation.own_calibration import own_calibration
+    from ..studies.validation.own_rows import load_rows
 
     yield f"validation rows: {', '.join(row.target.id for row in load_rows(rows, rig, config))}"
     if (folder / CALIBRATION_FILE).is_file():

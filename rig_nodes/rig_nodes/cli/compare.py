@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ..analysis.side_by_side import Comparison, Source
-    from ..catalogue import Signal
-    from ..transmission import Transmission
+    from ..rig.catalogue import Signal
+    from ..rig.transmission import Transmission
 
 HELP = "lay runs, bags and loggers' files over each other, with differences in measuring errors"
 
@@ -41,9 +41,9 @@ MOST_ROWS = 2_000_000  # of all recordings together, 200 s at 10 kHz, that are l
 def main(args: argparse.Namespace) -> int:
     """Compare, print, and write what was asked for."""
     from ..analysis.side_by_side import compare
-    from ..atomic_write import atomic_write
-    from ..catalogue import catalogue
-    from ..errors import RigError, printable
+    from ..base.atomic_write import atomic_write
+    from ..base.errors import RigError, printable
+    from ..rig.catalogue import catalogue
     from .json_output import write_json
 
     if len(args.runs) < 2:
@@ -76,14 +76,14 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     """
     from ..analysis.gather import gather, shifts_report
     from ..analysis.side_by_side import Source
+    from ..bags.exchange.imported import read_measurement
+    from ..bags.exchange.kinds import is_loggers_file
     from ..bags.rig_record import rig_record
     from ..bags.run_end import faults_of, with_end
-    from ..config.names import DEFAULT_RIG
-    from ..errors import RigError, quoted
-    from ..exchange.imported import read_measurement
-    from ..exchange.kinds import is_loggers_file
-    from ..testbench.configuration import load_gearbox_rig
-    from ..transmission import transmission_of
+    from ..base.errors import RigError, quoted
+    from ..base.names import DEFAULT_RIG
+    from ..rig.configuration import load_gearbox_rig
+    from ..rig.transmission import transmission_of
 
     import_verb = import_module("rig_nodes.cli.import")
     profile = import_verb.profile_of(args)
@@ -127,7 +127,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) -> list[str]:
     from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
     from ..analysis.runs_table import table_lines
-    from ..errors import printable
+    from ..base.errors import printable
 
     lines = clock_lines(found)
     for head, rows in (*metric_tables(found, box), *signal_tables(found, signals)):

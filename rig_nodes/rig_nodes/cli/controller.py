@@ -9,7 +9,7 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from ..config.names import DEFAULT_RIG
+from ..base.names import DEFAULT_RIG
 from .run_arguments import StepTimeout, add_in_process, controller_of, step_timeout
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ def main(args: argparse.Namespace) -> int:
 
 def check(args: argparse.Namespace) -> int:
     """Run the set of tests and print its table."""
-    from ..testbench.configuration import load_gearbox_rig
-    from ..testbench.conformance import Check
+    from ..rig.configuration import load_gearbox_rig
+    from ..runs.conformance import Check
 
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
@@ -79,11 +79,11 @@ def check(args: argparse.Namespace) -> int:
 
 def new(args: argparse.Namespace) -> int:
     """Write the template and print the next steps."""
-    from ..config.names import DEFAULT_RIG
+    from ..base.errors import quoted
+    from ..base.names import DEFAULT_RIG
     from ..controllers.record import record_of
     from ..controllers.templates import write_template
-    from ..errors import quoted
-    from ..testbench.configuration import load_gearbox_rig
+    from ..rig.configuration import load_gearbox_rig
 
     record = record_of(load_gearbox_rig(args.rig, None, "controller new"))
     files, commands = write_template(args.kind, args.folder, record)

@@ -9,7 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from ..config.names import DEFAULT_RIG
+from ..base.names import DEFAULT_RIG
 
 if TYPE_CHECKING:
     import argparse
@@ -38,11 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Check the arguments, then become the node's process, so that signals reach only the node."""
-    from ..engine.outside import check_device
-    from ..errors import RigError
-    from ..graph.domain import environment, from_environment, numbered
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_settings
+    from ..base.errors import RigError
+    from ..controllers.ros.domain import environment, from_environment, numbered
+    from ..plant.engine.outside import check_device
+    from ..rig.configuration import load_rig
+    from ..runs.folders import parse_settings
 
     check_device(load_rig(args.rig, parse_settings(args.settings)).structure, args.name)
     if args.domain is None:

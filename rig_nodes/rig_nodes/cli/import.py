@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-    from ..exchange.profile import Profile
+    from ..bags.exchange.profile import Profile
 
 HELP = "make a run of a logger's file: CSV, Parquet, MDF, MAT, xlsx or TDMS"
 INTERMIXED = True
@@ -50,8 +50,8 @@ def profile_of(args: argparse.Namespace) -> Profile | None:
     """Return the profile of the arguments, with the period that they give; None without such arguments."""
     from dataclasses import replace
 
-    from ..config.units import quantity
-    from ..exchange.profile import Profile, read_profile
+    from ..bags.exchange.profile import Profile, read_profile
+    from ..base.units import quantity
 
     profile = read_profile(args.profile) if args.profile else None
     if args.period is not None:
@@ -67,19 +67,19 @@ def main(args: argparse.Namespace) -> int:
 
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, info_of, write_report
-    from ..config.names import DEFAULT_RIG
-    from ..errors import RigError, quoted
-    from ..exchange.cells import CellError
-    from ..exchange.imported import read_measurement, sequence_name, write_bag
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_settings, run_folder, unless_empty
+    from ..bags.exchange.cells import CellError
+    from ..bags.exchange.imported import read_measurement, sequence_name, write_bag
+    from ..base.errors import RigError, quoted
+    from ..base.names import DEFAULT_RIG
+    from ..rig.configuration import load_rig
+    from ..runs.folders import parse_settings, run_folder, unless_empty
 
     profile = profile_of(args)
     settings = {**(profile.settings if profile else {}), **parse_settings(args.settings)}
     rig = args.rig or (profile.rig if profile else None)
     config = load_rig(rig, settings) if rig else None
     if settings and config is None:
-        from ..exchange.imported import NO_RIG
+        from ..bags.exchange.imported import NO_RIG
 
         raise RigError(f"--set {next(iter(settings))}: {NO_RIG}")
     named_by = "--rig" if args.rig else f"profile {profile.name}" if profile else ""
@@ -122,10 +122,10 @@ def _proposal(args: argparse.Namespace) -> Path:
 
 def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[str]:
     """Write a first profile, and return the columns that are only comments in it."""
-    from ..atomic_write import atomic_write
-    from ..exchange.foreign import read_foreign
-    from ..exchange.propose import proposed
-    from ..testbench.configuration import load_rig
+    from ..bags.exchange.foreign import read_foreign
+    from ..bags.exchange.propose import proposed
+    from ..base.atomic_write import atomic_write
+    from ..rig.configuration import load_rig
 
     text, unsure = proposed(read_foreign(args.file), load_rig(rig).as_dict(), rig)
     atomic_write(target, text)
@@ -133,7 +133,7 @@ def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[st
 
 
 def _propose(args: argparse.Namespace, rig: str) -> int:
-    from ..errors import RigError, quoted
+    from ..base.errors import RigError, quoted
 
     target = _proposal(args)
     if target.exists():

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from ..analysis.report import plain
-from ..atomic_write import MAKER, atomic_write
+from ..base.atomic_write import MAKER, atomic_write
 
 
 def write_json(name: Path | str, content: dict) -> None:

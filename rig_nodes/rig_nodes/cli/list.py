@@ -12,18 +12,18 @@ import json
 import os
 from typing import TYPE_CHECKING
 
-from ..config import RIGS_DIR
-from ..config.names import DEFAULT_RIG, find_config, installed, with_bases
-from ..errors import RigError
-from ..parts.part import VALUES
+from ..base.config import RIGS_DIR
+from ..base.errors import RigError
+from ..base.names import DEFAULT_RIG, find_config, installed, with_bases
+from ..plant.parts.part import VALUES
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
 
-    from ..catalogue import Catalogue, Signal, Topic
-    from ..testbench.configuration import RigConfig
+    from ..rig.catalogue import Catalogue, Signal, Topic
+    from ..rig.configuration import RigConfig
 
 HELP = "list sequences, rigs, settings, signals and what else there is"
 # what can be listed -> its line of help and the command that accepts such a name
@@ -92,7 +92,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _described(path: Path) -> str:
-    from ..config import load_yaml
+    from ..base.config import load_yaml
 
     return (load_yaml(path) or {}).get("description", "")
 
@@ -138,13 +138,13 @@ def _templates() -> list[dict[str, str]]:
 
 
 def _known(rig: str | None) -> RigConfig:
-    from ..testbench.configuration import load_rig
+    from ..rig.configuration import load_rig
 
     return load_rig(rig or DEFAULT_RIG)
 
 
 def _devices(rig: str | None) -> list[dict[str, str]]:
-    from ..engine.outside import NOT_DEVICES, why_not
+    from ..plant.engine.outside import NOT_DEVICES, why_not
 
     structure, rows = _known(rig).structure, []
     for name in (
@@ -227,14 +227,14 @@ def _signal_rows(signals: Iterable[Signal], topics: Mapping[str, Topic]) -> list
 
 
 def _parts() -> list[dict[str, str]]:
-    from ..description.reference import rows_of_parts
+    from ..rig.reference import rows_of_parts
 
     return rows_of_parts()
 
 
 def parameters() -> str:
     """Return the content of docs/reference/parameters.md."""
-    from ..description.reference import page
+    from ..rig.reference import page
 
     return page()
 
@@ -252,7 +252,7 @@ OF_A_RIG = {
 
 def markdown() -> str:
     """Return the content of docs/reference/signals.md: every topic and every signal of the installed rigs."""
-    from ..clocks import COMMAND_TIMEOUT
+    from ..base.clocks import COMMAND_TIMEOUT
 
     kept: dict[str, tuple] = {}  # rig -> its catalogue and the other rigs with the same catalogue
     for name in (DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)):

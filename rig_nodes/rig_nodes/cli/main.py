@@ -20,8 +20,8 @@ import signal
 import sys
 
 from rig_nodes import __version__
+from rig_nodes.base.errors import RigError, Terminated, ended_by, printable
 from rig_nodes.cli.output_files import check_outputs
-from rig_nodes.errors import RigError, Terminated, ended_by, printable
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class Parser(argparse.ArgumentParser):
         """Raise RigError instead of printing argparse's usage and exiting; it proposes the option that was probably meant."""
         start, _, rest = message.partition("unrecognized arguments: ")
         if not start and rest.startswith("--"):
-            from rig_nodes.config.names import unknown
+            from rig_nodes.base.names import unknown
 
             options = [name for name in self._option_string_actions if name.startswith("--")]
             message = unknown("option", rest.split()[0].partition("=")[0], options)
@@ -84,7 +84,7 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Check as argparse does, for everything with choices including verbs below a verb; propose what was probably meant."""
         if action.choices is not None and value not in action.choices:
-            from rig_nodes.config.names import unknown
+            from rig_nodes.base.names import unknown
 
             raise argparse.ArgumentError(action, unknown("choice", value, action.choices))
 
@@ -139,7 +139,7 @@ def run_verb(verb: str, arguments: list[str]) -> int:
         When the verb does not exist or refuses its arguments.
     """
     if verb not in VERBS:
-        from rig_nodes.config.names import unknown
+        from rig_nodes.base.names import unknown
 
         raise RigError(unknown("verb", verb, VERBS))
     module = importlib.import_module(f"rig_nodes.cli.{verb}")

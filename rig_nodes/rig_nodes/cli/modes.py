@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from ..analysis.detuning import Detuned, Detuning
     from ..analysis.modes import Critical, Found, Response, Spectrum
-    from ..testbench.configuration import RigConfig
-    from ..validation.figures import Figure
+    from ..rig.configuration import RigConfig
+    from ..studies.validation.figures import Figure
 
 HELP = "natural frequencies, critical speeds and responses of a rig's driveline; detuning"
 RPM = math.pi / 30.0
@@ -81,9 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Compute and print; return 0."""
     from ..analysis import modes as analysis
-    from ..errors import RigError
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_settings
+    from ..base.errors import RigError
+    from ..rig.configuration import load_rig
+    from ..runs.folders import parse_settings
     from .json_output import write_json
 
     if (args.run is None) != (args.signal is None):
@@ -140,7 +140,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _orders(given: list[float] | None) -> list[float]:
-    from ..errors import RigError
+    from ..base.errors import RigError
 
     orders = given or ORDERS
     for order in orders:
@@ -151,8 +151,8 @@ def _orders(given: list[float] | None) -> list[float]:
 
 def _rising(option: str, given: Sequence[str], dimension: str) -> tuple[float, float]:
     """Two rising values with their units, of an option [SI]; the first may be 0 only for a time."""
-    from ..config.units import quantity
-    from ..errors import RigError
+    from ..base.errors import RigError
+    from ..base.units import quantity
 
     low, high = (quantity(one, dimension, option) for one in given)
     if not (low < high and (low > 0.0 or (dimension == "time" and low >= 0.0))):
@@ -376,8 +376,8 @@ def _draw(
     answer: Response | None,
     spectrum: tuple[Spectrum, str] | None,
 ) -> None:
-    from ..atomic_write import atomic_write
-    from ..errors import RigError
+    from ..base.atomic_write import atomic_write
+    from ..base.errors import RigError
     from . import modes_pictures as pictures
 
     figures: list[Figure | None] = [

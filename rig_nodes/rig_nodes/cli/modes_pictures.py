@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..validation.figures import HEIGHT, WIDTH, Figure, Series
+from ..studies.validation.figures import HEIGHT, WIDTH, Figure, Series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

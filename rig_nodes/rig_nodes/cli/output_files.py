@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..atomic_write import MAKER
-from ..errors import RigError
+from ..base.atomic_write import MAKER
+from ..base.errors import RigError
 
 MARK = MAKER.encode()
 STDOUT = "-"

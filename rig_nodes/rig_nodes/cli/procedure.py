@@ -40,11 +40,11 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, write_report
     from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
+    from ..base.errors import interrupted_code, printable, quoted
     from ..controllers.load import embedded_line
-    from ..errors import interrupted_code, printable, quoted
-    from ..testbench.folders import parse_settings, run_folder
-    from ..testbench.procedure import load_procedure, prepare
-    from ..testbench.simulate import simulate
+    from ..runs.folders import parse_settings, run_folder
+    from ..runs.procedure import load_procedure, prepare
+    from ..runs.simulate import simulate
 
     procedure = load_procedure(args.procedure)
     chosen = procedure.series(args.series.split(",") if args.series else None)

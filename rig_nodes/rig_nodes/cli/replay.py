@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..typed_arguments import number_within, seconds_of_bag
+from ..base.typed_arguments import number_within, seconds_of_bag
 from .bag import chosen, pattern
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def node() -> int:
     """Run ``ros2 run rig_nodes replay`` in the domain of its terminal, as other nodes do."""
-    from ..errors import RigError
+    from ..base.errors import RigError
     from ..nodes.ros_arguments import own_arguments
     from .main import main as rig
 
@@ -96,9 +96,9 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
     from ..bags.index import HOLE
     from ..bags.metadata import read_profile
     from ..bags.player import Player
-    from ..config.names import unknown
-    from ..errors import RigError
-    from ..graph.domain import environment, from_environment
+    from ..base.errors import RigError
+    from ..base.names import unknown
+    from ..controllers.ros.domain import environment, from_environment
     from .keyboard import Keyboard
 
     begin, end, topics = _chosen(bag, args)
@@ -164,7 +164,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
 
 def _chosen(bag: OpenedBags, args: argparse.Namespace) -> tuple[int, int, list[str]]:
     """Return begin and end [ns] of the replay and its topics; RigError when the bag does not have them."""
-    from ..errors import RigError
+    from ..base.errors import RigError
 
     if not any(bag.counts.values()):
         why = f" ({'; '.join(bag.damage)})" if bag.damage else ""

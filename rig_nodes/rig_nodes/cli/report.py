@@ -20,12 +20,12 @@ from ..analysis.gather import gather
 from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
 from ..analysis.report import REPORT_FILE, build_report, format_report, info_of, is_of, read_report, write_report
 from ..analysis.results import results_of
+from ..bags.exchange.kinds import is_loggers_file
 from ..bags.old_form import topic_of_today
 from ..bags.run_end import NO_REPORT, faults_of, with_end
-from ..config import load_yaml
-from ..errors import RigError, printable, quoted
-from ..exchange.kinds import is_loggers_file
-from ..graph.result import end_of, facts_of, lost_messages, run_part, what_was_lost
+from ..base.config import load_yaml
+from ..base.errors import RigError, printable, quoted
+from ..nodes.processes.result import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
 from .report_folder import is_folder_of_runs, report_folder, write_pages
 
@@ -100,8 +100,8 @@ def _show(report: dict, as_json: bool) -> None:
 def _page_of_bag(path: str, bag: Gathered, report: dict, warnings: list[str]) -> str:
     from ..bags.canonical import canonical_hash
     from ..bags.rig_record import rig_record
-    from ..description.settings import CHANGED
-    from ..testbench.changed_settings import changed_settings
+    from ..rig.changed_settings import changed_settings
+    from ..rig.settings import CHANGED
     from ..view.pages import Pages
     from ..view.report_page import Facts, report_page
     from ..view.report_plots import plots_of_bag

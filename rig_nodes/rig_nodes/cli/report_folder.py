@@ -22,8 +22,8 @@ from ..analysis.runs_table import (
     table_of,
     warnings_of,
 )
-from ..atomic_write import atomic_write
-from ..errors import RigError, printable, quoted
+from ..base.atomic_write import atomic_write
+from ..base.errors import RigError, printable, quoted
 
 if TYPE_CHECKING:
     import argparse
@@ -40,7 +40,7 @@ def is_folder_of_runs(path: Path) -> bool:
     """Return True for a folder without a bag of its own in which there are runs or a sweep."""
     if not path.is_dir() or any(path.glob("*.mcap")):
         return False
-    from ..sweep.store import MANIFEST
+    from ..studies.sweep.store import MANIFEST
 
     return (path / MANIFEST).exists() or any(path.glob("*/report.json"))
 
@@ -91,7 +91,7 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
 
 def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
     """Return title, sentences on what was run, and the runs of a folder."""
-    from ..sweep.store import MANIFEST
+    from ..studies.sweep.store import MANIFEST
 
     if (folder / MANIFEST).exists():
         return _of_sweep(folder)
@@ -102,13 +102,13 @@ def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
 
 
 def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
-    from ..analysis.bench_report import OF_A_RUN
+    from ..analysis.press_bench import OF_A_RUN
     from ..analysis.quality import quality_of
     from ..analysis.results import Result, results_of
     from ..analysis.uncertainty import instruments_of, uncertainty
-    from ..sweep.plan import plan_of
-    from ..sweep.store import JOURNAL, decode, read_manifest
-    from ..testbench.configuration import load_rig
+    from ..rig.configuration import load_rig
+    from ..studies.sweep.plan import plan_of
+    from ..studies.sweep.store import JOURNAL, decode, read_manifest
 
     manifest = read_manifest(folder)
     plan = plan_of(manifest["plan"])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ..analysis.gathered import Gathered
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 AGAIN = "running the bag again"
 LOST = 3  # exit code: run again, but the bag does not hold its whole run
@@ -66,11 +66,11 @@ def main(args: argparse.Namespace) -> int:
     """Run the bag again; return 1 when a controller failed."""
     from ..analysis.gather import gather
     from ..bags.run_end import faults_of, with_end
-    from ..errors import RigError, printable, quoted
-    from ..testbench.configuration import load_rig, with_overrides
-    from ..testbench.folders import parse_settings, run_folder, unless_empty
-    from ..testbench.recorded_rig import config_of_record
-    from ..testbench.rerun import check_whole
+    from ..base.errors import RigError, printable, quoted
+    from ..rig.configuration import load_rig, with_overrides
+    from ..rig.recorded_rig import config_of_record
+    from ..runs.folders import parse_settings, run_folder, unless_empty
+    from ..runs.rerun import check_whole
 
     what, spec = args.through
     if (args.level or args.in_process) and what == "plant":
@@ -94,7 +94,7 @@ def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
     from ..analysis.gather import gather
     from ..analysis.moved import moved_lines
     from ..analysis.report import build_report, info_of, write_report
-    from ..testbench.rerun import different_topics, rerun_plant
+    from ..runs.rerun import different_topics, rerun_plant
 
     with waiting(AGAIN):
         notes = rerun_plant(bag, config, folder)
@@ -115,10 +115,10 @@ def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
 
 
 def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
+    from ..base.errors import printable
     from ..controllers.load import level_line, load_controller
-    from ..errors import printable
-    from ..testbench.rerun import rerun_controller
-    from ..testbench.simulate import check_controller
+    from ..runs.rerun import rerun_controller
+    from ..runs.simulate import check_controller
     from .simulate import controller_log
 
     check_controller(config)

@@ -14,14 +14,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import BagError, RigError, ended_by, printable, quoted
+from ..base.errors import BagError, RigError, ended_by, printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..graph.supervisor import End
+    from ..nodes.processes.supervisor import End
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s within which the live view must end after the run
@@ -63,16 +63,16 @@ def main(args: argparse.Namespace) -> int:
 def run(args: argparse.Namespace) -> int:
     """Run as :func:`main` does; a KeyboardInterrupt before the first process starts is passed on."""
     from ..controllers.load import level_line, load_controller, split_level
-    from ..graph.child import start_server
-    from ..graph.domain import from_environment
-    from ..graph.dropping import parse_drop
-    from ..graph.recording_options import words
-    from ..graph.supervisor import Order, Supervisor, processes_of
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
-    from ..testbench.rig import Rig, check_level
-    from ..testbench.sequence import BY_HAND, load_sequence
-    from ..testbench.simulate import check_controller, check_delay, run_record
+    from ..controllers.ros.domain import from_environment
+    from ..nodes.processes.child import start_server
+    from ..nodes.processes.dropping import parse_drop
+    from ..nodes.processes.recording_options import words
+    from ..nodes.processes.supervisor import Order, Supervisor, processes_of
+    from ..rig.configuration import load_rig
+    from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
+    from ..runs.rig import Rig, check_level
+    from ..runs.sequence import BY_HAND, load_sequence
+    from ..runs.simulate import check_controller, check_delay, run_record
 
     args.controller = controller_of(args.controller, args.in_process)
     parameters = parse_parameters(args.parameters)
@@ -169,7 +169,7 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
     """Write and print the report of an ended run; return its exit code."""
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, write_report
-    from ..graph.result import join_pieces, run_part, what_was_lost
+    from ..nodes.processes.result import join_pieces, run_part, what_was_lost
 
     last = [] if end.state == "ended" else [end.reason]
     try:

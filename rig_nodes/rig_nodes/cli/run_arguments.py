@@ -146,7 +146,7 @@ def controller_of(spec: str | None, in_process: bool | None) -> str | None:
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is recorded and how it is stored, and whether lost messages count as an error."""
-    from ..graph.recording_options import add_options
+    from ..nodes.processes.recording_options import add_options
 
     add_options(parser)
     parser.add_argument("--allow-loss", action="store_true", help="exit code 0 also when messages or time were lost (default: 3)")

@@ -9,7 +9,7 @@ import contextlib
 import sys
 from typing import TYPE_CHECKING
 
-from ..errors import printable, quoted
+from ..base.errors import printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import add_shared_arguments, controller_of, exit_code
 
@@ -51,13 +51,13 @@ def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, write_report
+    from ..base.errors import interrupted_code
     from ..controllers.load import embedded_line, level_line, load_controller
-    from ..errors import interrupted_code
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
-    from ..testbench.rig import check_level
-    from ..testbench.sequence import load_sequence
-    from ..testbench.simulate import check_controller, simulate
+    from ..rig.configuration import load_rig
+    from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
+    from ..runs.rig import check_level
+    from ..runs.sequence import load_sequence
+    from ..runs.simulate import check_controller, simulate
 
     args.controller = controller_of(args.controller, args.in_process)
     sequence = load_sequence(args.sequence, parse_parameters(args.parameters), args.rig)

@@ -13,8 +13,8 @@ from .output_files import OutputFile
 if TYPE_CHECKING:
     import argparse
 
-    from ..catalogue import Catalogue
-    from ..transmission import Transmission
+    from ..rig.catalogue import Catalogue
+    from ..rig.transmission import Transmission
 
 HELP = "show what the rig that runs does now"
 

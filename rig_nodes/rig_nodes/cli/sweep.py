@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable, Iterator
 
-    from ..sweep.plan import Plan
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
+    from ..studies.sweep.plan import Plan
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
 SHOWN = (
@@ -109,10 +109,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the members that are not finished yet and print the results; return 1 when none was completed."""
-    from ..errors import RigError, ended_by, quoted
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import free_folder
-    from ..testbench.workers import start_server
+    from ..base.errors import RigError, ended_by, quoted
+    from ..rig.configuration import load_rig
+    from ..runs.folders import free_folder
+    from ..runs.workers import start_server
 
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
@@ -123,10 +123,10 @@ def main(args: argparse.Namespace) -> int:
         print(plan.plugged.check(load_rig(plan.rig, plan.fixed)), file=sys.stderr, flush=True)
     # the server compiles when nothing is cached yet; errors of the plan have been reported before this
     if args.jobs > 1 and not args.dask:
-        start_server("rig_nodes.sweep.run")
+        start_server("rig_nodes.studies.sweep.run")
 
-    from ..sweep.run import forget_unfinished, manifest_of, run_sweep
-    from ..sweep.store import RESULTS, Store, parquet
+    from ..studies.sweep.run import forget_unfinished, manifest_of, run_sweep
+    from ..studies.sweep.store import RESULTS, Store, parquet
 
     parquet()
     manifest = manifest_of(plan, bags)
@@ -178,11 +178,11 @@ def main(args: argparse.Namespace) -> int:
 
 def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     """Return (plan, folder to continue with or None, bags)."""
-    from ..config import load_yaml
-    from ..errors import RigError
-    from ..sweep.plan import make_plan, plan_of, plugged_of, read_plan
-    from ..sweep.store import read_manifest
-    from ..testbench.folders import pairs, parse_parameters, parse_settings
+    from ..base.config import load_yaml
+    from ..base.errors import RigError
+    from ..runs.folders import pairs, parse_parameters, parse_settings
+    from ..studies.sweep.plan import make_plan, plan_of, plugged_of, read_plan
+    from ..studies.sweep.store import read_manifest
 
     given = [name for name in OF_A_PLAN if getattr(args, name) not in (None, [])]
     options = {"settings": "--set", "parameters": "--with", "in_process": "--in-process"}
@@ -224,12 +224,12 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
 def _stream(args: argparse.Namespace) -> Iterator[Callable[..., Iterator[tuple[int, Any, Exception | None]]]]:
     """Give the function that runs the members, with the allowed number of processes."""
     if args.dask:
-        from ..sweep.cluster import dask_stream
+        from ..studies.sweep.cluster import dask_stream
 
         with dask_stream(args.dask) as stream:
             yield stream
         return
-    from ..testbench.workers import Workers
+    from ..runs.workers import Workers
 
     with Workers(args.jobs) as workers:
         yield workers.stream
@@ -287,7 +287,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
 
 def _text(summary: dict) -> str:
     from ..analysis.shown import in_unit, shown
-    from ..errors import quoted
+    from ..base.errors import quoted
 
     lines = [
         f"{summary['finished']} of {summary['members']} members finished"

@@ -22,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import rig_nodes
-from rig_nodes.errors import RigError, ended_by
+from rig_nodes.base.errors import RigError, ended_by
 
 HELP = "run the tests"
 PASSES_ON = True
@@ -96,7 +96,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     began, counts, codes = time.monotonic(), Counter(), []
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep failed tests that have another name now
     subprocess.run(
-        [sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root
+        [sys.executable, "-m", "rig_nodes.runs.preloaded"], env=env, cwd=root
     )  # otherwise two parts would compile at once
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))

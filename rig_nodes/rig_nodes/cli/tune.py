@@ -17,7 +17,7 @@ from .progress import ProgressLine
 if TYPE_CHECKING:
     import argparse
 
-    from ..tune.run import Problem
+    from ..studies.tune.run import Problem
 
 SHIFTS = 90_000  # some 6 minutes on two cores
 HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
@@ -107,13 +107,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Search, judge, write the controllers and print the front; RigError when tuning is not possible."""
-    from ..errors import RigError, ended_by, quoted
-    from ..sweep.store import parquet
-    from ..testbench.campaign import Workers
-    from ..testbench.folders import free_folder
-    from ..tune import document, run, search
-    from ..tune.folder import open_journal
-    from ..tune.uncertainty import spreads_of
+    from ..base.errors import RigError, ended_by, quoted
+    from ..runs.campaign import Workers
+    from ..runs.folders import free_folder
+    from ..studies.sweep.store import parquet
+    from ..studies.tune import document, run, search
+    from ..studies.tune.folder import open_journal
+    from ..studies.tune.uncertainty import spreads_of
 
     for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("fresh", 1), ("seed", 0)):
         if getattr(args, name) < least:
@@ -153,9 +153,9 @@ def main(args: argparse.Namespace) -> int:
 
 def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None:
     """Refuse what open_journal would refuse, before the spreads are determined, which takes some seconds."""
-    from ..errors import RigError
-    from ..sweep.store import differs
-    from ..tune.folder import MANIFEST
+    from ..base.errors import RigError
+    from ..studies.sweep.store import differs
+    from ..studies.tune.folder import MANIFEST
 
     path = folder / MANIFEST
     if not path.exists():
@@ -173,15 +173,15 @@ def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None
 
 def _problem(args: argparse.Namespace) -> Problem:
     """Return the requested problem, without spreads when no file gives them; RigError before anything is compiled."""
-    from ..config.names import unknown
-    from ..errors import RigError
-    from ..testbench.configuration import load_gearbox_rig
-    from ..testbench.folders import parse_settings
-    from ..tune.beginning import read_beginnings
-    from ..tune.problem import OBJECTIVES, Range
-    from ..tune.run import Problem
-    from ..tune.space import delay_of
-    from ..tune.uncertainty import read_spreads
+    from ..base.errors import RigError
+    from ..base.names import unknown
+    from ..rig.configuration import load_gearbox_rig
+    from ..runs.folders import parse_settings
+    from ..studies.tune.beginning import read_beginnings
+    from ..studies.tune.problem import OBJECTIVES, Range
+    from ..studies.tune.run import Problem
+    from ..studies.tune.space import delay_of
+    from ..studies.tune.uncertainty import read_spreads
 
     objectives = tuple(args.objectives.split(","))
     for name in objectives:
@@ -226,8 +226,8 @@ def _problem(args: argparse.Namespace) -> Problem:
 
 
 def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
-    from ..config.units import quantity
-    from ..errors import RigError
+    from ..base.errors import RigError
+    from ..base.units import quantity
 
     low, dots, high = text.partition("..")
     if not dots:
@@ -239,9 +239,9 @@ def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
 
 
 def _bounds(texts: list[str]) -> dict[str, float]:
-    from ..config.units import quantity
-    from ..errors import RigError
-    from ..tune.problem import OBJECTIVES
+    from ..base.errors import RigError
+    from ..base.units import quantity
+    from ..studies.tune.problem import OBJECTIVES
 
     dimensions = {"peak": "torque", "time": "time", "dip": "ratio", "energy": "energy"}
     out = {}

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..config.names import DEFAULT_RIG
+from ..base.names import DEFAULT_RIG
 from .output_files import OutputFile, OutputFolder
 from .progress import ProgressLine
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 HELP = "compare a rig with its validation rows, the HydmAG with all printed results"
-STARTING = 2.0  # cost of starting the processes, in the unit of validation.programme
+STARTING = 2.0  # cost of starting the processes, in the unit of rigs.hydmag.laboratory.programme
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,26 +72,26 @@ def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], N
 
 def main(args: argparse.Namespace) -> int:
     """Run what the rows need, print and write the comparison; return 1 when a run tripped."""
-    from ..errors import RigError
-    from ..testbench.workers import Workers, start_server
+    from ..base.errors import RigError
+    from ..runs.workers import Workers, start_server
 
     began = time.monotonic()
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
     if args.write_docs and (args.rows or args.procedures or args.settings):
         raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
-    from ..validation.which_rows import is_laboratory, rows_file
+    from ..studies.validation.which_rows import is_laboratory, rows_file
 
     path = rows_file(args.rig)
     if not is_laboratory(path):
         return _own_rows(args, path)
     if args.jobs > 1:
-        start_server("rig_nodes.validation.programme")
+        start_server("rig_nodes.rigs.hydmag.laboratory.programme")
 
     from ..controllers.load import embedded_line
-    from ..testbench.configuration import load_gearbox_rig
-    from ..testbench.folders import parse_settings
-    from ..validation import document, pictures, programme, time_courses
+    from ..rig.configuration import load_gearbox_rig
+    from ..rigs.hydmag.laboratory import document, pictures, programme, time_courses
+    from ..runs.folders import parse_settings
     from .json_output import write_json
 
     page = _page() if args.write_docs else None
@@ -145,8 +145,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _own_rows(args: argparse.Namespace, path: Path) -> int:
     """Validate the rows of a rig's folder."""
-    from ..errors import RigError
-    from ..testbench.workers import Workers, start_server
+    from ..base.errors import RigError
+    from ..runs.workers import Workers, start_server
 
     if given := next(
         (
@@ -158,11 +158,12 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
     ):
         raise RigError(f"{given} belongs to the laboratory's programme; the rows of {path} have none")
     if args.jobs > 1:
-        start_server("rig_nodes.validation.own_rows")
+        start_server("rig_nodes.studies.validation.own_rows")
 
-    from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_settings
-    from ..validation import document, own_rows, programme
+    from ..rig.configuration import load_rig
+    from ..rigs.hydmag.laboratory import document, programme
+    from ..runs.folders import parse_settings
+    from ..studies.validation import own_rows
     from .json_output import write_json
 
     settings = parse_settings(args.settings)
@@ -194,7 +195,7 @@ def _page() -> Path:
     """Return the path of docs/reference/validation.md in the checkout."""
     import rig_nodes
 
-    from ..errors import RigError
+    from ..base.errors import RigError
 
     docs = Path(rig_nodes.__file__).resolve().parents[2] / "docs"
     if not docs.is_dir():
@@ -203,7 +204,7 @@ def _page() -> Path:
 
 
 def _make_folder(folder: Path) -> None:
-    from ..errors import RigError
+    from ..base.errors import RigError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -15,11 +15,11 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..typed_arguments import number_within
+from ..base.typed_arguments import number_within
 from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
-    from ..graph.domain import Domain
+    from ..controllers.ros.domain import Domain
     from ..view.convert import View
 
 HELP = "show a run or a running rig in Rerun, or make a picture"
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show a run, show a running rig, or write a layout."""
-    from ..errors import RigError
+    from ..base.errors import RigError
 
     given = [args.run is not None, args.live, args.layout is not None]
     if sum(given) != 1:
@@ -114,7 +114,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _recorded(args: argparse.Namespace) -> int:
     """Write the view, then show it, draw it, or print its place."""
-    from ..errors import RigError
+    from ..base.errors import RigError
     from ..view.campaign import is_campaign, write_campaign
     from ..view.convert import make_view
     from ..view.viewer import command_for, has_display, open_window
@@ -149,7 +149,7 @@ def _recorded(args: argparse.Namespace) -> int:
 
 def _tell_notes(view: View) -> int:
     """Print what the bag of a view lacks; return 3 for one that was cut off or is damaged."""
-    from ..errors import printable
+    from ..base.errors import printable
 
     for note in view.notes:
         print(f"rig: {printable(note)}", file=sys.stderr)
@@ -195,7 +195,7 @@ def _draw_close(args: argparse.Namespace) -> View | None:
 
 def _live(args: argparse.Namespace) -> int:
     """Show a running rig until the verb is ended, then return 0, because this is its normal end."""
-    from ..graph.domain import environment
+    from ..controllers.ros.domain import environment
     from ..view.convert import import_rerun
 
     if args.parent is not None:
@@ -222,8 +222,8 @@ def _say(text: str) -> None:
 
 def _find_domain(number: int | None) -> Domain:
     """Return the domain to show; RigError when it is not clear which."""
-    from ..errors import RigError
-    from ..graph.domain import Domain, busy_domains, from_environment
+    from ..base.errors import RigError
+    from ..controllers.ros.domain import Domain, busy_domains, from_environment
 
     if number is not None:
         return Domain(number)
@@ -242,7 +242,7 @@ def _find_domain(number: int | None) -> Domain:
 
 def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
     """Print where viewers connect, and open one when there is a display."""
-    from ..errors import RigError
+    from ..base.errors import RigError
     from ..view.viewer import command_for, has_display, open_window
 
     _say(f"live view of ROS domain {domain}; viewers on this machine connect with: {command_for(url)}")
@@ -255,8 +255,8 @@ def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
 
 
 def _layout(args: argparse.Namespace) -> int:
-    from ..config.names import DEFAULT_RIG
-    from ..testbench.configuration import load_rig
+    from ..base.names import DEFAULT_RIG
+    from ..rig.configuration import load_rig
     from ..view.other_tools import write_layout
     from ..view.pages import Pages
 

@@ -3,7 +3,7 @@
 
 """The seam where shift-control code meets the rig, and its plugs (load.KINDS): one record in, one record out, one timing.
 
-It is used by testbench.simulate, by the alfa46 process and by users' own controller files.
+It is used by runs.simulate, by the alfa46 process and by users' own controller files.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -17,13 +17,13 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
-from ..clocks import COMMAND_TIMEOUT
-from ..errors import RigError
+from ..base.clocks import COMMAND_TIMEOUT
+from ..base.errors import RigError
 from .plug import RECEIVED, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
 if TYPE_CHECKING:
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 LONGEST = 10.0  # s, the largest value of the option timeout
 MASTER = 1.0  # s of silence after which another controller may command, or the timeout when that is longer

@@ -21,8 +21,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from ..errors import RigError, printable
-from ..graph.link import Link, LinkClosed, pair
+from ..base.errors import RigError, printable
+from ..base.link import Link, LinkClosed, pair
 from .guard import END_ALL, LINE_LOST
 from .seam import shortened
 

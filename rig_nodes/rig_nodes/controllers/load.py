@@ -13,13 +13,13 @@ import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..config.names import unknown
-from ..errors import RigError, printable
+from ..base.errors import RigError, printable
+from ..base.names import unknown
 from .plug import DECLARED, DEFAULT, GIVEN, BuiltIn, Plug
 from .seam import LEVELS
 
 if TYPE_CHECKING:
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 
 class Kind(NamedTuple):
@@ -35,14 +35,14 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "python": Kind("python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS, python:NAME"),
-    "c": Kind("c_library", "CLibrary", "c:FILE.so, c:FILE.c, c:FILE.cpp"),
-    "simulink": Kind("simulink", "SimulinkModel", "simulink:FOLDER"),
-    "udp": Kind("udp", "Udp", "udp:PORT"),
-    "fmu": Kind("fmu", "ControllerFmu", "fmu:FILE.fmu"),
-    "can": Kind("can_bus", "CanBus", "can:CHANNEL?interface=NAME"),
-    "modbus": Kind("modbus", "Modbus", "modbus:PORT"),
-    "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
+    "python": Kind("python.python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS, python:NAME"),
+    "c": Kind("c.library", "CLibrary", "c:FILE.so, c:FILE.c, c:FILE.cpp"),
+    "simulink": Kind("c.simulink", "SimulinkModel", "simulink:FOLDER"),
+    "udp": Kind("udp.plug", "Udp", "udp:PORT"),
+    "fmu": Kind("fmi.plug", "ControllerFmu", "fmu:FILE.fmu"),
+    "can": Kind("can.bus", "CanBus", "can:CHANNEL?interface=NAME"),
+    "modbus": Kind("modbus.server", "Modbus", "modbus:PORT"),
+    "ros": Kind("ros.plug", "ros_controller", "ros:NAME", alone=True),
 }
 
 IN_PROCESS = "@in-process"  # behind the specification of a Python class, before its level: it runs in the rig's process
@@ -145,7 +145,7 @@ def _line(name: str, level: str, level_from: str) -> str:
 
 def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
     if text.endswith(IN_PROCESS):
-        from .python_class import InProcess
+        from .python.python_class import InProcess
 
         name, _, rest = text.removesuffix(IN_PROCESS).partition(":")
         if name != "python" or not rest:

@@ -3,7 +3,7 @@
 
 """Checks what a user's controller names as its own: settings, and signals with the blocks in which they are recorded.
 
-It is used by plugs, by testbench.outputs and by the alfa46 process, so that all of them make the same blocks.
+It is used by plugs, by runs.outputs and by the alfa46 process, so that all of them make the same blocks.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-from ..errors import RigError
+from ..base.errors import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,17 +18,17 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
-from ..alfa46.controller import Alfa46, refusal
-from ..alfa46.law import NEUTRAL
-from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
-from ..config.names import unknown
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.names import unknown
+from ..plant.alfa46_law import NEUTRAL
+from ..rig.alfa46 import OUTPUT_KEYS, Alfa46Config
+from .alfa46.box import Alfa46, refusal
 from .ignored import Ignored
 from .record import controller_info, record_of
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, error_text, shortened, taken
 
 if TYPE_CHECKING:
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 LOG = logging.getLogger("rig_nodes.controllers")
 LOG.addHandler(logging.NullHandler())  # tracebacks go to a run's logs; a verb without one shows the sentence only

@@ -18,14 +18,14 @@ from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
-from ..catalogue import Signal
-from ..errors import RigError
-from ..transmission import slip_of
+from ..base.errors import RigError
+from ..rig.alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config
+from ..rig.catalogue import Signal
+from ..rig.transmission import slip_of
 from .seam import ControllerInfo, ControllerInputs, inputs_type
 
 if TYPE_CHECKING:
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which the slip is given as 0
 
@@ -248,7 +248,7 @@ def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) 
 
 
 def record_of(config: RigConfig) -> ControllerRecord:
-    """Return the record of a rig of testbench.configuration, the only function that depends on where its parts are described."""
+    """Return the record of a rig of rig.configuration, the only function that depends on where its parts are described."""
     signals, box = config.catalogue.signals, config.transmission
     first = box.clutches[0]
     by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []

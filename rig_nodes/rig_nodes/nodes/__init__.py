@@ -3,5 +3,6 @@
 
 """The ROS 2 nodes: they only translate between topics and the rig, the shift controller, the sequence and the bag.
 
-The processes are rig_container (one node per device), alfa46, sequencer and recorder; graph.supervisor starts all of them.
+The processes are rig_container (one node per device), alfa46, sequencer and recorder; nodes.processes.supervisor starts all of
+them.
 """

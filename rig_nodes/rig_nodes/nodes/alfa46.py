@@ -3,7 +3,7 @@
 
 """The node `alfa46`: the Alfa46 box as a process of its own, with samples in, valve commands out and gears ordered by an action.
 
-Started by graph.supervisor. Each sample in gives one command out: in executor callbacks in real time, in the main
+Started by nodes.processes.supervisor. Each sample in gives one command out: in executor callbacks in real time, in the main
 thread in lockstep, where another thread serves ROS. The controller itself is a plug (controllers.load).
 """
 
@@ -21,16 +21,16 @@ from rclpy.node import Node
 from rig_msgs.action import Shift
 from rig_msgs.msg import ControllerSample, Measurement, RigState
 
-from ..alfa46.controller import refusal
 from ..bags.cdr import Fields, encoder
-from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
+from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS
+from ..base.errors import RigError, printable
+from ..base.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
 from ..controllers import own_signals
+from ..controllers.alfa46.box import refusal
 from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
-from ..description.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT, SHIFT_ORDERED
-from ..errors import RigError, printable
-from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
-from ..testbench.rig_base import RigStatus
+from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT, SHIFT_ORDERED
+from ..runs.rig_base import RigStatus
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import own_nodes, publishers_of, sender
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from rclpy.action.server import ServerGoalHandle
 
     from ..controllers.plug import Answer, Plug
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 FEEDBACK_SAMPLES = 50  # 20 Hz
 ANSWER_LIMIT = 0.9 * COMMAND_TIMEOUT  # s for an answer in real time, so that the rig learns why there is none before it trips

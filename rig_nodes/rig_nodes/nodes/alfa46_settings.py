@@ -3,7 +3,7 @@
 
 """What can be set at the Alfa46 while it runs: delays, gains and profiles as parameters, or a whole profile by a service.
 
-The node alfa46 uses it. The rules of alfa46.settings check the values; the controller takes them with its next sample.
+The node alfa46 uses it. The rules of rig.alfa46 check the values; the controller takes them with its next sample.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rig_msgs.srv import SetProfile
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_gains, check_profile
-from ..description.settings import OWN, own_setting
-from ..errors import RigError
-from ..testbench.configuration import RigConfig
+from ..base.errors import RigError
+from ..rig.alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config, check_gains, check_profile
+from ..rig.configuration import RigConfig
+from ..rig.settings import OWN, own_setting
 from .settings import Declared, Settings
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from ..engine.outside import Answer
-from ..testbench.cuts import topic_of
-from ..testbench.rig import Rig
-from ..testbench.rig_base import RigStatus
+from ..plant.engine.outside import Answer
+from ..runs.cuts import topic_of
+from ..runs.rig import Rig
+from ..runs.rig_base import RigStatus
 from .device import Device, receive
 from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile

@@ -15,10 +15,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
 from ..bags.cdr import Fields
-from ..catalogue import Catalogue, Topic
-from ..description.commands import Setpoint
-from ..errors import RigError
-from ..parts import part as parts
+from ..base.errors import RigError
+from ..plant.parts import part as parts
+from ..rig.catalogue import Catalogue, Topic
+from ..rig.commands import Setpoint
 from .message_class import message_class
 from .qos import publisher_profile, receiver_profile
 from .settings import DeviceSettings
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
     from rclpy.subscription import Subscription
 
-    from ..testbench.configuration import RigConfig
-    from ..testbench.rig import Rig
+    from ..rig.configuration import RigConfig
+    from ..runs.rig import Rig
     from .commands import Commands
 
 OF_THE_WHOLE = ("rig", "instruments", "alfa46", "sequencer")  # nodes that are not devices

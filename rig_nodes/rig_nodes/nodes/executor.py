@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..errors import RigError
+from ..base.errors import RigError
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor

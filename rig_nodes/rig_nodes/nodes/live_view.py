@@ -24,8 +24,8 @@ from rig_msgs.msg import RunInfo
 
 from ..bags.reader import UNREADABLE
 from ..bags.rig_record import rig_record
-from ..catalogue import QOS
-from ..errors import RigError
+from ..base.errors import RigError
+from ..rig.catalogue import QOS
 from ..view.live import Sender, Server, live_topics
 from ..view.pages import Pages
 from .executor import events_executor

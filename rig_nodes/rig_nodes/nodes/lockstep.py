@@ -15,19 +15,19 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ..clocks import SAMPLE_NS, TICK_SAMPLES
+from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
+from ..base.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
 from ..controllers.plug import Answer
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
-from ..description.signals import CONTROLLER_COMMAND
-from ..graph.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
-from ..testbench.rig import Rig
-from ..testbench.rig_base import RigStatus
-from ..testbench.simulate import give_answer
+from ..rig.signals import CONTROLLER_COMMAND
+from ..runs.rig import Rig
+from ..runs.rig_base import RigStatus
+from ..runs.simulate import give_answer
 from .realtime import take_core
 
 if TYPE_CHECKING:
-    from ..testbench.outputs import Outputs
+    from ..runs.outputs import Outputs
     from .commands import Commands
 
 GRACE = 0.5  # s more, so that the process nearer to the controller can report first

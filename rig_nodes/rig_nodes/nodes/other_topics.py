@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from ..bags.definitions import installed
-from ..errors import RigError
-from ..graph.recording_options import TopicChoice
+from ..base.errors import RigError
+from .processes.recording_options import TopicChoice
 from .receivers import Quality, Receivers
 
 LOOK = 0.2  # s between two looks for topics that have appeared

@@ -3,8 +3,8 @@
 
 """What all processes of the graph have in memory when they begin; the server from which they are forked makes it once.
 
-Only that server imports it (graph.child.start_server). Whatever is missing here costs each process its own time, when the rig's
-time may run already.
+Only that server imports it (nodes.processes.child.start_server). Whatever is missing here costs each process its own time, when the
+rig's time may run already.
 """
 
 import gc
@@ -13,7 +13,7 @@ from importlib import import_module
 from rclpy.type_support import check_for_type_support
 
 from ..bags.definitions import installed
-from ..testbench.configuration import load_rig
+from ..rig.configuration import load_rig
 from . import alfa46, recorder, rig_container, sequencer  # noqa: F401  loaded, to be there in all of them
 from .message_class import message_class
 

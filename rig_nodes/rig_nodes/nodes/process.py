@@ -29,17 +29,17 @@ from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from ..atomic_write import atomic_write
 from ..bags.sequence_numbers import LIFE_BITS
-from ..config.names import DEFAULT_RIG, rig_of
-from ..errors import RigError, printable
-from ..graph.domain import use_own_transports
-from ..graph.link import Link
-from ..graph.tap import Tap
-from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
-from ..testbench.folders import parse_parameters, parse_settings
-from ..testbench.sequence import Sequence, load_sequence
+from ..base.atomic_write import atomic_write
+from ..base.errors import RigError, printable
+from ..base.link import Link
+from ..base.names import DEFAULT_RIG, rig_of
+from ..controllers.ros.domain import use_own_transports
+from ..rig.configuration import RigConfig, load_gearbox_rig, load_rig
+from ..runs.folders import parse_parameters, parse_settings
+from ..runs.sequence import Sequence, load_sequence
 from .executor import events_executor
+from .processes.tap import Tap
 from .ros_arguments import own_arguments, set_parameters
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 
 """Quality-of-service profiles of the catalogue's classes, for the side that publishes and the side that receives.
 
-Every node uses them; description.signals sets the class of a topic, and catalogue.QOS how a class is offered.
+Every node uses them; rig.signals sets the class of a topic, and catalogue.QOS how a class is offered.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Any
 from rclpy.duration import Duration, Infinite
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-from ..catalogue import QOS
-from ..config import load_yaml
-from ..config.names import unknown
-from ..errors import RigError
+from ..base.config import load_yaml
+from ..base.errors import RigError
+from ..base.names import unknown
+from ..rig.catalogue import QOS
 
 COMMANDS = 100  # messages that wait for their receiver: at 1 kHz, those of the time after which the rig trips
 

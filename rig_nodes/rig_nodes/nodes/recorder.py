@@ -3,8 +3,8 @@
 
 """The recorder: it writes every topic of a run's domain into an MCAP bag, unchanged, with simulated time as log time.
 
-Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, the messages of rig
-container and alfa46 come through taps (graph/tap.py) and only the others through DDS. Topics that the catalogue does
+Started by nodes.processes.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, the messages of rig
+container and alfa46 come through taps (nodes/processes/tap.py) and only the others through DDS. Topics that the catalogue does
 not list are found while the run continues (nodes/other_topics.py), and their messages are stored at the simulated
 time at which they arrived.
 """
@@ -28,15 +28,15 @@ from ..bags.definitions import installed
 from ..bags.recording import Recording
 from ..bags.run_end import STOPPED
 from ..bags.writer import LIBRARY_OF_RUN, BagWriter
-from ..catalogue import Topic, installed_topics
-from ..errors import RigError
-from ..graph.recording_options import OPTIONS as RECORDING_OPTIONS
-from ..graph.recording_options import TopicChoice, layout
-from ..graph.tap import TapReader
+from ..base.errors import RigError
+from ..rig.catalogue import Topic, installed_topics
 from .answering import answering
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
 from .other_topics import OtherTopics
 from .process import Process, rig_config, run
+from .processes.recording_options import OPTIONS as RECORDING_OPTIONS
+from .processes.recording_options import TopicChoice, layout
+from .processes.tap import TapReader
 from .qos import recorder_profile
 from .realtime import RECORDING, prefer_process, stand_back
 from .receivers import Receivers

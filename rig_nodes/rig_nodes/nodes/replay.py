@@ -34,8 +34,8 @@ from ..bags.definitions import installed, parse
 from ..bags.metadata import read_profile
 from ..bags.opened import OpenedBags
 from ..bags.player import CLOCK, Player
-from ..catalogue import installed_topics
-from ..errors import RigError
+from ..base.errors import RigError
+from ..rig.catalogue import installed_topics
 from .answering import answering
 from .executor import events_executor
 from .message_class import message_class

@@ -3,7 +3,7 @@
 
 """The rig container: one process that owns the plant, moves it in real time and hosts one node per device.
 
-graph.supervisor starts it. A separate thread moves the rig; the executor's callbacks only enqueue.
+nodes.processes.supervisor starts it. A separate thread moves the rig; the executor's callbacks only enqueue.
 """
 
 from __future__ import annotations
@@ -19,15 +19,14 @@ from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from ..clocks import SAMPLE_NS, TICK_SAMPLES
-from ..errors import RigError, printable
-from ..graph.domain import announce, from_environment
-from ..graph.dropping import parse_drop
-from ..testbench.outputs import SCALAR_SAMPLES, Outputs
-from ..testbench.rig import Rig
-from ..testbench.rig_base import RigStatus
-from ..testbench.sequence import BY_HAND
-from ..testbench.simulate import check_delay, run_record
+from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
+from ..base.errors import RigError, printable
+from ..controllers.ros.domain import announce, from_environment
+from ..runs.outputs import SCALAR_SAMPLES, Outputs
+from ..runs.rig import Rig
+from ..runs.rig_base import RigStatus
+from ..runs.sequence import BY_HAND
+from ..runs.simulate import check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, own_nodes, pace_of, sender
@@ -35,6 +34,7 @@ from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import meet, silent
 from .process import ORPHANED, RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, run
+from .processes.dropping import parse_drop
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
@@ -42,7 +42,7 @@ from .rig_node import RigNode
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 GATE_TIMEOUT = 30.0  # s in which the other processes must be connected
 FIRST = 1.0  # s in which users' nodes must confirm the messages of time 0
@@ -296,9 +296,9 @@ def rig_on_the_graph(config: RigConfig, seed: int = 1, devices: str = "external"
     seed : int
         Seed of the run.
     devices : str
-        "embedded" or "external", as for testbench.rig.
+        "embedded" or "external", as for runs.rig.
     delay : int
-        Delay of the controller's answers [samples], as for testbench.rig.
+        Delay of the controller's answers [samples], as for runs.rig.
 
     Returns
     -------

@@ -12,12 +12,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..bags.definitions import installed
-from ..clocks import COMMAND_TIMEOUT
-from ..description.structure import Device
-from ..parts import part as parts
-from ..testbench.moments import Present
-from ..testbench.rig import Rig
-from ..testbench.rig_base import RigStatus
+from ..base.clocks import COMMAND_TIMEOUT
+from ..plant.parts import part as parts
+from ..rig.structure import Device
+from ..runs.moments import Present
+from ..runs.rig import Rig
+from ..runs.rig_base import RigStatus
 from .device import device_names
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 

@@ -19,10 +19,10 @@ from rig_msgs.action import Shift
 from rig_msgs.msg import RigState
 
 from ..bags.cdr import encoder
-from ..catalogue import Signal
-from ..config.schema import SWITCH
-from ..testbench.sequence import Sequence
-from ..testbench.sequence_runner import SequenceFailed
+from ..base.schema import SWITCH
+from ..rig.catalogue import Signal
+from ..runs.sequence import Sequence
+from ..runs.sequence_runner import SequenceFailed
 from .device import publishers_of
 from .message_class import message_class
 from .qos import recorder_profile
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.task import Future
 
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
     from .sequencer import Sequencer
 
 ANSWER_TIMEOUT = 10.0  # s that the controller may take to accept an order in lockstep
@@ -49,7 +49,7 @@ def reader(signal: Signal) -> Callable[[Any], float]:
 
 
 class RosBench:
-    """Implements testbench.sequence_runner.Bench on a node; stamps come from ``stamp_ns``, that of the newest sample."""
+    """Implements runs.sequence_runner.Bench on a node; stamps come from ``stamp_ns``, that of the newest sample."""
 
     def __init__(self, node: Sequencer, config: RigConfig, in_lockstep: bool) -> None:
         """Open the topics; with ``in_lockstep``, readings and state come with the ticks of the container's link, not by topic."""
@@ -118,7 +118,7 @@ class RosBench:
         state = self.rig_state
         return state.reason if state is not None and state.state == RigState.TRIPPED else None
 
-    # ---- testbench.sequence_runner.Bench
+    # ---- runs.sequence_runner.Bench
 
     def ready(self) -> bool:
         """Return whether the rig runs, the controller takes orders and every needed signal has a reading."""

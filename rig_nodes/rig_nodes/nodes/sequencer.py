@@ -3,7 +3,7 @@
 
 """The sequencer: it runs test sequences on the rig, one at once with --sequence, or others by the action /sequencer/run.
 
-graph.supervisor starts it. It is polled at every graph tick of simulated time, which the samples bring.
+nodes.processes.supervisor starts it. It is polled at every graph tick of simulated time, which the samples bring.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from rclpy.node import Node
 from rig_msgs.action import RunSequence
 
 from ..bags.cdr import stamp
-from ..clocks import SAMPLE_NS, TICK_SAMPLES
-from ..errors import RigError
-from ..graph.link import Link, LinkClosed
-from ..parts.load_pump import LoadConfig, relief_setting_for
-from ..testbench.sequence import Sequence, load_sequence
-from ..testbench.sequence_runner import SequenceFailed, SequenceRunner
+from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
+from ..base.errors import RigError
+from ..base.link import Link, LinkClosed
+from ..plant.parts.load_pump import LoadConfig, relief_setting_for
+from ..runs.sequence import Sequence, load_sequence
+from ..runs.sequence_runner import SequenceFailed, SequenceRunner
 from .action_server import GoalServer, finish
 from .device import own_nodes, pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health
@@ -34,7 +34,7 @@ from .ros_bench import EVENTS, RosBench
 if TYPE_CHECKING:
     from rclpy.action.server import ServerGoalHandle
 
-    from ..testbench.configuration import RigConfig
+    from ..rig.configuration import RigConfig
 
 FEEDBACK_TICKS = 100  # feedback at 2 Hz, and at every new step
 OPTIONS = [

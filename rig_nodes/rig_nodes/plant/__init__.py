@@ -6,6 +6,6 @@
 Importing it sets the folder of numba's cache before numba is loaded.
 """
 
-from ..compiled import use_kernel_cache
+from ..base.compiled import use_kernel_cache
 
 use_kernel_cache()

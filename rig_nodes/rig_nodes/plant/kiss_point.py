@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
 
     class Cylinder(Protocol):
-        """Values of a cylinder that are read here, in SI units; parts.wet_clutch has a class with these values."""
+        """Values of a cylinder that are read here, in SI units; plant.parts.wet_clutch has a class with these values."""
 
         piston_area: float
         force_per_pressure_squared: float

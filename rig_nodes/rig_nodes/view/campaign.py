@@ -28,10 +28,10 @@ from ..bags.opened import KINDS
 from ..bags.pieces import PACKED
 from ..bags.reader import UNREADABLE
 from ..bags.rig_record import rig_record
-from ..config.conditions import CONDITIONS
-from ..config.units import SI
-from ..errors import RigError, quoted
-from ..transmission import Transmission, transmission_of
+from ..base.errors import RigError, quoted
+from ..base.units import SI
+from ..rig.conditions import CONDITIONS
+from ..rig.transmission import Transmission, transmission_of
 from . import layout
 from .convert import APPLICATION, VIEW_FILE, import_rerun
 from .document import markdown_table

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis.side_by_side import Comparison
-from ..catalogue import Signal
-from ..errors import RigError
+from ..base.errors import RigError
+from ..rig.catalogue import Signal
 from . import layout
 from .convert import APPLICATION, import_rerun
 from .curves import times

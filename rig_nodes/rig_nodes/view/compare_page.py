@@ -12,8 +12,8 @@ import numpy as np
 
 from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
 from ..analysis.side_by_side import Comparison, Curve, short_names
-from ..catalogue import Signal
-from ..transmission import Transmission
+from ..rig.catalogue import Signal
+from ..rig.transmission import Transmission
 from .html_page import COLOURS, Axis, Envelope, captioned, legend, page, table
 from .html_page import Curve as Drawn
 

@@ -26,8 +26,8 @@ from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag, recovered
 from ..bags.run_end import CUT_OFF, NO_REPORT
 from ..bags.sequence_numbers import Numbers
-from ..config.names import unknown
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.names import unknown
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import event_row, report_document
@@ -212,9 +212,7 @@ def _key(bag: OpenedBags, window: tuple[float, float] | None, wanted: Sequence[i
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window} {wanted}".encode())
     package = Path(__file__).parents[1]
-    sources = sorted(
-        path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py")
-    )
+    sources = sorted(path for part in ("view", "analysis", "bags", "rig", "plant/parts") for path in (package / part).glob("*.py"))
     rigs = sorted((package / "rigs").glob("*/rig.yaml"))  # the page of the run lists the settings that differ from them
     for file, piece in zip(bag.files, bag.pieces, strict=True):
         digest.update(file.name.encode() + piece.digest())

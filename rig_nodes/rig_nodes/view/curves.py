@@ -15,8 +15,8 @@ import numpy as np
 
 from ..analysis.plate_heat import above_the_oil
 from ..bags.reader import Bag
-from ..catalogue import Signal
-from ..errors import RigError
+from ..base.errors import RigError
+from ..rig.catalogue import Signal
 from . import layout
 from .pages import OTHER, Pages, Plates
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from itertools import zip_longest
 
-from ..analysis.bench_report import bench_lines
 from ..analysis.definitions import undefined_lines
 from ..analysis.energy import clutch_heat
 from ..analysis.no_change import measured_lines
+from ..analysis.press_bench import bench_lines
 from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
 from ..analysis.report import columns_of, no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
 from ..analysis.shown import in_unit, shown
 from ..analysis.state_at_order import begun_lines
-from ..transmission import Transmission
+from ..rig.transmission import Transmission
 
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 ARROW = " → "

@@ -15,9 +15,9 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from ..analysis.metrics import with_ends
-from ..catalogue import Signal
-from ..errors import RigError
-from ..transmission import NEUTRAL, Transmission
+from ..base.errors import RigError
+from ..rig.catalogue import Signal
+from ..rig.transmission import NEUTRAL, Transmission
 from .pages import Pages, Plots
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ import numpy as np
 
 from ..bags import cdr
 from ..bags.definitions import installed
-from ..catalogue import Signal, Topic
-from ..errors import RigError
+from ..base.errors import RigError
+from ..rig.catalogue import Signal, Topic
 from . import layout
 from .convert import import_rerun
 from .curves import log_state_styles, log_style, times

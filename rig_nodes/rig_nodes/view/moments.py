@@ -19,8 +19,8 @@ from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, without_s
 from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, Part, moments_of, phases_of, times_of
 from ..bags import cdr
 from ..bags.reader import UNREADABLE
-from ..errors import RigError
-from ..transmission import NEUTRAL
+from ..base.errors import RigError
+from ..rig.transmission import NEUTRAL
 from . import layout
 from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
 from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots

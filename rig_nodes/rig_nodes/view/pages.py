@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ..bags.rig_record import rig_record
-from ..catalogue import Catalogue, Signal, catalogue
-from ..description.structure import Device, Structure, structure_of
-from ..parts import part as parts
-from ..transmission import Transmission, transmission_of
+from ..plant.parts import part as parts
+from ..rig.catalogue import Catalogue, Signal, catalogue
+from ..rig.structure import Device, Structure, structure_of
+from ..rig.transmission import Transmission, transmission_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

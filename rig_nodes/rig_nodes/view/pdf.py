@@ -12,8 +12,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ..atomic_write import MAKER
-from ..errors import RigError
+from ..base.atomic_write import MAKER
+from ..base.errors import RigError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 LONGEST = 120.0  # s; time limit of the whole print

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..atomic_write import MAKER, atomic_write
-from ..errors import RigError
+from ..base.atomic_write import MAKER, atomic_write
+from ..base.errors import RigError
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 if TYPE_CHECKING:

@@ -11,17 +11,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from ..analysis.bench_report import OF_A_RUN, bench_lines
 from ..analysis.definitions import undefined_lines
 from ..analysis.energy import energy_names
 from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
 from ..analysis.no_change import measured_lines
+from ..analysis.press_bench import OF_A_RUN, bench_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
 from ..analysis.report import columns_of, shown_transmission, verdicts_in
 from ..analysis.results import ENDS, Result, name_and_unit, number, results_of, spread_cells
 from ..analysis.shown import shown
 from ..analysis.state_at_order import begun_lines
-from ..transmission import Transmission
+from ..rig.transmission import Transmission
 from .html_page import Cell, page, table
 from .report_plots import MOST_SHIFTS, Plots, heading_of
 

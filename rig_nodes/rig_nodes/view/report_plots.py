@@ -19,13 +19,13 @@ from ..analysis.ranges import LOGGER
 from ..analysis.report import shift_name
 from ..bags.pieces import PIECE
 from ..bags.reader import Bag
-from ..errors import RigError
+from ..base.errors import RigError
 from .html_page import COLOURS, Axis, Curve, Envelope, Stretch, captioned, legend, on_white
 from .pages import OTHER, PALE, Pages
 
 if TYPE_CHECKING:
-    from ..catalogue import Signal
-    from ..transmission import Transmission
+    from ..rig.catalogue import Signal
+    from ..rig.transmission import Transmission
 
 MOST_SHIFTS = 12  # largest number of shifts whose plots are on a page
 BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order, after the settled torque, and after an order without an end

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from ..analysis.energy import energy_names
 from ..analysis.report import shown_transmission
 from ..analysis.settings_of_run import settings_of_run
-from ..testbench.changed_settings import changed_settings
+from ..rig.changed_settings import changed_settings
 from .document import event_row, markdown_table
 
 SEQUENCER = "sequencer"

@@ -13,8 +13,8 @@ from rclpy.utilities import remove_ros_args
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import parser, run
-from rig_nodes.controllers.ros import checked_topics
-from rig_nodes.controllers.ros_node import serve
+from rig_nodes.controllers.ros.node import serve
+from rig_nodes.controllers.ros.plug import checked_topics
 
 
 def main() -> None:

@@ -9,7 +9,7 @@
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import address, parser, port, run
-from rig_nodes.controllers.udp_frames import PORT, serve
+from rig_nodes.controllers.udp.frames import PORT, serve
 
 
 def main() -> None:

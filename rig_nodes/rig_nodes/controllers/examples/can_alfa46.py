@@ -15,14 +15,14 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
-from rig_nodes.controllers.can_bus import open_bus, receive
-from rig_nodes.controllers.can_database import database
+from rig_nodes.controllers.can.bus import open_bus, receive
+from rig_nodes.controllers.can.database import database
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import parser, run
 from rig_nodes.controllers.ignored import Ignored
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.wire import currents, measured
-from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
+from rig_nodes.rig.configuration import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
     import can

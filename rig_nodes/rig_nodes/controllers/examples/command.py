@@ -7,8 +7,8 @@ import socket
 import sys
 from collections.abc import Callable
 
+from rig_nodes.base.errors import RigError, printable
 from rig_nodes.cli.main import Parser
-from rig_nodes.errors import RigError, printable
 
 
 def parser(text: str, module: str) -> Parser:

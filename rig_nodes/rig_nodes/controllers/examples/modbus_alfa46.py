@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import address, parser, port, run
 from rig_nodes.controllers.ignored import Ignored
+from rig_nodes.controllers.modbus.registers import COMMAND_BASE, register_map
 from rig_nodes.controllers.record import controller_info, record_of
-from rig_nodes.controllers.registers import COMMAND_BASE, register_map
 from rig_nodes.controllers.wire import NO_NUMBER, commands, given
-from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
+from rig_nodes.rig.configuration import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,9 +12,9 @@ import shutil
 from pathlib import Path
 from typing import NamedTuple
 
-from ...errors import RigError, quoted
+from ...base.errors import RigError, quoted
+from ..c.record_header import NAME, header_text
 from ..record import ControllerRecord
-from ..record_header import NAME, header_text
 
 HERE = Path(__file__).parent
 INCLUDE, EXAMPLES = HERE.parent / "include", HERE.parent / "examples"

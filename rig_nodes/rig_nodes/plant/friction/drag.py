@@ -3,8 +3,8 @@
 
 """Drag torque of oil, and of oil with contact, between slipping plates: (6.1)-(6.12) of the thesis.
 
-Used by parts.plates (Kitabayashi's model) and by the picture of fig. 6.5. The thesis gives Kitabayashi's model for n surfaces and
-the others for one; here each gives ``pack.surfaces`` times one surface, with all surfaces alike. The arguments are numbers or
+Used by plant.parts.plates (Kitabayashi's model) and by the picture of fig. 6.5. The thesis gives Kitabayashi's model for n surfaces
+and the others for one; here each gives ``pack.surfaces`` times one surface, with all surfaces alike. The arguments are numbers or
 arrays that broadcast together.
 """
 
@@ -20,7 +20,7 @@ from .geometry import PackGeometry, not_negative, number, part_of_one, positive
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ...arrays import Floats
+    from ...base.arrays import Floats
     from .geometry import Numbers
 
     OverRadius: TypeAlias = Numbers | Callable[[Floats], Floats]  # a constant, or a function of the radius [m]

@@ -3,7 +3,7 @@
 
 """Geometry of a plate pack: friction ring, splines, number of friction surfaces.
 
-Base of parts.plates.PlatePack; every model of plant.friction takes such a pack.
+Base of plant.parts.plates.PlatePack; every model of plant.friction takes such a pack.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ...config.schema import param
+from ...base.schema import param
 
 if TYPE_CHECKING:
-    from ...arrays import Floats
+    from ...base.arrays import Floats
 
     Numbers: TypeAlias = float | Floats  # one number, or an array of them
 

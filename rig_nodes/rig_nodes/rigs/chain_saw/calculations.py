@@ -16,18 +16,18 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from rig_nodes.errors import RigError
-from rig_nodes.parts.centrifugal_clutch import clutch_torque
-from rig_nodes.parts.combustion_engine import full_torque
-from rig_nodes.parts.saw_chain import chain_inertia, chain_mass
-from rig_nodes.testbench.calculations import Table
+from rig_nodes.base.errors import RigError
+from rig_nodes.plant.parts.centrifugal_clutch import clutch_torque
+from rig_nodes.plant.parts.combustion_engine import full_torque
+from rig_nodes.plant.parts.saw_chain import chain_inertia, chain_mass
+from rig_nodes.runs.calculations import Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rig_nodes.parts.centrifugal_clutch import CentrifugalConfig
-    from rig_nodes.testbench.calculations import Recorded
-    from rig_nodes.testbench.configuration import RigConfig
+    from rig_nodes.plant.parts.centrifugal_clutch import CentrifugalConfig
+    from rig_nodes.rig.configuration import RigConfig
+    from rig_nodes.runs.calculations import Recorded
 
 INCH, RPM = 0.0254, np.pi / 30.0
 SPEED = 950.0  # rad/s, p. 5

@@ -3,7 +3,7 @@
 
 """The calculations of the paper on frame saws (A. I. Agapov, Vyatka State University, Kirov 2014), and results from its numbers.
 
-The formulas that the rig itself uses are in its parts: parts.saw_cutting and parts.sash.
+The formulas that the rig itself uses are in its parts: plant.parts.saw_cutting and plant.parts.sash.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from rig_nodes.errors import RigError
-from rig_nodes.parts.sash import GRAVITY, motion
-from rig_nodes.parts.saw_cutting import depth_of_cut, feed_per_tooth, force_per_width
-from rig_nodes.testbench.calculations import Table
+from rig_nodes.base.errors import RigError
+from rig_nodes.plant.parts.sash import GRAVITY, motion
+from rig_nodes.plant.parts.saw_cutting import depth_of_cut, feed_per_tooth, force_per_width
+from rig_nodes.runs.calculations import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.testbench.calculations import Recorded
-    from rig_nodes.testbench.configuration import RigConfig
+    from rig_nodes.rig.configuration import RigConfig
+    from rig_nodes.runs.calculations import Recorded
 
 MM, RPM = 1e-3, pi / 30.0
 MOTOR_SPEED = 980 * RPM  # setpoint of the sequence demo

@@ -4,7 +4,7 @@
 """The design of the metal coupling of high torsional compliance (Kowal and Filipowicz), for the coupling of this rig.
 
 Numbers of sections, equations, figures and tables are those of their paper; the torque per force of the threads is that of
-parts.twisting_coupling. M_o is in Nm in (1); in (2), where d is in mm and k_so in N/mm2, it must be in N mm. Disc springs are
+plant.parts.twisting_coupling. M_o is in Nm in (1); in (2), where d is in mm and k_so in N/mm2, it must be in N mm. Disc springs are
 computed by Almen and Laszlo as in DIN 2092 and DIN EN 16984; their sizes are those of DIN 2093.
 """
 
@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.parts.twisting_coupling import geometry, levers
-from rig_nodes.testbench.calculations import Table
+from rig_nodes.plant.parts.twisting_coupling import geometry, levers
+from rig_nodes.runs.calculations import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.parts.twisting_coupling import CouplingConfig
-    from rig_nodes.testbench.calculations import Recorded
-    from rig_nodes.testbench.configuration import RigConfig
+    from rig_nodes.plant.parts.twisting_coupling import CouplingConfig
+    from rig_nodes.rig.configuration import RigConfig
+    from rig_nodes.runs.calculations import Recorded
 
 MPA = 1e6
 RPM = pi / 30.0

@@ -16,15 +16,15 @@ import numpy as np
 from scipy import optimize
 
 from rig_nodes.analysis.modes import spectrum, system_of
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline_modes import modes
-from rig_nodes.testbench.calculations import Table
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.modes import modes
+from rig_nodes.runs.calculations import Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rig_nodes.testbench.calculations import Recorded
-    from rig_nodes.testbench.configuration import RigConfig
+    from rig_nodes.rig.configuration import RigConfig
+    from rig_nodes.runs.calculations import Recorded
 
 TURN = 2.0 * np.pi
 NEW_FLYWHEEL = 20e-4  # kg m2, p. 3

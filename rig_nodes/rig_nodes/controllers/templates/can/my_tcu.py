@@ -14,8 +14,8 @@ from time import sleep
 import can
 import cantools
 
-from rig_nodes.controllers.can_loopback import LoopbackBus
-from rig_nodes.errors import quoted
+from rig_nodes.base.errors import quoted
+from rig_nodes.controllers.can.loopback import LoopbackBus
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over

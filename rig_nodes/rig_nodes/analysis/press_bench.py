@@ -1,0 +1,133 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The part of a report for the clutch benches: slip tests with their line, or the line of cylinder or springs.
+
+analysis.report uses it; the evaluations themselves are in analysis.slip_tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..bags.logged import Logged
+from ..base.errors import RigError
+from ..plant.friction.geometry import PackGeometry
+from ..plant.parts import part as parts
+from ..rig.structure import Device, Structure, structure_of
+from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, spring_line
+
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
+    from .gathered import Gathered
+
+OF_A_RUN = "run"  # place of a result that does not belong to a single shift, device or model
+TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, at which the springs' line is given
+
+
+def pressed_clutch(structure: Structure) -> tuple[Device, Device] | None:
+    """Return the press of a bench and the clutch that it presses; None on any other rig, whose results are its signals' ranges."""
+    press = next(iter(structure.of_role(parts.PRESS)), None)
+    clutch = next((one for one in structure.clutches if press is not None and one.wires.get("press") == press.name), None)
+    return None if press is None or clutch is None else (press, clutch)
+
+
+def bench_report(bag: Bag | Gathered, record: Mapping, problems: list[str]) -> dict:
+    """Return the results of a run of a bench.
+
+    Parameters
+    ----------
+    bag : Bag or Gathered
+        The recording.
+    record : mapping
+        Record of the run's rig.
+    problems : list of str
+        Receives a sentence for each result that the recording does not give.
+
+    Returns
+    -------
+    dict
+        ``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench; nothing for a rig
+        without a clutch that is pressed to slip.
+    """
+    structure = structure_of(record["structure"])
+    found = pressed_clutch(structure)
+    if found is None:
+        return {}
+    press, clutch = found
+    try:
+        logger = bag.logger(fill=True)
+        logged = Logged(logger.t0, logger.period, _as_chapter_8(structure, press, clutch, logger.channels))
+        if record[press.name]["testing_machine"]:
+            travels = TRAVELS[np.max(logged.channels["s"]) + 30e-6 >= TRAVELS]
+            forces = spring_line(logged, travels) if len(travels) else []
+            return {"springs": [{"s_m": float(s), "f_s_n": float(f)} for s, f in zip(travels, forces)]}
+        if record["instruments"]["force_fitted"]:
+            return {"cylinder": [{"p_z_pa": float(p), "f_p_n": float(f)} for p, f in zip(*cylinder_line(logged))]}
+        plates = record[clutch.wires["plates"]]
+        pack = PackGeometry(**{name: plates[name] for name in PackGeometry.__dataclass_fields__})
+        tests = slip_tests(logged, pack)
+        line = None
+        if len(tests) >= LEAST_TESTS:
+            line = slip_line(tests, pack, plates["friction_static"], plates["friction_spline"])
+        return {"slip_tests": tests, "line": line}
+    except RigError as error:
+        problems.append(f"no results of the bench: {error}")
+        return {}
+
+
+def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels: Mapping) -> dict:
+    """Return the channels under the names of chapter 8 for the same quantities, which slip_tests uses."""
+    shows = {
+        f"{press.name}.pressure": "p_z",
+        f"{press.name}.travel": "s",
+        f"{press.name}.force": "F_ps",
+        f"{clutch.wires['brakes']}.speed": "n",
+    }
+    own = {one.name: shows.get(one.shows, "M_e" if one.type == "torque" else one.name) for one in structure.transducers}
+    return {own.get(name, name): values for name, values in channels.items()}
+
+
+def bench_numbers(found: Mapping) -> list[tuple[str, str, str, str, int, float]]:
+    """Return the results of a bench as (key, name, place, unit, digits, value): k_kor of each model, the lines' numbers."""
+    numbers = []
+    if line := found.get("line"):
+        numbers += [("k_kor", "k_kor", model, "-", 3, value) for model, value in line["k_kor"].items()]
+        numbers.append(("slope_nm_per_pa", "slope of M_eks", OF_A_RUN, "Nm/MPa", 2, line["slope_nm_per_pa"] * 1e6))
+        numbers.append(("m_rest_nm", "M_rest", OF_A_RUN, "Nm", 2, line["m_rest_nm"]))
+        numbers.append(("r_squared", "R2 of the line", OF_A_RUN, "-", 4, line["r_squared"]))
+    numbers += [("f_s_n", "spring force", f"{row['s_m'] * 1e3:.1f} mm", "N", 1, row["f_s_n"]) for row in found.get("springs", ())]
+    return numbers + [
+        ("f_p_n", "cylinder force", f"{row['p_z_pa'] * 1e-6:.1f} MPa", "N", 1, row["f_p_n"]) for row in found.get("cylinder", ())
+    ]
+
+
+def bench_lines(found: dict) -> list[str]:
+    """Return the lines for the terminal, in MPa, mm, N and Nm."""
+    if "springs" in found:
+        return ["s mm    F_s N"] + [f"{row['s_m'] * 1e3:4.1f} {row['f_s_n']:8.1f}" for row in found["springs"]]
+    if "cylinder" in found:
+        return ["p_z MPa    F_p N"] + [f"{row['p_z_pa'] * 1e-6:7.3f} {row['f_p_n']:8.1f}" for row in found["cylinder"]]
+    if not found:
+        return []  # the report's problems give the reason
+    tests = found["slip_tests"]
+    if not tests:
+        return ["no pack was slipped"]
+    lines = ["   t s   p_z MPa    s mm    F_a N    p MPa  M_eks Nm"]
+    lines += [
+        f"{row['t_slip_s']:6.2f} {row['p_z_pa'] * 1e-6:9.3f} {row['s_m'] * 1e3:7.3f} {row['clamp_n']:8.1f} "
+        f"{row['pressure_pa'] * 1e-6:8.3f} {row['m_eks_nm']:9.2f}"
+        for row in tests
+    ]
+    line = found["line"]
+    if line is None:
+        return [*lines, f"no line: it takes at least {LEAST_TESTS} tests"]
+    k_kor = ", ".join(f"{model} {value:.3f}" for model, value in line["k_kor"].items())
+    return [
+        *lines,
+        f"M_eks = {line['slope_nm_per_pa'] * 1e6:.2f} Nm/MPa p {line['m_rest_nm']:+z.2f} Nm, R2 {line['r_squared']:.4f}",
+        f"k_kor against the models: {k_kor}",
+    ]

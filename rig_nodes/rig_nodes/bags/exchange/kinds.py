@@ -1,0 +1,134 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a file is, by its content and not by its ending; a file that is something else is refused with the way to one that is read.
+
+bags.exchange.foreign asks it before it reads a file; report and compare ask whether a file is a run's.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+from ...base.errors import RigError
+
+TEXT, PARQUET, MDF, MATLAB, XLSX, TDMS = "text", "Parquet", "MDF", "MAT", "xlsx", "TDMS"
+READ = "CSV and other text, Parquet, MDF 2 to 4, MAT, xlsx and TDMS"
+LOOKED_AT = 1 << 16  # bytes of the beginning
+
+_SIGNALS = (
+    "import takes measured signals; decode the frames to signals first, e.g. with CANalyzer or asammdf and rig.dbc, as MDF or CSV"
+)
+_UNPACK = "unpack it, and import the file in it"
+# first bytes of formats that are read, and of those that are not with what they are and the remedy
+_READ = {b"PAR1": PARQUET, b"MDF     ": MDF, b"UnFinMF": MDF, b"MATLAB 5.0 MAT": MATLAB, b"MATLAB 7.3 MAT": MATLAB, b"TDSm": TDMS}
+_OTHERS = {
+    b"LOGG": ("a CAN log of Vector (BLF)", _SIGNALS),
+    b"TDSh": ("the index of a TDMS file", "import the .tdms beside it"),
+    b"PARE": ("Parquet with encryption", "write it without encryption"),
+    b"\x1f\x8b": ("packed by gzip", _UNPACK),
+    b"BZh": ("packed by bzip2", _UNPACK),
+    b"\xfd7zXZ\0": ("packed by xz", _UNPACK),
+    b"7z\xbc\xaf": ("a 7-Zip archive", _UNPACK),
+    b"Rar!": ("a RAR archive", _UNPACK),
+    b"\x28\xb5\x2f\xfd": ("packed by zstd", _UNPACK),
+    b"ARROW1": ("an Arrow (Feather) file", "write the table as Parquet"),
+    b"\x93NUMPY": ("an array of NumPy", "save it with its names and units as CSV or Parquet"),
+    b"\x89MCAP": ("a bag, which is a run already", "name it to rig report, rig view or rig compare"),
+    b"SQLite format 3": ("an SQLite file (a bag of rosbag2, or a database)", "convert a bag by 'ros2 bag convert' to MCAP"),
+    b"%PDF": ("a PDF document", "export the numbers as CSV"),
+    b"|CF,": ("an imc FAMOS file", "export it as MDF, Parquet or CSV"),
+}
+_OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+# beginnings of text formats that are no table, by a pattern of their first lines
+_TEXTS = (
+    (r"\s*(//.*\s+)*date\s.*\s+base\s+(hex|dec)\s+timestamps", "a CAN trace of Vector (ASC)", _SIGNALS),
+    (r"\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#", "a CAN log of candump", _SIGNALS),
+    (r"(\s*\(\d[\d. :-]*\))?\s*\w*can\w*\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]", "a CAN log of candump", _SIGNALS),
+    (r"# Created by Octave", "Octave's own text format", "save it with '-v7' or '-v6'"),
+    (r";\s*\$FILEVERSION=", "a CAN trace of PEAK (TRC)", _SIGNALS),
+    (r"LabVIEW Measurement", "a LabVIEW measurement file (LVM)", "save it as TDMS, or as text without its heads"),
+    (r"(DIAEXTENDED|#BEGINGLOBALHEADER)", "the header of a DIAdem data set", "export the data set as TDMS or CSV"),
+    (r"\s*<\?xml[^>]*>\s*(<!--.*?-->\s*)?<usi:tdm", "the description of a TDM data set", "export the data set as TDMS"),
+    (r"\s*<(\?xml|!DOCTYPE|html|table)", "XML or HTML", "save the table as CSV or xlsx"),
+    (r'\s*(\[\s*)?\{\s*("|\})|\s*\[\s*\[', "JSON", "write the table as CSV or Parquet"),
+    (r"\s*BO_ |\s*VERSION \"", "a CAN database", "import takes measured signals"),
+)
+
+
+def is_loggers_file(name: str) -> bool:
+    """Return True for the name of a file that is imported, and of none that belongs to a run."""
+    return Path(name).is_file() and not name.lower().endswith((".mcap", ".db3", ".yaml", ".json"))
+
+
+def kind_of(path: Path) -> str:
+    """Return what a file is.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    str
+        TEXT, PARQUET, MDF, MATLAB, XLSX or TDMS.
+
+    Raises
+    ------
+    RigError
+        When it is something else, with the remedy.
+    """
+    with open(path, "rb") as file:
+        head = file.read(LOOKED_AT)
+    for begin, kind in _READ.items():
+        if head.startswith(begin):
+            return kind
+    for begin, (what, remedy) in _OTHERS.items():
+        if head.startswith(begin):
+            raise RigError(f"{path}: is {what}; {remedy}")
+    if _HDF5 in head[:1024]:
+        if path.suffix.lower() == ".mat":
+            return MATLAB
+        raise RigError(f"{path}: is HDF5 of another program; export its signals as MDF, Parquet or CSV")
+    if head.startswith(b"PK\x03\x04"):
+        return _of_archive(path)
+    if head.startswith(_OLE):
+        locked = "E\0n\0c\0r\0y\0p\0t".encode("latin-1") in head
+        raise RigError(
+            f"{path}: is {'a workbook of Excel with a password' if locked else 'a workbook of Excel 97 (.xls)'}; save it as .xlsx"
+            + " without one" * locked
+        )
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return TEXT
+    if b"\0" in head[:4096]:
+        if path.suffix.lower() == ".mat":  # version 4 has no mark
+            return MATLAB
+        raise RigError(
+            f"{path}: is not text, although its ending is {path.suffix}, and none of the formats that are read ({READ}); export it "
+            "from its program as one of them"
+        )
+    text = head.decode("latin-1").removeprefix("\xef\xbb\xbf")
+    for pattern, what, remedy in _TEXTS:
+        if re.match(pattern, text, re.DOTALL if "<!--" in pattern else 0):
+            raise RigError(f"{path}: is {what}; {remedy}")
+    return TEXT
+
+
+def _of_archive(path: Path) -> str:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = set(archive.namelist())
+            mimetype = archive.read("mimetype")[:100] if "mimetype" in names else b""
+    except (zipfile.BadZipFile, OSError, RuntimeError, KeyError) as error:
+        raise RigError(f"{path}: is a damaged archive or workbook ({error})") from None
+    if "xl/workbook.xml" in names:
+        return XLSX
+    if "xl/workbook.bin" in names:
+        raise RigError(f"{path}: is a binary workbook of Excel (.xlsb); save it as .xlsx")
+    if b"opendocument.spreadsheet" in mimetype:
+        raise RigError(f"{path}: is a workbook of LibreOffice (.ods); save it as .xlsx or CSV")
+    raise RigError(f"{path}: is an archive; {_UNPACK}")

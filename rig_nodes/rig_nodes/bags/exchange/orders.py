@@ -1,0 +1,58 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Orders of gears in the form in which they are written on the command line or in a profile."""
+
+from __future__ import annotations
+
+import re
+
+from ...base.errors import RigError
+from ...rig.transmission import Transmission, transmission_of
+
+_ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
+
+
+def parse_orders(text: str, transmission: Transmission | None = None, where: str = "--orders") -> list[tuple[float, int, int]]:
+    """Parse orders such as ``"3.845:I-II, 8.32:II-I"``.
+
+    Parameters
+    ----------
+    text : str
+        Time in the recording [s], gear before and gear ordered of each order.
+    transmission : Transmission, optional
+        Transmission with the names of the gears (Transmission.number), where 0 is neutral; the laboratory's by default.
+    where : str
+        Beginning of the error.
+
+    Returns
+    -------
+    list of (float, int, int)
+        Time [s], gear before, gear ordered.
+
+    Raises
+    ------
+    RigError
+        When the text is not in this form; the error shows an example.
+    """
+    box, orders = transmission or transmission_of(), []
+    first, second = list(box.ways())[:2]
+    example = f"'3.845:{first}, 8.32:{second}'"
+    for part in filter(str.strip, re.split(r"[,;]", text)):
+        match = _ORDER.match(part)
+        gears = [None] if match is None else [box.number(match[2]), box.number(match[3])]
+        if None in gears:
+            raise RigError(
+                f"{where}: '{part.strip()}' is no order; write the time in s and the gears, e.g. {example} (0 is neutral)"
+            )
+        order = float(match[1]), gears[0], gears[1]
+        if order[1] == order[2]:
+            raise RigError(
+                f"{where}: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. '3.845:{first}'"
+            )
+        if any(order[0] == other[0] for other in orders):
+            raise RigError(f"{where}: two orders at {order[0]:g} s; only one gear can be ordered at a time")
+        orders.append(order)
+    if not orders:
+        raise RigError(f"{where} is empty; write e.g. {example}")
+    return sorted(orders)

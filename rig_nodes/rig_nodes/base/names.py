@@ -1,0 +1,253 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a name on the command line means: which file, which rig, for which rig a sequence is written.
+
+All that loads a rig or a sequence and the launch file use it; no values are read and nothing is computed here. Every error on
+an unknown name is made by :func:`unknown`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from .config import CONFIG_DIR, RIGS_DIR, load_yaml
+from .errors import RigError, brief, no_file
+from .yaml_file import where_of
+
+DEFAULT_RIG = "hydmag"
+RIG_FILE = "rig.yaml"
+
+MOST_NAMED = 24  # names in one error
+MOST_LETTERS = 60  # of a name that are compared
+MOST_BASES = 8
+
+
+def unknown(what: str, name: str, known: Iterable[str]) -> str:
+    """Return the text of an error on a name that does not exist, with the most similar names or all known ones.
+
+    Capitals do not count, and a part of a name finds the whole: "m_wej" finds the topic "/motor/m_wej".
+
+    Parameters
+    ----------
+    what : str
+        The kind of thing, without an article ("signal", "key of gearbox").
+    name : str
+        The name that was given.
+    known : iterable of str
+        The names that exist.
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    return f"there is no {what} {brief(str(name))}; {meant(name, known)}"
+
+
+def meant(name: object, known: Iterable[object]) -> str:
+    """Return only the hint of :func:`unknown`: the most similar names, or all known ones."""
+    names = list(map(str, known))
+    text = str(name).lower()[:MOST_LETTERS]
+    spelled = {one.lower(): one for one in reversed(names)}
+    near = difflib.get_close_matches(text, spelled, 2, 0.6 if len(text) > 3 else 0.5)
+    near = near or [one for one in spelled if len(text) > 1 and text in one][:2]
+    if near:
+        return f"did you mean {' or '.join(repr(spelled[one]) for one in near)}?"
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"known are {', '.join(names[:MOST_NAMED])}{more}" if names else "there is none at all"
+
+
+def unknown_value(key: str, parts: dict[str, Iterable[str]]) -> str:
+    """Return the text of an error on a ``key`` of --set that is not a ``part.name``.
+
+    Parameters
+    ----------
+    key : str
+        The key that was given.
+    parts : dict of str to iterable of str
+        Names of the values by part.
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    part, _, name = key.partition(".")
+    named_so = [f"{one}.{key}" for one, names in parts.items() if key in names]
+    if part in parts:
+        return (
+            unknown(f"value of {part}", name, parts[part])
+            if name
+            else f"'{key}' is a part of the rig; name one of its values, e.g. {key}.{next(iter(parts[part]))}"
+        )
+    if named_so:
+        return f"there is no value {brief(key)}; did you mean {' or '.join(map(repr, named_so[:3]))}?"
+    return (
+        unknown("value", key, [f"{one}.{name}" for one, names in parts.items() for name in names])
+        if name
+        else unknown("part of the rig", key, parts)
+    )
+
+
+def find_config(kind: str, name: str | Path) -> Path:
+    """Return the path of an installed rig or controller, or of a file.
+
+    Parameters
+    ----------
+    kind : str
+        "rigs" or "controllers".
+    name : str or Path
+        Name of an installed one, a file, or a rig's folder.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RigError
+        When there is no such file.
+    """
+    text = str(name)
+    if kind == "rigs":
+        folder = os.path.expanduser(text)
+        own, ours = os.path.join(folder, RIG_FILE), RIGS_DIR / text / RIG_FILE
+        if os.path.isdir(folder) and ("/" in text or os.path.isfile(own) or not os.path.isfile(ours)):
+            if not os.path.isfile(own):
+                raise RigError(f"{text}: the folder has no {RIG_FILE}; ./rig new rig FOLDER writes one to begin with")
+            return Path(folder) / RIG_FILE
+    if text.endswith((".yaml", ".yml")) or "/" in text:
+        path = os.path.expanduser(text)
+        if not os.path.isfile(path):  # also False for what cannot be the name of a file
+            raise RigError(f"{text}: {no_file(path)}")
+        return Path(path)
+    path = RIGS_DIR / text / RIG_FILE if kind == "rigs" else CONFIG_DIR / kind / f"{text}.yaml"
+    if not os.path.isfile(path):
+        if os.path.isdir(text):
+            raise RigError(f"{text}: {no_file(text)}")
+        raise RigError(f"{unknown(kind[:-1], text, installed(kind))} (or name a .yaml file)")
+    return path
+
+
+def installed(kind: str) -> list[str]:
+    """Return the names of the rigs or controllers that are installed with the package."""
+    if kind == "rigs":
+        return sorted(path.parent.name for path in RIGS_DIR.glob(f"*/{RIG_FILE}"))
+    return sorted(path.stem for path in (CONFIG_DIR / kind).glob("*.yaml"))
+
+
+def beside(path: str | Path, name: object) -> str:
+    """Return a name that is written in the file ``path``; the name of a file is taken relative to the folder of ``path``."""
+    text = str(name)
+    if (text.endswith((".yaml", ".yml")) or "/" in text) and not os.path.isabs(os.path.expanduser(text)):
+        return str(Path(path).parent / text)
+    return text
+
+
+def with_bases(name: str | Path) -> list[tuple[Path, Any]]:
+    """Read the file of a rig and those of its bases, each base after the file that names it.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of the rig, its folder or its file.
+
+    Returns
+    -------
+    list of (Path, object)
+        Each file with its content.
+
+    Raises
+    ------
+    RigError
+        With file and line, when a base is missing or is based on this rig, or there are more than MOST_BASES.
+    """
+    path = find_config("rigs", name)
+    out = [(path, load_yaml(path))]
+    while isinstance(out[-1][1], dict) and "base" in out[-1][1]:
+        path, node = out[-1]
+        where = f"{where_of(path, node, 'base')}: base"
+        try:
+            base = find_config("rigs", beside(path, node["base"]))
+        except RigError as error:
+            raise RigError(f"{where}: {error}") from None
+        if any(os.path.samefile(base, one) for one, _ in out):
+            raise RigError(f"{where}: {brief(str(node['base']))} leads back to this rig; expected another rig")
+        if len(out) > MOST_BASES:
+            raise RigError(f"{where}: the rig is based on more than {MOST_BASES} others, one on the other")
+        out.append((base, load_yaml(base)))
+    return out
+
+
+def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> Path:
+    """Return the path of a sequence or procedure by its name, or of a file.
+
+    The name is looked up in the rig and its bases, then in the default rig, then in the other installed rigs.
+
+    Parameters
+    ----------
+    kind : str
+        "sequences" or "procedures".
+    name : str or Path
+        The name, or a file.
+    rig : str or Path, optional
+        The rig.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RigError
+        When there is no such file.
+    """
+    text = str(name)
+    if text.endswith((".yaml", ".yml")) or "/" in text:
+        return find_config(kind, name)
+    for folder in _folders(rig):
+        if (path := folder / kind / f"{text}.yaml").is_file():
+            return path
+    if os.path.isdir(text):
+        raise RigError(f"{text}: {no_file(text)}")
+    raise RigError(f"{unknown(kind[:-1], text, of_rigs(kind, rig))} (or name a .yaml file)")
+
+
+def of_rigs(kind: str, rig: str | Path | None = None) -> list[str]:
+    """Return the names of the sequences or procedures that :func:`find_of_rigs` finds."""
+    return sorted({path.stem for folder in _folders(rig) for path in (folder / kind).glob("*.yaml")})
+
+
+def _folders(rig: str | Path | None) -> list[Path]:
+    """The folders in which sequences and procedures are looked up, in this order."""
+    own = [path.parent for path, _ in with_bases(rig)] if rig is not None else []
+    return [*own, *(RIGS_DIR / name for name in (DEFAULT_RIG, *installed("rigs")))]
+
+
+def has_controller(rig: str | Path) -> bool:
+    """Return whether the files of a rig name a shift controller."""
+    return any(isinstance(node, dict) and "controller" in node for _, node in with_bases(rig))
+
+
+def rig_with(path: str | Path) -> str:
+    """Return the rig in whose folder a sequence or procedure stands; the default rig for a file elsewhere."""
+    folder = Path(path).absolute().parent.parent
+    if not (folder / RIG_FILE).is_file():
+        return DEFAULT_RIG
+    return folder.name if folder.parent == RIGS_DIR else str(folder)
+
+
+def rig_of(sequence: str | Path | None) -> str:
+    """Return the rig for which a sequence, given by its name or file, is written; the default rig without a sequence."""
+    if not sequence:
+        return DEFAULT_RIG
+    path = find_of_rigs("sequences", sequence)
+    node = load_yaml(path)
+    return beside(path, node["rig"]) if isinstance(node, dict) and "rig" in node else rig_with(path)

@@ -1,0 +1,291 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The plug for a controller on a CAN bus: ``can:CHANNEL?interface=virtual`` (udp_multicast, socketcan ...).
+
+load.py makes it; python-can and cantools are imported only then. The messages are those of can_database.py; can_frames.py makes
+the rig's.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+from ...base.errors import RigError
+from ..free_running import AT_ONCE, FreeRunning, number, split_options, timeout_of
+from ..plug import error_text
+from ..seam import ControllerInputs, ControllerOutputs
+from ..wire import commands, held_in
+from . import database as frames
+from . import j1939
+from .frames import RigFrames
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import can
+    from cantools.database.can import Message
+
+    from ...rig.configuration import RigConfig
+
+OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
+NO_ADDRESS = "none"  # value of address: plain frames only
+REMEMBERED = 200  # frames that are kept, to compare a second frame for the same sample with the first
+FAR = 500  # counts by which two commands for one sample contradict each other: 10 mA, or 1 % of duty
+LISTEN = 0.05  # s before the rig's first frame in which another rig on the bus would be heard: it sends every 1 to 50 ms
+CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s show two controllers; fewer may be a single error of one
+
+
+def open_bus(channel: str, interface: str, name: str, **options: int) -> can.BusABC:
+    """Open python-can's bus for classic CAN; udp_multicast stays on loopback (can_loopback.py).
+
+    Parameters
+    ----------
+    channel : str
+        The bus, as the interface names it.
+    interface : str
+        python-can's name of the interface.
+    name : str
+        The caller's name, for the error's sentence.
+    **options : int
+        Further options of the interface, such as bitrate [bit/s] or port.
+
+    Returns
+    -------
+    can.BusABC
+        The open bus.
+
+    Raises
+    ------
+    RigError
+        When python-can is not installed or the bus cannot be opened.
+    """
+    can = frames.need_can()
+    logging.getLogger("can").setLevel(logging.ERROR)
+    try:
+        if interface == "udp_multicast":
+            from .loopback import LoopbackBus
+
+            return LoopbackBus(channel, **options)
+        return can.Bus(channel=channel, interface=interface, **options)
+    except Exception as error:  # python-can and its drivers raise errors of many classes
+        raise RigError(f"{name}: the bus {channel} cannot be opened with the interface {interface}: {error_text(error)}") from None
+
+
+def receive(bus: can.BusABC, seconds: float, fault: Callable[[str], None]) -> can.Message | None:
+    """Return the bus's next frame.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        The open bus.
+    seconds : float
+        Longest wait [s].
+    fault : callable
+        Called with a sentence when what came cannot be read.
+
+    Returns
+    -------
+    can.Message or None
+        None when no readable frame comes in time.
+    """
+    try:
+        return bus.recv(seconds)
+    except Exception as error:  # foreign bytes or a loose cable: the driver has error classes of its own
+        fault(f"what came could not be read ({error_text(error)})")
+        return None
+
+
+class CanBus(FreeRunning):
+    """A controller at the other end of a CAN bus.
+
+    Options: interface (python-can's name, default socketcan), bitrate [bit/s], every (samples between two messages,
+    default 1), port of udp_multicast, timeout [s], address (the rig's J1939 source address, or none).
+    """
+
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
+        name = f"can:{rest}"
+        channel, options = split_options(rest, name, OPTIONS)
+        interface = options.get("interface", "socketcan")
+        self._every = int(number(options, "every", 1, name, 1, 50))
+        extra = {key: int(number(options, key, 0, name, 1, 1e7)) for key in ("bitrate", "port") if key in options}
+        address = None
+        if options.get("address") != NO_ADDRESS:
+            address = int(number(options, "address", frames.ADDRESS, name, 0, j1939.NULL - 1))
+        super().__init__(name, config, level, f"CAN {interface} {channel}", timeout_of(options, name))
+        self._inside = interface == "virtual"  # the bus exists only inside this process
+        self._sees_programs = interface == "udp_multicast"
+        self._bus = open_bus(channel, interface, f"controller {name}", **extra)
+        self._prepare(address)
+
+    def _prepare(self, address: int | None) -> None:
+        import can
+
+        self._message = can.Message
+        record = self.rig_record
+        by_name = {message.name: message for message in frames.database(record).messages}
+        self._commands = commands(record, self.level)
+        command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
+        self._expected = {frames.FRAME_IDS[n]: by_name[n] for n in (frames.STATE, command)}
+        self._expected_groups = {frames.GROUPS[n]: by_name[n] for n in (frames.STATE, command)}
+        self._rig_frames = {frames.FRAME_IDS[n]: n for n in (frames.REQUEST, frames.MEASURED, frames.CURRENTS)}
+        self._state: dict | None = None
+        self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> content of the first frame
+        self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest ones
+        self._node = None
+        self._look_for_another()
+        self._frames = RigFrames(record, self.level, self._put_frame, self._every, frames.ADDRESS if address is None else address)
+        if address is not None:
+            self._node = j1939.Node(
+                address,
+                self._put_group,
+                {frames.GROUPS[frames.ETC1]: self._etc1, frames.GROUPS[frames.ETC2]: self._frames.etc2},
+                self._lost_address,
+            )
+
+    def _look_for_another(self) -> None:
+        """Listen before the rig itself sends; RigError when a rig is at work on the bus already."""
+        until = time.monotonic() + LISTEN
+        while not self.conflict and (left := until - time.monotonic()) > 0.0:
+            frame = receive(self._bus, left, lambda _: None)  # what cannot be read is reported when the run is on
+            if frame is not None and not frame.is_extended_id and frame.arbitration_id in self._rig_frames:
+                self._foreign(frame)
+        if self.conflict:
+            self._bus.shutdown()
+            raise RigError(f"controller {self.name}: {self.conflict}")
+
+    def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        """Set the pace as in every plug; report a bus that no other program can join."""
+        super().pace(step_timeout, real_time)
+        if self._inside:
+            self.say(
+                f"{self.place} is a bus inside the rig's process: no other program can join it, and a wait for one "
+                "is in vain; interface=udp_multicast reaches other programs"
+            )
+
+    # ---- out
+
+    def _put_group(self, number: int, data: bytes) -> None:
+        self._put_frame(number, data, True)
+
+    def _put_frame(self, number: int, data: bytes, extended: bool) -> None:
+        try:
+            self._bus.send(self._message(arbitration_id=number, data=data, is_extended_id=extended, is_fd=False))
+        except Exception as error:  # a full queue or a loose cable: the driver has error classes of its own
+            self.ignored.add(f"a frame could not be sent ({error_text(error)})")
+
+    def _send(self, inputs: ControllerInputs) -> None:
+        self._tell()
+        self._frames.take(inputs, self.shifting, self._node is not None and self._node.may_send)
+
+    def _tell(self) -> None:
+        """Give the frames of J1939 what the controller has reported."""
+        shifting = j1939.NOT_AVAILABLE if not self._was_here else j1939.ERROR if self._silence_reported else int(self.shifting)
+        self._frames.gear, self._frames.shifting = self.gear, shifting
+
+    def _etc1(self) -> None:
+        self._tell()
+        self._frames.etc1()
+
+    def _lost_address(self, text: str) -> None:
+        self.conflict = f"{text}; choose another one with &address=N, or none with &address={NO_ADDRESS}"
+
+    # ---- in
+
+    def _listen(self, until: float) -> None:
+        late = 0  # frames taken after that time
+        while late < AT_ONCE:
+            unread: list[str] = []
+            frame = receive(self._bus, max(until - time.monotonic(), 0.0), unread.append)
+            for why in unread:
+                self.ignored.add(why)
+            if frame is not None and not frame.is_error_frame:
+                self._hear(frame)
+            if time.monotonic() >= until:
+                if frame is None and not unread:
+                    return
+                late += 1
+
+    def _hear(self, frame: can.Message) -> None:
+        number = frame.arbitration_id
+        if not frame.is_extended_id:
+            if number in self._expected:
+                self._take(self._expected[number], frame, self._program())
+            elif number in self._rig_frames:
+                self._foreign(frame)
+        elif self._node is not None:
+            source = j1939.parts(number)
+            if source.source == self._node.address and source.pgn != j1939.ADDRESS_CLAIMED and frame.is_rx:
+                self._lost_address(f"another node sends from the J1939 address {source.source} of the rig (PGN {source.pgn})")
+            elif source.pgn in self._expected_groups:
+                self._take(self._expected_groups[source.pgn], frame, f"J1939 address {source.source}")
+            else:
+                self._node.received(number, bytes(frame.data))
+
+    def _foreign(self, frame: can.Message) -> None:
+        """Detect another rig: on one bus a frame has one sender, and this one's is the rig itself."""
+        if frame.is_rx and not frame.is_remote_frame:  # a driver may give back what the rig has sent
+            number = frame.arbitration_id
+            self.conflict = (
+                f"another rig is at work on {self.place}: the frame {self._rig_frames[number]} (0x{number:x}) comes from "
+                f"{self._program() if self._sees_programs else 'another program'} too; give each rig a bus of its own"
+                + (", for example another group" if self._sees_programs else "")
+            )
+
+    def _program(self) -> str:
+        """Return the sender of a plain frame as far as it is known: on udp_multicast the port of its program."""
+        return f"the program on port {getattr(self._bus, 'sender', 0)}" if self._sees_programs else "plain frames"
+
+    def _take(self, message: Message, frame: can.Message, who: str) -> None:
+        if not self.may_command(who):
+            self.refuse(who)
+            return
+        if len(frame.data) != message.length or frame.is_remote_frame:
+            self.ignored.add(
+                f"frame {message.name} (0x{message.frame_id:x}) came with {len(frame.data)} bytes instead of {message.length}"
+            )
+            return
+        self.commands_now(who)
+        raw = message.decode_simple(bytes(frame.data), decode_choices=False, scaling=False)
+        self._compare(message.name, raw)
+        if message.name == frames.STATE:
+            self._state = raw
+            return
+        if self._state is None or self._state["sample"] != raw["sample"]:
+            self.ignored.add(f"frame {message.name} came without the {frames.STATE} of its sample before it")
+            return
+        command = [wire.decode(raw[wire.name]) for wire in self._commands]
+        state, self._state = self._state, None
+        self.received(
+            ControllerOutputs(
+                held_in(command, self.info, self._commands),
+                None,
+                state["gear"],
+                state["shifting"],
+                state["flags"],
+                state["status"],
+                "the controller reports it on the bus",
+            )
+        )
+
+    def _compare(self, name: str, raw: dict) -> None:
+        """Detect a second controller: the bus does not name senders, but one controller does not answer a sample in two ways."""
+        first = self._answers.setdefault((name, raw["sample"]), raw)
+        if len(self._answers) > REMEMBERED:
+            del self._answers[next(iter(self._answers))]
+        keys = ("gear", "shifting") if name == frames.STATE else [wire.name for wire in self._commands]
+        if max(abs(raw[key] - first[key]) for key in keys) <= (0 if name == frames.STATE else FAR):
+            return
+        now = time.monotonic()
+        self._contradictions.append(now)
+        if len(self._contradictions) == CONTRADICTIONS and now - self._contradictions[0] < WITHIN:
+            self.conflict = (
+                f"another controller is at work on {self.place}: sample {raw['sample']} and others got "
+                "two different answers; end one of the two controllers"
+            )
+
+    def _end(self) -> None:
+        self._bus.shutdown()

@@ -1,0 +1,4 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Controllers that answer over UDP."""

@@ -1,0 +1,436 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Constants, work buffer and linear algebra of the driveline step, on one flat work buffer.
+
+Used by driveline/joint.py, driveline/kernel.py and driveline/quiet.py; this module does not depend on time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from rig_nodes.base.compiled import INLINED, INNER, intrinsic, njit, types
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from llvmlite import ir
+    from numba.core.base import BaseContext
+    from numba.core.typing import BaseContext as TypingContext
+    from numba.core.typing import Signature
+
+    from rig_nodes.base.arrays import Floats, Ints
+
+# Modes of a friction element. LOCKED_* carry their stick limit while other locked elements prevent their slip (a statically
+# indeterminate system); they do not slip, like STUCK. abs(mode) >= 2 means no slip.
+OPEN, FORWARD, BACKWARD, STUCK, LOCKED_HIGH, LOCKED_LOW = 0, 1, -1, 2, 3, -3
+
+# Kinds of event. CLOSE: an open element gets capacity while it slips; FREE: an element loses all capacity.
+LOCK, BREAK, CROSS, FREE, CLOSE = 1, 2, 3, 4, 5
+
+# Rows of `cap`, `el`, `shaft`, `kc`, `q`; places in `count`.
+KIN0, KIN1, LO0, LO1, HI0, HI1, VISC = 0, 1, 2, 3, 4, 5, 6
+LAM, IMPULSE, E_FRIC, E_VISC = 0, 1, 2, 3
+TAU, E_SHAFT = 0, 1
+N_EVENTS, N_CAPPED = 0, 1
+
+RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
+UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
+CLEAR = 1e-9  # share of a torque by which an element at its limit must be overloaded for its mode to be certain
+HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
+WEAK = 1e10 * HELD  # below this no free speed takes part in the slip of an element
+REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
+# work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, [4]: see FIRST
+HEAD = 5
+FIRST = 4  # work[4]: time from the start of the last step to its first change of modes, or to its end [s]
+
+
+@intrinsic
+def noinline(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
+    """Keep the compiled function that calls it out of its callers, so that code that is seldom needed is compiled once."""
+
+    def mark(_target: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> None:
+        builder.function.attributes.add("noinline")
+
+    return types.void(), mark
+
+
+class Places(NamedTuple):
+    """Places at which the parts of the work buffer begin.
+
+    They follow HEAD, the drag for which H was made, and the difference from that drag up to which H remains valid.
+    """
+
+    p: int  # (n, n) acceleration by a force, with the stuck elements held
+    h: int  # (n, n) the same over a step, with all that is implicit
+    r: int  # (m, n) torque of a stuck element by a force
+    wm: int  # (m, n), and the next five: scratch of project and implicit
+    g: int  # (m, m)
+    vectors: int  # (m, m)
+    inverse: int  # (m, m)
+    b: int  # (n, n)
+    a: int  # (n, n)
+    force: int  # (n,) force at the start of the sub-step
+    accel: int  # (n,) acceleration at its start
+    dforce: int  # (n,) change of force over it
+    dv: int  # (n,) change of speed over it
+    rate: int  # (s,) rate of the shafts' twist at its start
+    state: int  # (m,) modes of the set that is tried
+    candidate: int  # (m,) 1 where stick or slip is to be decided
+    side: int  # (m,) side on which an element has just been overloaded
+    once: int  # (m,) 1 where an element has been released
+    slip: int  # (m,) slip that a root leaves
+    slip0: int  # (m,) slip at the start of the sub-step
+    slip1: int  # (m,) slip at its end
+    torque0: int  # (m,) friction torque at the start
+    torque1: int  # (m,) friction torque at the end
+    lossy: int  # (m,) 1 for an element whose capacity grows by a loss
+    rho: int  # (k, n) torque of each loss by a force
+    z: int  # (k, n) the same by a speed, for elements with drag
+    given: int  # (k,) torque on which each loss depends, without any loss
+    fall: int  # (k, k) its decrease by each loss
+    newton: int  # (k, k + 2) Newton's equations and their solution
+    row: int  # (n,) torque of one loss by a force, with all that is implicit
+    size: int  # total size
+
+
+@njit(**INLINED)
+def places(n: int, m: int, s: int, k: int) -> Places:
+    """Return the places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
+    p = HEAD + 2 * m
+    wm = p + 2 * n * n + m * n
+    g = wm + m * n
+    b = g + 3 * m * m
+    force = b + 2 * n * n
+    rate = force + 4 * n
+    state = rate + s
+    slip0 = state + 5 * m
+    rho = slip0 + 5 * m
+    given = rho + 2 * k * n
+    row = given + k + k * k + k * (k + 2)
+    return Places(
+        p,
+        p + n * n,
+        p + 2 * n * n,
+        wm,
+        g,
+        g + m * m,
+        g + 2 * m * m,
+        b,
+        b + n * n,
+        force,
+        force + n,
+        force + 2 * n,
+        force + 3 * n,
+        rate,
+        state,
+        state + m,
+        state + 2 * m,
+        state + 3 * m,
+        state + 4 * m,
+        slip0,
+        slip0 + m,
+        slip0 + 2 * m,
+        slip0 + 3 * m,
+        slip0 + 4 * m,
+        rho,
+        rho + k * n,
+        given,
+        given + k,
+        given + k + k * k,
+        row,
+        row + n,
+    )
+
+
+def work_size(n: int, m: int, s: int, k: int = 0) -> int:
+    """Return the length of the float64 work buffer for n speeds, m friction elements, s shafts and k losses by torque.
+
+    The buffer must start with zeros. Each driveline needs its own buffer, which must be set to zero when minv, w, sh or kc change.
+    """
+    return places.py_func(n, m, s, k).size
+
+
+@njit(**INNER)
+def lin(a: float, b: float, x: float) -> float:
+    """Return the value at share x of the way from a to b, or the nearer end outside 0 to 1."""
+    # a == b also keeps infinite limits out of inf - inf
+    if x <= 0.0:
+        return a
+    if x >= 1.0 or a == b:
+        return b
+    return a + (b - a) * x
+
+
+@njit(**INNER)
+def high(cap: Floats, f: int, x: float) -> float:
+    """Return the largest torque [Nm] that element f holds at share x of a step: the greater of stick limit and kinetic torque."""
+    return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
+
+
+@njit(**INNER)
+def low(cap: Floats, f: int, x: float) -> float:
+    """Return the smallest torque [Nm], below 0, that element f holds at share x of a step."""
+    return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
+
+
+@njit(**INLINED)
+def has_capacity(cap: Floats, f: int) -> bool:
+    """Return whether element f can carry any torque at either end of a step."""
+    return (
+        cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0 or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0
+    )
+
+
+@njit(**INLINED)
+def if_stuck(f: int, state: Ints | Floats, first: int, torque: Floats, begin: int, w: Floats, orr: int, work: Floats) -> float:
+    """Return the torque [Nm] that a locked element f, which carries its limit, would carry if it were STUCK.
+
+    Stuck elements share a torque by least norm, as in R. The modes are in ``state`` from ``first`` on, the torques of the stuck
+    elements in ``torque`` from ``begin`` on, and R in the work buffer at ``orr``.
+    """
+    m, n = w.shape
+    total = 0.0
+    for other in range(m):
+        if state[first + other] == STUCK:
+            along = 0.0
+            for j in range(n):
+                along += work[orr + other * n + j] * w[f, j]
+            total += along * torque[begin + other]
+    return total
+
+
+@njit(**INLINED)
+def beyond(limit: float, mode: float, torque: float) -> float:
+    """Return how far a torque exceeds the limit that a locked element of this mode carries, less a margin for rounding [Nm]."""
+    return (torque - limit if mode == LOCKED_HIGH else limit - torque) - CLEAR * (1.0 + abs(torque))
+
+
+@njit(**INNER)
+def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> None:
+    """Compute the least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi, by cyclic Jacobi."""
+    noinline()
+    for i in range(nc):
+        for j in range(nc):
+            work[ov + i * m + j] = 1.0 if i == j else 0.0
+    for _ in range(40):
+        off = 0.0
+        top = 0.0
+        for i in range(nc):
+            top = max(top, abs(work[og + i * m + i]))
+            for j in range(i):
+                off = max(off, abs(work[og + i * m + j]))
+        if off <= 1e-17 * top:
+            break
+        for p in range(nc - 1):
+            for r in range(p + 1, nc):
+                apr = work[og + p * m + r]
+                if apr == 0.0:
+                    continue
+                theta = (work[og + r * m + r] - work[og + p * m + p]) / (2.0 * apr)
+                t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                if theta < 0.0:
+                    t = -t
+                cs = 1.0 / math.sqrt(t * t + 1.0)
+                sn = t * cs
+                for i in range(nc):
+                    x = work[og + i * m + p]
+                    y = work[og + i * m + r]
+                    work[og + i * m + p] = cs * x - sn * y
+                    work[og + i * m + r] = sn * x + cs * y
+                for i in range(nc):
+                    x = work[og + p * m + i]
+                    y = work[og + r * m + i]
+                    work[og + p * m + i] = cs * x - sn * y
+                    work[og + r * m + i] = sn * x + cs * y
+                    x = work[ov + i * m + p]
+                    y = work[ov + i * m + r]
+                    work[ov + i * m + p] = cs * x - sn * y
+                    work[ov + i * m + r] = sn * x + cs * y
+    top = 0.0
+    for i in range(nc):
+        top = max(top, work[og + i * m + i])
+    for i in range(nc):
+        for j in range(nc):
+            total = 0.0
+            for p in range(nc):
+                e = work[og + p * m + p]
+                if e > max(RANK * top, WEAK):
+                    total += work[ov + i * m + p] * work[ov + j * m + p] / e
+            work[oi + i * m + j] = total
+
+
+@njit(**INNER)
+def refuse(minv: Floats, w: Floats, ost: int, work: Floats, nc: int) -> None:
+    """Add to R the torques of nc stuck elements that cannot all stick while prescribed speeds change.
+
+    Where no free speed can compensate an acceleration of the slips, the torque of these elements against it is set far above any
+    capacity (REFUSED), so that one of them breaks away. It uses the eigenvectors that `pseudo_inverse` has just computed.
+    """
+    noinline()
+    m, n = w.shape
+    at = places(n, m, int(0), int(0))
+    top = 0.0
+    for p in range(nc):
+        top = max(top, work[at.g + p * m + p])
+    for u in range(n):
+        if minv[u, u] != HELD:
+            continue
+        for p in range(nc):
+            if work[at.g + p * m + p] > max(RANK * top, WEAK):
+                continue
+            slip, size, row = 0.0, 0.0, 0
+            for f in range(m):
+                if work[ost + f] == STUCK:
+                    slip += work[at.vectors + row * m + p] * w[f, u]
+                    size = max(size, abs(w[f, u]))
+                    row += 1
+            if abs(slip) <= 1e-9 * size:
+                continue
+            row = 0
+            for f in range(m):
+                if work[ost + f] == STUCK:
+                    work[at.r + f * n + u] += REFUSED * HELD * work[at.vectors + row * m + p] * slip
+                    row += 1
+
+
+@njit(**INNER)
+def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
+    """Compute R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
+
+    G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
+    """
+    noinline()
+    n = minv.shape[0]
+    m = w.shape[0]
+    at = places(n, m, int(0), int(0))
+    op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
+    nc = int(0)  # not a literal, which would make numba compile pseudo_inverse once more
+    pattern = 1.0
+    bit = 1.0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            pattern += bit
+            for j in range(n):
+                total = 0.0
+                for i in range(n):
+                    total += w[f, i] * minv[i, j]
+                work[owm + nc * n + j] = total
+            nc += 1
+        bit *= 2.0
+        for j in range(n):
+            work[orr + f * n + j] = 0.0
+    row = 0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            for i in range(nc):
+                total = 0.0
+                for j in range(n):
+                    total += work[owm + i * n + j] * w[f, j]
+                work[og + row * m + i] = total
+            row += 1
+    pseudo_inverse(work, og, ov, oi, nc, m)
+    for i in range(n):
+        for j in range(n):
+            work[op + i * n + j] = minv[i, j]
+    row = 0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            for j in range(n):
+                total = 0.0
+                for i in range(nc):
+                    total += work[oi + row * m + i] * work[owm + i * n + j]
+                work[orr + f * n + j] = total
+            for i in range(n):
+                for j in range(n):
+                    work[op + i * n + j] -= work[orr + f * n + i] * work[owm + row * n + j]
+            row += 1
+    for j in range(n):
+        if minv[j, j] == HELD:
+            refuse(minv, w, ost, work, nc)
+            break
+    work[0] = pattern
+    return pattern
+
+
+@njit(**INLINED)
+def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
+    """Return whether :func:`implicit` has to compute H again: other stuck elements, another step, or too large a change of drag.
+
+    Plates that turn in oil heat it, so their drag changes a little in every step; this is too little to affect a step.
+    """
+    gone = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
+    m = cap.shape[1]
+    for f in range(m):
+        gone |= not abs(work[HEAD + f] - cap[VISC, f]) <= work[HEAD + m + f]
+    return gone
+
+
+@njit(**INNER)
+def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Floats) -> None:
+    """Compute H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
+    noinline()
+    m, n = w.shape
+    s = sh.shape[0]
+    at = places(n, m, s, int(0))
+    op, oh, ob, oa = at.p, at.h, at.b, at.a
+    coupled = s > 0
+    for f in range(m):
+        moved = 0.0
+        for i in range(n):
+            for j in range(n):
+                moved += w[f, i] * work[op + i * n + j] * w[f, j]
+        work[HEAD + m + f] = UNSEEN / max(0.5 * d * moved, UNSEEN * UNSEEN)
+        work[HEAD + f] = cap[VISC, f]
+        if cap[VISC, f] != 0.0:
+            coupled = True
+    for i in range(n * n):
+        work[oh + i] = work[op + i]
+    work[1] = work[0]
+    work[2] = d
+    work[3] = 1.0 if coupled else 0.0
+    if not coupled:
+        for f in range(m):
+            work[HEAD + m + f] = (
+                0.0  # a step of another length keeps this H, and a drag without effect in this step may have one there
+            )
+        return
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for f in range(m):
+                total += cap[VISC, f] * w[f, i] * w[f, j]
+            for a in range(s):
+                total += (kc[1, a] + 0.5 * d * kc[0, a]) * sh[a, i] * sh[a, j]
+            work[ob + i * n + j] = total
+    for i in range(n):
+        for j in range(n):
+            total = 1.0 if i == j else 0.0
+            for p in range(n):
+                total += 0.5 * d * work[op + i * n + p] * work[ob + p * n + j]
+            work[oa + i * n + j] = total
+    for col in range(n):
+        piv = col
+        for i in range(col + 1, n):
+            if abs(work[oa + i * n + col]) > abs(work[oa + piv * n + col]):
+                piv = i
+        if piv != col:
+            for j in range(n):
+                x = work[oa + col * n + j]
+                work[oa + col * n + j] = work[oa + piv * n + j]
+                work[oa + piv * n + j] = x
+                x = work[oh + col * n + j]
+                work[oh + col * n + j] = work[oh + piv * n + j]
+                work[oh + piv * n + j] = x
+        scale = 1.0 / work[oa + col * n + col]
+        for j in range(n):
+            work[oa + col * n + j] *= scale
+            work[oh + col * n + j] *= scale
+        for i in range(n):
+            x = work[oa + i * n + col]
+            if i != col and x != 0.0:
+                for j in range(n):
+                    work[oa + i * n + j] -= x * work[oa + col * n + j]
+                    work[oh + i * n + j] -= x * work[oh + col * n + j]

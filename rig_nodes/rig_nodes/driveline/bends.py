@@ -1,0 +1,132 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Divides a step at the bends of a shaft's characteristic, where a contact begins or ends, and so that contacts are resolved.
+
+Used by driveline/law_steps.py. The mean of a characteristic over a twist has the right energy but spreads the force of a
+contact over the whole step; with the bend at the end of a part the force acts from the contact on. In contact the period of the
+trapezoidal rule is too long by the share (angular frequency times step)^2 / 12, which adds up from contact to contact.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rig_nodes.base.compiled import INNER, njit
+from rig_nodes.driveline.algebra import noinline
+from rig_nodes.driveline.tables import Tables, line, piece
+
+SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less does not divide the step
+RESOLVED = 0.0015  # rad: most phase of the oscillation of a shaft with changing stiffness that a part of a step covers
+STIFF = 1900.0  # rad/s: above it less phase is allowed, because the errors of more oscillations add up in the same time
+PARTS, PARTS_STIFF = 128, 1024  # most parts of a step, up to STIFF and above it
+NEAR = 1e-4  # share of a change of twist within which a bend counts as at its beginning or end
+
+
+@njit(**INNER)
+def time_of(x: float, first: float, last: float, d: float, to: float) -> float:
+    """Return the time in (0, d) at which a twist x, whose rate goes from first to last in a straight line, is `to`, or d."""
+    noinline()
+    half = 0.5 * (last - first) / d
+    way = to - x
+    root = first * first + 4.0 * half * way
+    if root < 0.0:
+        return d
+    low = abs(first) + math.sqrt(root)
+    if low == 0.0:
+        return d
+    t = 2.0 * way / low if first >= 0.0 else -2.0 * way / low
+    if t <= 0.0 and half != 0.0:
+        # the rate changes its sign first
+        t = -first / half - t
+    return t if 0.0 < t < d else d
+
+
+@njit(**INNER)
+def bend_inside(
+    tables: Tables, k: int, gap: float, damping: float, x: float, dx: float, first: float, last: float, d: float, mobility: float
+) -> float:
+    """Return the time at which the twist of a shaft passes the first bend that matters, d where there is none.
+
+    Parameters
+    ----------
+    tables, k : Tables and int
+        The characteristics, and the number of that of the shaft.
+    gap, damping : float
+        Half its backlash [rad] and its damping in contact [Nm s/rad].
+    x, dx : float
+        Twist at the start, and its change [rad].
+    first, last : float
+        Rate of the twist at both ends [rad/s].
+    d : float
+        Length of the part of the step [s].
+    mobility : float
+        Acceleration of the twist by a torque [1/(kg m2)].
+
+    Returns
+    -------
+    float
+        The time [s].
+    """
+    noinline()
+    number = piece(tables, k, x)
+    begin, end, _, _, slope = line(tables, k, number)
+    if begin < x < end and begin <= x + dx <= end:
+        return d
+    if dx < 0.0 and x == begin:
+        number -= 1
+        begin, end, _, _, slope = line(tables, k, number)
+    for _ in range(64):
+        bend = end if dx > 0.0 else begin
+        share = (bend - x) / dx if dx != 0.0 else 1.0
+        if not share < 1.0 - NEAR:
+            return d
+        number += 1 if dx > 0.0 else -1
+        begin, end, _, _, other = line(tables, k, number)
+        if share > NEAR:
+            force = abs(other - slope) * abs(dx)
+            if gap > 0.0 and abs(abs(bend) - gap) <= 1e-12 * gap:
+                force += damping * max(abs(first), abs(last))
+            if force * mobility * d > 8.0 * SEEN * max(abs(first), abs(last)):
+                return time_of(x, first, last, d, bend)
+        slope = other
+    return d
+
+
+@njit(**INNER)
+def longest_part(tables: Tables, k: int, x: float, rate: float, stiffness: float, mobility: float, h: float) -> float:
+    """Return the longest part of a step h that resolves the oscillation of a shaft at its present stiffness.
+
+    Parameters
+    ----------
+    tables, k : Tables and int
+        The characteristics, and the number of that of the shaft.
+    x, rate : float
+        Its twist [rad] and the rate of it [rad/s].
+    stiffness : float
+        Stiffness of its springs with friction [Nm/rad].
+    mobility : float
+        Acceleration of the twist by a torque [1/(kg m2)].
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    float
+        The length [s]; infinite where the shaft is in its gap, or where its table has two points only and so no bend.
+    """
+    noinline()
+    if tables.first[k + 1] - tables.first[k] == 2:
+        return np.inf
+    number = piece(tables, k, x)
+    begin, _, _, _, slope = line(tables, k, number)
+    if x == begin and rate < 0.0:
+        slope = line(tables, k, number - 1)[4]
+    angular = math.sqrt(max(0.0, (slope + stiffness) * mobility))
+    if angular == 0.0:
+        return np.inf
+    if angular <= STIFF:
+        return max(RESOLVED / angular, h / PARTS)
+    return max(RESOLVED / angular * (STIFF / angular), h / PARTS_STIFF)

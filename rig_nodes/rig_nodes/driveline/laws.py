@@ -1,0 +1,183 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Elements of a driveline that depend on its motion: torques, capacities, friction, shafts, prescribed motion, inertias.
+
+Each of them is a law: a table over an angle or a speed, its argument. driveline/law_steps.py moves a driveline that has
+laws, in driveline/run.py and, by driveline/driven.py, in the engine of a rig.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rig_nodes.driveline.tables import Table, Tables, stored_in, tables_of, value_at
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rig_nodes.base.arrays import Floats
+    from rig_nodes.driveline.system import System
+
+# kinds, in the order in which they act on a step
+CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
+
+
+class Law(NamedTuple):
+    """One law: it reads the angle or speed of `of` and acts on `on` or on a friction element.
+
+    Parameters
+    ----------
+    name : str
+        Name of the law.
+    kind : int
+        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION or INERTIA.
+    angle : bool
+        True where it reads an angle, False where it reads a speed.
+    of, on : (n,) array of float
+        Coefficients of the generalised speeds that it reads and on which it acts.
+    bodies : (b,) array of float
+        The same as `on`, by bodies.
+    table : Table
+        Its characteristic.
+    slot : int
+        Its row among the shafts, where its slope is implicit; -1 without one.
+    element : int
+        Number of its friction element, -1 without one.
+    factor : int
+        Number of the input over time that multiplies it, -1 without one.
+    start : float
+        Angle at the start [rad].
+    gap : float
+        Half the backlash of a SHAFT [rad].
+    damping : float
+        Damping of a SHAFT [Nm s/rad].
+    springs : tuple of (float, float)
+        Stiffness [Nm/rad] and limit [Nm] of the springs of a SHAFT that slide.
+    """
+
+    name: str
+    kind: int
+    angle: bool
+    of: np.ndarray
+    on: np.ndarray
+    bodies: np.ndarray
+    table: Table = Table(np.zeros(1), np.zeros(1))
+    slot: int = -1
+    element: int = -1
+    factor: int = -1
+    start: float = 0.0
+    gap: float = 0.0
+    damping: float = 0.0
+    springs: tuple[tuple[float, float], ...] = ()
+
+
+class Laws(NamedTuple):
+    """All laws as arrays, one row for each; law k has the springs from first_spring[k] to first_spring[k + 1]."""
+
+    kind: np.ndarray
+    angle: np.ndarray
+    slot: np.ndarray
+    element: np.ndarray
+    factor: np.ndarray
+    of: np.ndarray
+    on: np.ndarray
+    gap: np.ndarray
+    damping: np.ndarray
+    first_spring: np.ndarray
+    springs: np.ndarray
+    tables: Tables
+
+
+class LawState(NamedTuple):
+    """State of the laws.
+
+    Parameters
+    ----------
+    at : (laws,) array of float
+        Position that each law reads.
+    torque : (laws,) array of float
+        Its torque (for a MOTION the mean of the last step), factor or inertia.
+    spring : (springs,) array of float
+        Torque of each spring with friction [Nm].
+    way : (laws,) array of float
+        Change of each position in the last step.
+    work : (1,) array of float
+        Work from outside that the work on the speeds does not include [J].
+    """
+
+    at: np.ndarray
+    torque: np.ndarray
+    spring: np.ndarray
+    way: np.ndarray
+    work: np.ndarray
+
+
+def laws_of(laws: Sequence[Law], n: int) -> Laws:
+    """Return the arrays of laws that are sorted by kind, for n speeds."""
+    ints = (np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor"))
+    kind, angle, slot, element, factor = ints
+    of, on = (np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on"))
+    springs = [spring for one in laws for spring in one.springs]
+    return Laws(
+        kind,
+        angle,
+        slot,
+        element,
+        factor,
+        of,
+        on,
+        np.array([one.gap for one in laws]),
+        np.array([one.damping for one in laws]),
+        np.cumsum([0, *(len(one.springs) for one in laws)]),
+        np.array(springs, float).reshape(-1, 2),
+        tables_of([one.table for one in laws]),
+    )
+
+
+def law_state(laws: Sequence[Law]) -> LawState:
+    """Return the state of the laws at the start of a run."""
+    count = len(laws)
+    torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else 0.0 for one in laws])
+    return LawState(
+        np.array([one.start for one in laws], float),
+        torque,
+        np.zeros(sum(len(one.springs) for one in laws)),
+        np.zeros(count),
+        np.zeros(1),
+    )
+
+
+def stored_energy(system: System, v: Floats, twist: Floats, torque: Floats, spring: Floats) -> Floats:
+    """Return the energy that is stored at r moments.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    v : (r, n) array of float
+        Generalised speeds [rad/s].
+    twist : (r, s) array of float
+        Twists of the shafts [rad].
+    torque : (r, laws) array of float
+        Torque or inertia of the laws.
+    spring : (r, springs) array of float
+        Torque of the springs with friction [Nm].
+
+    Returns
+    -------
+    (r,) array of float
+        Energy [J].
+    """
+    straight, springs = system.kc[0].copy(), laws_of(system.laws, len(system.speeds)).springs
+    out = 0.5 * np.einsum("ri,ij,rj->r", v, system.mass, v)
+    for k, law in enumerate(system.laws):
+        if law.kind == SHAFT:
+            straight[law.slot] = 0.0
+            out += stored_in(law.table, twist[:, law.slot])
+        elif law.kind == INERTIA:
+            out += 0.5 * torque[:, k] * (v @ law.on) ** 2
+    out += 0.5 * twist**2 @ straight
+    return out + 0.5 * spring**2 @ (1.0 / springs[:, 0])

@@ -1,0 +1,225 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Losses of gears that grow with the torque that the gears pass on, solved together with the torques that they change.
+
+Used by driveline/kernel.py, driveline/quiet.py and driveline/joint.py. A loss is friction whose capacity depends
+on a torque at the same instant: that of clutches, or that at a meter behind an inertia. While the modes
+stay, this torque falls linearly with the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved
+together. A quiet step predicts the losses and compares them with those that the torques at its end demand.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rig_nodes.base.compiled import INLINED, INNER, njit
+from rig_nodes.driveline.algebra import HI0, KIN0, LO0, OPEN, STUCK, noinline
+
+if TYPE_CHECKING:
+    from rig_nodes.base.arrays import Floats
+
+# Columns of `loss`, one row for each loss: the parabola (CONSTANT, SHARE, SQUARE); the element that the loss owns (OWN), whose
+# other capacity is BASE; the element that it brakes (ON), its own or that of another loss, by FACTOR times the parabola; the
+# speed that gives the direction of power (WAY); the value of the parabola in the last step, in the step before that and in the
+# next one; then the weights of m friction torques and n accelerations in its torque.
+CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS = range(12)
+STEEPEST = 0.5  # largest slope where power flows backwards: two losses in a path then take at most all of it, without self-locking
+MOST = 1e15  # Nm, above which the search for a loss ends
+CLOSE = 1e-5  # Nm, largest last Newton step; with parabolas the remaining error is a hundred-thousandth of that
+PREDICTED = 1e-3  # Nm, largest difference of a predicted loss, which is not solved, from the one that its torque demands
+
+
+def loss_width(n: int, m: int) -> int:
+    """Return the number of columns of `loss` for n speeds and m friction elements."""
+    return WEIGHTS + m + n
+
+
+@njit(**INLINED)
+def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
+    """Set the capacities at one end (0 or 1) of the elements that losses own to BASE plus the losses in ``column``.
+
+    ``column`` is LAST or NEXT, or -1 for BASE alone. Only the check whether there are losses is inlined, because this function is
+    called in a dozen places.
+    """
+    if loss.shape[0] > 0:
+        put_all_losses(loss, cap, end, column)
+
+
+@njit(**INNER)
+def put_all_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
+    """Do the work of :func:`put_losses` where there are losses."""
+    noinline()
+    for k in range(loss.shape[0]):
+        own = int(loss[k, OWN])
+        torque = loss[k, BASE]
+        if column >= 0:
+            for other in range(loss.shape[0]):
+                if loss[other, ON] == own:
+                    torque += loss[other, FACTOR] * loss[other, column]
+        put_capacity(cap, end, own, torque)
+
+
+@njit(**INLINED)
+def put_predicted(loss: Floats, cap: Floats, own: int, k: int) -> None:
+    """Set the capacities of loss k's own element to those of the last step at the beginning and those of NEXT at the end."""
+    torque0 = torque1 = loss[k, BASE]
+    for other in range(loss.shape[0]):
+        if loss[other, ON] == own:
+            torque0 += loss[other, FACTOR] * loss[other, LAST]
+            torque1 += loss[other, FACTOR] * loss[other, NEXT]
+    put_capacity(cap, int(0), own, torque0)
+    put_capacity(cap, int(1), own, torque1)
+
+
+@njit(**INLINED)
+def put_capacity(cap: Floats, end: int, own: int, torque: float) -> None:
+    """Set all capacities of an element at one end (0 or 1)."""
+    cap[KIN0 + end, own] = torque
+    cap[HI0 + end, own] = torque
+    cap[LO0 + end, own] = -torque
+
+
+@njit(**INLINED)
+def brakes(factor: float, mode: float) -> float:
+    """Return the torque on an element per loss.
+
+    It acts against the slip or against the direction in which the element is loaded, and is 0 while the element sticks or is open.
+    """
+    if mode == STUCK or mode == OPEN:
+        return 0.0
+    return factor if mode > 0 else -factor
+
+
+@njit(**INLINED)
+def parabola(loss: Floats, k: int, x: float) -> tuple[float, float]:
+    """Return (loss, its slope over x) at a torque x, which is positive where power goes from the drive to the load.
+
+    Beyond its maximum a parabola stays constant, and it is never negative, so that a loss never drives. Where power flows backwards
+    its slope is at most STEEPEST: a loss takes no more power than the inertia of the load delivers.
+    """
+    u = abs(x)
+    share, square = loss[k, SHARE], loss[k, SQUARE]
+    slope = share + 2.0 * square * u
+    beyond = 0.0
+    if square < 0.0:
+        if slope < 0.0:
+            u = max(0.0, -0.5 * share / square)
+            slope = 0.0
+    elif x < 0.0 and slope > STEEPEST and square > 0.0:
+        knee = max(0.0, 0.5 * (STEEPEST - share) / square)
+        beyond = STEEPEST * (u - knee)
+        u = knee
+        slope = STEEPEST
+    g = loss[k, CONSTANT] + u * (share + square * u) + beyond
+    if g <= 0.0:
+        return 0.0, 0.0
+    return g, slope if x >= 0.0 else -slope
+
+
+@njit(**INLINED)
+def predict_losses(loss: Floats) -> None:
+    """Set NEXT to the losses that continue the course of the last two steps."""
+    for k in range(loss.shape[0]):
+        loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])
+
+
+@njit(**INLINED)
+def loss_at(loss: Floats, k: int, torque: float, speed: float) -> float:
+    """Return the loss that a torque demands at the speed of its WAY."""
+    return parabola(loss, k, torque if speed >= 0.0 else -torque)[0]
+
+
+@njit(**INNER)
+def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: int) -> bool:
+    """Set NEXT to the losses at torques y less S times the losses; return False where there is no solution.
+
+    y (k,) and S (k, k) stand in the work buffer at oy and os; at oe there is room for (k, k + 2). Newton's method starts from the
+    last losses, from which parabolas converge quickly, and shortens each step until the residual falls. In most drivelines 1 + p' S
+    is positive everywhere (the slopes are bounded for power that flows backwards, and the part of a loss that comes from inertia is
+    less than the loss), so that there is one solution. A self-locking mesh may have a second solution, at which 1 + p' S is
+    negative and which is therefore unstable; a search that would start near such a solution starts without a loss instead.
+    """
+    noinline()
+    count = loss.shape[0]
+    for k in range(count):
+        loss[k, NEXT] = loss[k, LAST]
+        if v[int(loss[k, WAY])] < 0.0:
+            work[oy + k] = -work[oy + k]
+            for i in range(count):
+                work[os + k * count + i] = -work[os + k * count + i]
+    missed = 0.0
+    steep = True
+    while steep:
+        missed = equations(loss, work, oy, os, oe)
+        steep = False
+        for k in range(count):
+            if work[oe + k * (count + 2) + k] <= 0.0 and loss[k, NEXT] > 0.0:
+                loss[k, NEXT] = 0.0
+                steep = True
+    for _ in range(60):
+        solve_equations(count, work, oe)
+        size = 0.0
+        for k in range(count):
+            change = work[oe + k * (count + 2) + count + 1]
+            loss[k, NEXT] -= change
+            size += abs(change)
+        if size <= CLOSE:
+            for k in range(count):
+                loss[k, NEXT] = max(0.0, loss[k, NEXT])
+            return True
+        before = missed
+        missed = equations(loss, work, oy, os, oe)
+        share = 1.0
+        while not missed < before and share > 1e-6:
+            share *= 0.5
+            for k in range(count):
+                loss[k, NEXT] += share * work[oe + k * (count + 2) + count + 1]
+            missed = equations(loss, work, oy, os, oe)
+        if not missed < MOST:
+            return False
+    return False
+
+
+@njit(**INNER)
+def equations(loss: Floats, work: Floats, oy: int, os: int, oe: int) -> float:
+    """Write Newton's equations at the losses in NEXT to the rows at oe, matrix and right side.
+
+    Returns the sum of the residuals.
+    """
+    count = loss.shape[0]
+    missed = 0.0
+    for k in range(count):
+        row = oe + k * (count + 2)
+        torque = work[oy + k]
+        for i in range(count):
+            torque -= work[os + k * count + i] * loss[i, NEXT]
+        g, slope = parabola(loss, k, torque)
+        for i in range(count):
+            work[row + i] = slope * work[os + k * count + i]
+        work[row + k] += 1.0
+        work[row + count] = loss[k, NEXT] - g
+        missed += abs(loss[k, NEXT] - g)
+    return missed
+
+
+@njit(**INNER)
+def solve_equations(count: int, work: Floats, oe: int) -> None:
+    """Solve the equations at oe into their last column, by elimination with the largest pivot of a column."""
+    width = count + 2
+    for col in range(count):
+        pivot = col
+        for k in range(col + 1, count):
+            if abs(work[oe + k * width + col]) > abs(work[oe + pivot * width + col]):
+                pivot = k
+        for i in range(count + 1):
+            x = work[oe + col * width + i]
+            work[oe + col * width + i] = work[oe + pivot * width + i]
+            work[oe + pivot * width + i] = x
+        for k in range(count):
+            if k != col:
+                share = work[oe + k * width + col] / work[oe + col * width + col]
+                for i in range(col, count + 1):
+                    work[oe + k * width + i] -= share * work[oe + col * width + i]
+    for k in range(count):
+        work[oe + k * width + count + 1] = work[oe + k * width + count] / work[oe + k * width + k]

@@ -1,0 +1,235 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One step of a driveline in which no event happens: most steps of a rig, at a fraction of the cost.
+
+The engine calls it before driveline/kernel.py, which takes the steps that this one leaves.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rig_nodes.base.compiled import INLINED, njit
+from rig_nodes.driveline.algebra import (
+    BACKWARD,
+    E_FRIC,
+    E_SHAFT,
+    E_VISC,
+    FORWARD,
+    HI0,
+    HI1,
+    IMPULSE,
+    KIN0,
+    KIN1,
+    LAM,
+    LO0,
+    LO1,
+    LOCKED_HIGH,
+    LOCKED_LOW,
+    OPEN,
+    STUCK,
+    TAU,
+    VISC,
+    beyond,
+    has_capacity,
+    if_stuck,
+    implicit,
+    places,
+    stale,
+)
+from rig_nodes.driveline.losses import BEFORE, LAST, NEXT, PREDICTED, WAY, WEIGHTS, loss_at, predict_losses, put_predicted
+from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
+
+if TYPE_CHECKING:
+    from rig_nodes.base.arrays import Floats, Ints, Record
+
+EVENT, DONE, CORRECTED = 0, 1, 2  # outcomes of attempt
+ATTEMPTS = 5  # most attempts at a step; each multiplies the error of a predicted loss by the slope of loss over torque
+NEAR = 1e-9  # Nm, in place of PREDICTED where stuck elements share a torque, because their shares depend on the loss itself
+
+
+@njit(**INLINED)
+def borne(cap: Floats, f: int, mode: int, end: int) -> float:
+    """Return the torque of an element at one end (0 or 1) of a step, by its limits; 0 where it is open or sticks."""
+    if mode == FORWARD or mode == BACKWARD:
+        return mode * cap[KIN0 + end, f]
+    if mode == LOCKED_HIGH:
+        return max(cap[HI0 + end, f], cap[KIN0 + end, f])
+    if mode == LOCKED_LOW:
+        return min(cap[LO0 + end, f], -cap[KIN0 + end, f])
+    return 0.0
+
+
+@njit(**INLINED)
+def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int, v: Floats) -> tuple[float, ...]:
+    """Return the speeds without the slip that rounding leaves in stuck elements, which would add up over millions of steps.
+
+    R, the torques of the stuck elements per force, begins at orr in the work buffer; v is passed for its length, the number of
+    speeds.
+    """
+    kept = speed
+    for f in range(mode.shape[0]):
+        if mode[f] == STUCK:
+            kept = add(kept, -dot(vector(w, f * v.shape[0], v), speed), vector(work, orr + f * v.shape[0], v))
+    return kept
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def attempt(h: float, line: Record, before: int) -> int:
+    """Take the step of :func:`quiet_step` with predicted losses by torque, or with those that the attempts ``before`` corrected.
+
+    Returns DONE; EVENT when an event is possible (a change of mode, a root, a limit, or another set of stuck elements than in the
+    last step); or CORRECTED when a loss differs from its prediction. After EVENT and CORRECTED nothing has changed but this
+    prediction. Where stuck elements share a torque with an element that carries its limit, as several brakes of a shaft at rest do,
+    this element keeps its mode if its torque would exceed its limit by sticking too.
+
+    The type of the record contains the sizes of the driveline and which elements the losses own, so that they are constants for the
+    compiler.
+    """
+    w, sh, kc, q, cap, loss, v = line.w, line.sh, line.kc, line.q, line.cap, line.loss, line.v
+    twist, mode, el, shaft, e_in, work, own = line.twist, line.mode, line.el, line.shaft, line.e_in, line.work, line.own.shape
+    m, n = w.shape
+    s = sh.shape[0]
+    at = places(n, m, s, loss.shape[0])
+    op, oh, orr = at.p, at.h, at.r
+    slip0, slip1, torque0, torque1, rate = room(mode), room(mode), room(mode), room(mode), room(twist)
+    speed = vector(v, 0, v)
+    force = vector(q, 0, v)
+    if before == 0:
+        predict_losses(loss)
+    for k in range(loss.shape[0]):
+        put_predicted(loss, cap, own[k], k)
+    vmax = 0.0
+    for j in range(n):
+        vmax = max(vmax, abs(v[j]))
+    tol = 1e-12 * (1.0 + vmax)
+    for a in range(s):
+        along = vector(sh, a * n, v)
+        rate[a] = dot(along, speed)
+        force = add(force, -(kc[0, a] * twist[a] + kc[1, a] * rate[a]), along)
+    pattern = 1.0
+    bit = 1.0
+    shared = False  # whether stuck elements prevent the slip of one that carries its limit
+    for f in range(m):
+        mo = mode[f]
+        along = vector(w, f * n, v)
+        slip = dot(along, speed)
+        if has_capacity(cap, f):
+            if mo == STUCK:
+                pattern += bit
+            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
+                shared = True
+            elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
+                return EVENT
+        elif mo != OPEN:
+            return EVENT
+        bit *= 2.0
+        torque = borne(cap, f, mo, int(0))
+        slip0[f] = slip
+        torque0[f] = torque
+        force = add(force, -(torque + cap[VISC, f] * slip), along)
+    if work[0] != pattern:
+        return EVENT
+    if stale(h, pattern, cap, work):
+        implicit(h, w, sh, kc, cap, work)
+    # acceleration at the start, without the implicit parts
+    accel = product(work, op, force)
+    for f in range(m):
+        if mode[f] == STUCK:
+            torque0[f] = dot(vector(work, orr + f * n, v), force)
+    if shared:
+        for f in range(m):
+            if mode[f] == LOCKED_HIGH or mode[f] == LOCKED_LOW:
+                over = beyond(torque0[f], mode[f], if_stuck(f, mode, int(0), torque0, int(0), w, orr, work))
+                if not over > 0.0:
+                    return EVENT
+        speed = held(speed, mode, w, work, orr, v)  # as in the joint decision of such modes
+    change = add(vector(q, n, v), -1.0, vector(q, 0, v))
+    for f in range(m):
+        if mode[f] != STUCK:
+            torque1[f] = borne(cap, f, mode[f], int(1))
+            change = add(change, torque0[f] - torque1[f], vector(w, f * n, v))
+    for a in range(s):
+        change = add(change, -kc[0, a] * h * rate[a], vector(sh, a * n, v))
+    dv = scaled(h, product(work, oh, add(force, 0.5, change)))
+    for a in range(s):
+        along = vector(sh, a * n, v)
+        change = add(change, -(kc[1, a] + 0.5 * h * kc[0, a]) * dot(along, dv), along)
+    for f in range(m):
+        along = vector(w, f * n, v)
+        gain = dot(along, dv)
+        slip1[f] = slip0[f] + gain
+        change = add(change, -cap[VISC, f] * gain, along)
+    end = add(force, 1.0, change)
+    for f in range(m):
+        mo = mode[f]
+        if mo == STUCK:
+            l0 = torque0[f]
+            l1 = torque1[f] = dot(vector(work, orr + f * n, v), end)
+            lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
+            if max(cap[HI1, f], cap[KIN1, f]) - l1 < -lim or max(cap[HI0, f], cap[KIN0, f]) - l0 < -4.0 * lim:
+                return EVENT
+            if l1 - min(cap[LO1, f], -cap[KIN1, f]) < -lim or l0 - min(cap[LO0, f], -cap[KIN0, f]) < -4.0 * lim:
+                return EVENT
+        elif mo == FORWARD or mo == BACKWARD:
+            y0 = mo * slip0[f]
+            speeding = mo * dot(vector(w, f * n, v), accel)
+            if not (y0 > tol and mo * slip1[f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
+                return EVENT
+    if loss.shape[0] > 0:
+        near = NEAR if shared else PREDICTED
+        # accelerations at the end, by the trapezoidal rule
+        gained = add(scaled(2.0 / h, dv), -1.0, accel)
+        met = True
+        for k in range(loss.shape[0]):
+            torque = dot(vector(loss, k * loss.shape[1] + WEIGHTS + m, v), gained)
+            for f in range(m):
+                torque += loss[k, WEIGHTS + f] * torque1[f]
+            asked = loss_at(loss, k, torque, v[int(loss[k, WAY])])
+            met = met and abs(asked - loss[k, NEXT]) <= near
+            loss[k, NEXT] = asked
+        if not met:
+            return CORRECTED
+        for k in range(loss.shape[0]):
+            loss[k, BEFORE] = loss[k, LAST]
+            loss[k, LAST] = loss[k, NEXT]
+    stuck = False
+    for f in range(m):
+        mo = mode[f]
+        lam = 0.5 * (torque0[f] + torque1[f])
+        slip = 0.5 * (slip0[f] + slip1[f])
+        el[LAM, f] = torque1[f]
+        el[IMPULSE, f] += h * lam
+        if mo == STUCK:
+            stuck = True
+        elif mo != OPEN:
+            el[E_FRIC, f] += h * lam * slip
+        el[E_VISC, f] += h * cap[VISC, f] * slip * slip
+    middle = add(speed, 0.5, dv)
+    for j in range(n):
+        e_in[j] += h * (0.5 * (q[0, j] + q[1, j])) * middle[j]
+    for a in range(s):
+        gain = dot(vector(sh, a * n, v), dv)
+        mean = rate[a] + 0.5 * gain
+        twist[a] += h * mean
+        shaft[E_SHAFT, a] += h * kc[1, a] * mean * mean
+        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate[a] + gain)
+    speed = add(speed, 1.0, dv)
+    put(v, 0, held(speed, mode, w, work, orr, v) if stuck else speed)
+    return DONE
+
+
+@njit(**INLINED)
+def quiet_step(h: float, line: Record) -> bool:
+    """Take a step like `driveline_step` on a driveline's record (plant.engine.world.driveline_dtype) if no event can happen in it.
+
+    Returns True when the step is done. Returns False when an event is possible, or when a predicted loss by torque is still wrong
+    after the last attempt. Then nothing has changed, and `driveline_step` has to be called; it solves the losses that are predicted
+    here.
+    """
+    how, before = CORRECTED, int(0)  # int(): a literal would make numba compile the step once more
+    while how == CORRECTED and before < ATTEMPTS:  # a loop, so that the step is compiled once
+        how = attempt(h, line, before)
+        before += 1
+    return how == DONE

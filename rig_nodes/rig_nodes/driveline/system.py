@@ -1,0 +1,208 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A driveline as arrays: what a description becomes, and the state that a step moves.
+
+driveline/builder.py makes a `System`; driveline/run.py, the engine and the analysis of modes use it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline import algebra
+from rig_nodes.driveline.algebra import work_size
+from rig_nodes.driveline.laws import Law
+from rig_nodes.driveline.losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
+
+LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
+
+
+@dataclass
+class State:
+    """Everything that a step of the kernel changes.
+
+    The arrays have the shapes that `driveline_step` expects.
+    """
+
+    loss: np.ndarray
+    v: np.ndarray
+    twist: np.ndarray
+    mode: np.ndarray
+    el: np.ndarray
+    shaft: np.ndarray
+    e_in: np.ndarray
+    events: np.ndarray
+    count: np.ndarray
+    work: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A gear mesh with losses, or a planetary set with losses.
+
+    The loss is `share` times (torque into the mesh - `before` times the loss). This is one straight line for both directions of
+    power.
+
+    Parameters
+    ----------
+    name : str
+        Name of the mesh.
+    gear : int
+        Number of the friction element that holds the two wheels, or the three members, together.
+    brake : int
+        Number of the friction element that brakes with the loss torque.
+    share : float
+        Share of the torque that is lost.
+    before : float
+        Share of the loss that is subtracted from the torque first.
+    """
+
+    name: str
+    gear: int
+    brake: int
+    share: float
+    before: float
+
+
+@dataclass(frozen=True)
+class System:
+    """A driveline as arrays, made by `Driveline.build`.
+
+    It has n generalised speeds v, b bodies, m friction elements and s shafts. The speeds of the bodies are `bodies_from_speeds`
+    times v. Torques on the bodies act on the generalised speeds through its transpose. The kinetic energy is v mass v / 2.
+
+    Parameters
+    ----------
+    bodies, elements, shafts, speeds : tuple of str
+        Names of the bodies (b), of the friction elements (m), of the shafts (s) and of the bodies whose speeds are v (n).
+    inertia : (b,) array of float
+        Inertia of each body [kg m2].
+    bodies_from_speeds : (b, n) array of float
+        Speeds of all bodies by the generalised speeds.
+    mass : (n, n) array of float
+        Mass matrix of the generalised speeds.
+    minv, w, sh, kc : arrays of float
+        Arguments of the kernel, which are passed to it unchanged.
+    stick : (2, m) array of float
+        Ratio of break-away to kinetic torque, forwards and backwards.
+    drag : (m,) array of float
+        Drag on the slip of each friction element [Nm s/rad].
+    one_way : (m,) array of bool
+        True for a free-wheel.
+    v_start : (n,) array of float
+        Generalised speeds at the start [rad/s].
+    twist_start : (s,) array of float
+        Twist of each shaft at the start [rad].
+    element_bodies, shaft_bodies : (m, b) and (s, b) arrays of float
+        Coefficients by which the speeds of the bodies give the slips and the rates of the twists.
+    ties : tuple of str
+        Names of the gears, planetary sets and relations.
+    tie_rows : (ties, b) array of float
+        Coefficients of the ties.
+    meshes : tuple of Mesh
+        Gear meshes and planetary sets with losses.
+    laws : tuple of Law
+        Laws of the driveline, sorted by kind.
+    slots : (s and more, n) array of float
+        Rows of the shafts, followed by those of the laws that need one.
+    factors : dict of str to float
+        Inputs that the laws read, by name, with their defaults.
+    balanced : tuple of str
+        Bodies without inertia whose speeds follow from the balance of torques of their shafts; no torque may act on them.
+    """
+
+    bodies: tuple[str, ...]
+    elements: tuple[str, ...]
+    shafts: tuple[str, ...]
+    speeds: tuple[str, ...]
+    inertia: np.ndarray
+    bodies_from_speeds: np.ndarray
+    mass: np.ndarray
+    minv: np.ndarray
+    w: np.ndarray
+    sh: np.ndarray
+    kc: np.ndarray
+    stick: np.ndarray
+    drag: np.ndarray
+    one_way: np.ndarray
+    v_start: np.ndarray
+    twist_start: np.ndarray
+    element_bodies: np.ndarray
+    shaft_bodies: np.ndarray
+    ties: tuple[str, ...]
+    tie_rows: np.ndarray
+    meshes: tuple[Mesh, ...]
+    laws: tuple[Law, ...]
+    slots: np.ndarray
+    factors: dict[str, float]
+    balanced: tuple[str, ...]
+
+    def state(self, max_events: int = 256, recorded: bool = False) -> State:
+        """Return the initial state: each free-wheel overruns or is locked, everything else is open.
+
+        Parameters
+        ----------
+        max_events : int
+            Number of events for which there is room.
+        recorded : bool
+            Adds room for the angles of the speeds after the twists of the shafts, and for speeds and angles after each event.
+
+        Returns
+        -------
+        State
+            A new state.
+        """
+        n, m, s = len(self.speeds), len(self.elements), len(self.slots)
+        mode = np.zeros(m, np.int64)
+        slip = self.w @ self.v_start
+        for f in np.flatnonzero(self.one_way):
+            if slip[f] < 0.0:
+                mode[f] = algebra.BACKWARD
+        loss = np.zeros((len(self.meshes), loss_width(n, m)))
+        for row, mesh in zip(loss, self.meshes):
+            mode[mesh.gear] = algebra.STUCK
+            row[SHARE], row[OWN], row[ON], row[FACTOR], row[BASE] = mesh.share, mesh.brake, mesh.brake, 1.0, LEAST_LOSS
+            row[WEIGHTS + mesh.gear], row[WEIGHTS + mesh.brake] = 1.0, -mesh.before
+        extra = n if recorded else 0
+        twist = np.zeros(s + extra)
+        twist[: len(self.shafts)] = self.twist_start
+        return State(
+            loss,
+            self.v_start.copy(),
+            twist,
+            mode,
+            np.zeros((4, m)),
+            np.zeros((2, s)),
+            np.zeros(n),
+            np.zeros((max_events, 3 + 2 * extra)),
+            np.zeros(2, np.int64),
+            np.zeros(work_size(n, m, s, len(self.meshes))),
+        )
+
+    def limits(self) -> np.ndarray:
+        """Return a new `cap` (7, m) for the kernel in which drag, free-wheels and meshes are set and everything else is open."""
+        cap = np.zeros((7, len(self.elements)))
+        cap[algebra.VISC] = self.drag
+        cap[algebra.HI0, self.one_way] = np.inf
+        cap[algebra.HI1, self.one_way] = np.inf
+        for mesh in self.meshes:
+            cap[[algebra.HI0, algebra.HI1], mesh.gear], cap[[algebra.LO0, algebra.LO1], mesh.gear] = np.inf, -np.inf
+        return cap
+
+
+def check_built(system: object) -> None:
+    """Raise a RigError for anything but a built driveline; most likely it is the description itself."""
+    if not isinstance(system, System):
+        raise RigError(f"driveline: a {type(system).__name__} cannot be run; a description becomes a System by its build()")
+
+
+def torque_refused(body: str, by: str) -> RigError:
+    """Return the error for a torque on one of the bodies `System.balanced`; ``by`` is what puts it there."""
+    return RigError(
+        f"driveline: body '{body}' has no inertia and stands between shafts, so that no torque but theirs may act on it, "
+        f"and {by} does; give it an inertia"
+    )

@@ -1,0 +1,262 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The facts that a run over ROS leaves in addition to its bag: counts, lateness, cost, and whether anything was lost.
+
+`rig run`, `rig report` and the tests use it once all processes have ended.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from ...bags.opened import OpenedBags, class_of
+from ...bags.pieces import files_of_run, read_metadata
+from ...bags.reader import Bag
+from ...bags.writer import LIBRARY_OF_RUN, BagWriter
+from ...base.errors import RigError
+from ...rig.catalogue import Topic, catalogue, installed_topics
+from .supervisor import MODULES, End, processes_of
+
+RUN_INFO = "rig_msgs/msg/RunInfo"
+NAMED = 4  # topics that a sentence names
+
+
+class RecordedRun(Protocol):
+    """What is asked of a run's bag: a Bag in memory, or what was gathered of its pieces."""
+
+    recovered: str
+
+    def gaps(self) -> dict[str, int]:
+        """As Bag.gaps."""
+
+    def gap_of_last_life(self, topic: str) -> int:
+        """As Bag.gap_of_last_life."""
+
+    def distinct(self, topic: str, last_life: bool = False) -> int:
+        """As Bag.distinct."""
+
+    def run_info(self) -> dict:
+        """As Bag.run_info."""
+
+
+def facts_of(folder: Path) -> dict[str, dict]:
+    """Return what each process wrote about itself at its end, by its name; killed processes are missing."""
+    facts = {}
+    for name in MODULES:
+        path = folder / "logs" / f"{name}.json"
+        if path.is_file():
+            facts[name] = json.loads(path.read_text(encoding="utf-8"))
+    return facts
+
+
+def join_pieces(folder: Path) -> None:
+    """Make one bag of the pieces that killed and restarted recorders left.
+
+    It does nothing with one piece, and with those that metadata.yaml lists, as a recorder that was not killed leaves them. The
+    pieces are removed when the whole bag is written. What was lost between them stays lost and is counted as lost.
+    """
+    # <name>_0.mcap, <name>_1.mcap, ...
+    try:
+        pieces = files_of_run(folder)
+    except RigError:
+        return  # no bag at all, which open_bag reports
+    if len(pieces) < 2 or {piece.name for piece in pieces} <= set(_listed(folder)):
+        return
+    joined = folder / "joined"
+    sent: set[tuple[str, bytes]] = set()  # messages on latched topics
+    with OpenedBags(pieces[:1]) as first:
+        of_rig = first.bag([topic for topic, ros_type in first.types.items() if ros_type == RUN_INFO]).catalogue.all_topics
+    with BagWriter(joined, pieces[0].stem.rpartition("_")[0], topics=of_rig, library=LIBRARY_OF_RUN) as writer:
+        end: dict[str, str] = {}
+        for piece in pieces:
+            with OpenedBags([piece]) as bag:
+                end = bag.pieces[-1].end
+                classes = {topic: class_of(bag.channel(topic)[2]) for topic in bag.types}
+                for time, (topic, data) in bag.timeline(bag.types):
+                    # a latched message that was sent again to a later subscriber is already there
+                    if classes[topic] == "latched":
+                        if (topic, data) in sent:
+                            continue
+                        sent.add((topic, data))
+                    writer.write(topic, bag.types[topic], data, time, classes[topic])
+        if end:
+            writer.end(**end)
+    for piece in pieces:
+        piece.unlink()
+    for path in joined.iterdir():
+        os.replace(path, folder / path.name)
+    joined.rmdir()
+
+
+def _listed(folder: Path) -> list[str]:
+    """Return the files that metadata.yaml lists; none when it cannot be read."""
+    try:
+        return read_metadata(folder).files
+    except RigError:
+        return []
+
+
+def end_of(facts: dict[str, dict], shifts: bool) -> End:
+    """Return how a run without a supervisor ended, from what its processes left.
+
+    Parameters
+    ----------
+    facts : dict of str to dict
+        What :func:`facts_of` returned.
+    shifts : bool
+        Whether the rig has a shift controller.
+
+    Returns
+    -------
+    End
+        State and reason.
+    """
+    container, outcome = facts.get("container"), facts.get("sequencer", {}).get("outcome")
+    if outcome is not None and not outcome["success"]:
+        return End("failed", outcome["text"])
+    lost = [name for name in processes_of(shifts) if name not in facts]
+    if container is None or lost:
+        what = f"{', '.join(lost)} left no counts, as a process that was killed"
+        if container and container["reason"]:
+            what += f"; safe state: {container['reason']}"
+        return End("failed", what)
+    if not container["reason"]:
+        return End("ended", "the sequence ended" if outcome else "stopped")
+    return End("interrupted" if container["interrupted"] else "failed", container["reason"])
+
+
+def open_bag(folder: Path) -> Bag:
+    """Return the bag of a run; when the recorder was killed, the part of it that is whole."""
+    return Bag(folder, recover=True)
+
+
+def lost_messages(bag: RecordedRun, facts: dict[str, dict]) -> dict[str, int]:
+    """Return the number of messages that were published but are not in the bag, by topic; topics without losses are left out.
+
+    What the recorder left out on purpose (pauses, the time before the kept seconds, topics that were not chosen) is not lost.
+
+    The counts of a killed process are unknown; there the gaps in the sequence numbers count. For topics outside the
+    catalogue the number of sent messages is unknown; there only the messages count that reached the recorder and found its
+    queue full.
+    """
+    published: dict[str, int] = {}
+    for fact in facts.values():
+        if "published" in fact:
+            published.update(fact["published"])
+    own = _topics_of(bag)
+    lost = {topic: count for topic, count in bag.gaps().items() if topic in own}
+    for topic, count in published.items():
+        # for a process that was started again, the count is that of its last life
+        missing = count - bag.distinct(topic, last_life=True)
+        whole = lost.get(topic, 0) - bag.gap_of_last_life(topic) + max(0, missing)
+        if whole:
+            lost[topic] = whole
+        else:
+            lost.pop(topic, None)
+    for topic, count in facts.get("recorder", {}).get("left_out", {}).items():
+        lost[topic] = max(0, lost.get(topic, 0) - count)
+    lost = {topic: count for topic, count in lost.items() if count}
+    overflow = facts.get("recorder", {}).get("overflow", {})
+    return lost | {topic: count for topic, count in overflow.items() if topic not in own}
+
+
+def _topics_of(bag: RecordedRun) -> dict[str, Topic]:
+    """Return the topics of a bag's rig; when the bag does not name its rig, those of all installed rigs."""
+    try:
+        return catalogue(bag.run_info()["configuration"]).all_topics
+    except (RigError, KeyError, TypeError, ValueError):
+        return installed_topics()
+
+
+def what_was_lost(run: dict) -> str:
+    """Return one sentence on what is missing of a run, from the ``run`` part of its report; empty when nothing is."""
+    losses = []
+    if run.get("lost"):
+        topics = run.get("lost_by_topic")
+        losses.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
+    if unreadable := run.get("unreadable"):
+        losses.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
+    if unrecorded := run.get("unrecorded_topics"):
+        named = [f"{topic}: {why}" for topic, why in list(unrecorded.items())[:NAMED]]
+        more = f"; and {len(unrecorded) - NAMED} topics more" if len(unrecorded) > NAMED else ""
+        losses.append(f"not recorded in full (--exclude leaves a topic out): {'; '.join(named)}{more}")
+    if run.get("recovered"):
+        losses.append(f"the bag is damaged: {run['recovered']}")
+    behind = run.get("behind")
+    if behind and behind["times"]:
+        times = "once" if behind["times"] == 1 else f"{behind['times']} times"
+        losses.append(
+            f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
+            f"{behind['longest_s']:.2f} s"
+        )
+    return "; ".join(losses)
+
+
+def _named(counts: dict[str, int]) -> str:
+    """Name the topics that lost most, and give the number of the others."""
+    most = sorted(counts.items(), key=lambda item: -item[1])
+    more = f" and {len(most) - NAMED} topics more" if len(most) > NAMED else ""
+    return ", ".join(f"{topic} {count}" for topic, count in most[:NAMED]) + more
+
+
+def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: Sequence[dict] = ()) -> dict:
+    """Return the ``run`` part of the report.
+
+    Parameters
+    ----------
+    bag : RecordedRun
+        The run's bag.
+    folder : Path
+        The run's folder.
+    record : dict
+        The bag's own record of how it was made.
+    end : End
+        How the run ended.
+    restarts : sequence of dict
+        The supervisor's list of restarted processes.
+
+    Returns
+    -------
+    dict
+        Plain data.
+    """
+    facts = facts_of(folder)
+    container = facts.get("container", {})
+    lost = lost_messages(bag, facts)
+    processes = {
+        name: {"cpu_percent": 100.0 * fact["cpu_s"] / fact["wall_s"], "max_rss_mb": fact["max_rss_mb"]}
+        for name, fact in facts.items()
+    }
+    controller = facts.get("alfa46", {}).get("controller")
+    if controller is not None:
+        controller = {**controller, "delay": container.get("delay", 1)}
+    run = {
+        **record,
+        "mode": "run",
+        "controller": controller,
+        "duration_s": container.get("time_s"),
+        "lost": sum(lost.values()),
+        "lost_by_topic": lost,
+        "refused_commands": container.get("refused"),
+        "unreadable": facts.get("recorder", {}).get("unreadable", {}),
+        "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
+        "left_out": facts.get("recorder", {}).get("left_out", {}),
+        "stamps_ahead": facts.get("recorder", {}).get("ahead", {}),
+        "ticks": container.get("ticks"),
+        "overruns": container.get("overruns"),
+        "lateness_ms": container.get("lateness_ms"),
+        "behind": container.get("behind"),
+        "speed_factor": container.get("speed_factor"),
+        "real_time_priority": container.get("real_time_priority"),
+        "processes": processes,
+        "restarts": [{key: restart[key] for key in ("process", "how", "t")} for restart in restarts],
+        "end": {"state": end.state, "reason": end.reason},
+    }
+    if bag.recovered:
+        run["recovered"] = bag.recovered
+    return run

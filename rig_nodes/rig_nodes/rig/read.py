@@ -1,0 +1,597 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From a rig's file to its structure: every name is known, and every wire leads to something that exists.
+
+rig.configuration uses it. An error states file, line, what is wrong and what would be right. base.schema reads the
+values of the devices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+from ..base.errors import RigError, brief
+from ..base.names import meant
+from ..base.schema import check_keys, where_of
+from ..base.units import quantity
+from ..base.yaml_file import List, Map, file_of
+from ..plant.parts import part as parts
+from .quantities import QUANTITIES
+from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
+from .sections import MeshConfig
+from .signals import TORQUES
+from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
+from .transducer_types import TRANSDUCER_TYPES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MASSLESS, CLUTCHES = "massless", "clutches"
+MOST_TEETH = 1000
+# keys of a rig's file from which structure is read here, and those whose values are read elsewhere
+KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "signals", "names", "view")
+MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # in addition to the values of a mesh that loses
+DEVICE_KEYS = ("part", "called", "release_rate", "source")
+RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # names with which other settings begin
+# keys of the input and the output of the transmission
+_END_KEYS = ("body", "speed", "torque")
+
+
+def read_structure(node: Map, path: str | Path) -> Structure:
+    """Return the structure of a whole rig, with its bases merged into it; RigError with file and line when it is not right."""
+    return _Reader(node, path).structure()
+
+
+class _Reader:
+    """Reads one file; ``at`` returns the place of a key."""
+
+    def __init__(self, node: Map, path: str | Path) -> None:
+        self.node, self.path = node, path
+
+    def at(self, node: object, key: object = None) -> str:
+        """Return ``file:line`` of a key or an item, or of the map or list itself."""
+        return where_of(self.path, node, key)
+
+    def hint(self, node: Map, what: str, key: str, known: list[str]) -> str:
+        """Return which transducer could be meant; in a variant of another rig, also where its name is to be written."""
+        if not known or file_of(self.path, node, what) == self.path:
+            return meant(node[what], known)
+        nodes = self.map_of("transducers")
+        added = [one for one in known if file_of(self.path, nodes, one) == self.path]
+        return f"write in {self.path} {key}: {{{what}: {(added or known)[0]}}}, because this line is its base's"
+
+    def map_of(self, key: str) -> Map:
+        """Return the map under a key of the file; an empty map when there is none."""
+        value = self.node.get(key)
+        if value is None:
+            return Map(self.node.line)
+        if not isinstance(value, Map):
+            raise RigError(f"{self.at(self.node, key)}: {key} must be a map of names, found {brief(value)}")
+        for name in value:
+            if key == "gears" and isinstance(name, int) and not isinstance(name, bool):
+                continue  # a gear may have its number as name
+            if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
+                raise RigError(
+                    f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, digits and _"
+                )
+        return value
+
+    def structure(self) -> Structure:
+        """Return the structure of the file; RigError with file and line when it is not right."""
+        bodies = self.map_of("bodies")
+        if not bodies:
+            raise RigError(
+                f"{self.at(self.node, 'bodies') if 'bodies' in self.node else self.at(self.node)}: the rig has no "
+                "bodies; at least one turns"
+            )
+        devices = self.map_of("parts")
+        self.bodies, self.shaft_names = list(bodies), list(self.map_of("shafts"))
+        self.names: dict[str, str] = {}
+        for what in (*GROUPS, "parts"):
+            for name in self.map_of(what):
+                self.new_name(name, what, self.map_of(what))
+        self.element_names = [name for what in ("clutches", "brakes", "torques", "motions") for name in self.map_of(what)]
+        massless = []
+        for name, body in bodies.items():
+            if body == MASSLESS:
+                massless.append(name)
+            elif not isinstance(body, Map):
+                raise RigError(
+                    f"{self.at(bodies, name)}: bodies.{name} is {brief(body)}, expected a map with its inertia, or {MASSLESS}"
+                )
+        self.part_of_device = {name: self.part_of(name, device, devices) for name, device in devices.items()}
+        read = tuple(self.device(name, device) for name, device in devices.items())
+        meshes, elements = self.meshes(), read_elements(self)
+        transducers = self.transducers(read)
+        self.check_pairs(read, devices)
+        structure = Structure(
+            tuple(bodies),
+            tuple(massless),
+            meshes,
+            self.planetary_sets(),
+            self.shafts(),
+            read,
+            self.gears(),
+            self.end("input", transducers),
+            self.end("output", transducers),
+            transducers,
+            self.signal_names(),
+            self.view(),
+            elements,
+            read_inputs(self, elements),
+            self.extra_signals(),
+        )
+        self.check_whole(structure)
+        return structure
+
+    def new_name(self, name: str, what: str, node: Map, key: str | None = None) -> None:
+        """Refuse a name that exists already, because settings and signals are found by it; ``key`` is its place in the file."""
+        at = self.at(node, key or name)
+        if name in RESERVED:
+            raise RigError(f"{at}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
+        if name in self.names:
+            raise RigError(
+                f"{at}: {what}.{name}: there is '{name}' among the {self.names[name]} already; each name may be used once"
+            )
+        self.names[name] = what
+
+    # ---- the driveline
+
+    def body(self, name: Any, where: str, what: str, ground: bool = False) -> str:
+        """Return the name of a body; RigError when it does not exist."""
+        known = [*self.bodies, GROUND] if ground else self.bodies
+        if name not in known:
+            raise RigError(f"{where}: {what} names the body {brief(name)}; {meant(name, known)}")
+        return name
+
+    def two_bodies(self, value: object, where: str, what: str, ground: bool = False) -> tuple[str, str]:
+        """Return two different bodies."""
+        if not isinstance(value, List) or len(value) != 2:
+            raise RigError(f"{where}: {what} must be a list of two bodies, found {brief(value)}")
+        a, b = (self.body(name, where, what, ground) for name in value)
+        if a == b:
+            raise RigError(f"{where}: {what} joins '{a}' with itself; two bodies are needed")
+        return a, b
+
+    def teeth(self, value: object, where: str, what: str) -> tuple[int, int]:
+        """Return two whole numbers above 0."""
+        if not isinstance(value, List) or len(value) != 2:
+            raise RigError(f"{where}: {what} must be two whole numbers, found {brief(value)}")
+        for number in value:
+            if not isinstance(number, int) or isinstance(number, bool) or not 1 <= number <= MOST_TEETH:
+                raise RigError(f"{where}: {what}: {brief(number)} is no number of teeth; expected 1 to {MOST_TEETH}")
+        return value[0], value[1]
+
+    def source(self, node: Map, what: str) -> None:
+        """Check that the source of the numbers is given."""
+        if not isinstance(node["source"], str) or not node["source"].strip():
+            raise RigError(
+                f"{self.at(node, 'source')}: {what}.source must state the source of the teeth, found {brief(node['source'])}"
+            )
+
+    def meshes(self) -> tuple[Mesh, ...]:
+        """Return the pairs of toothed wheels."""
+        nodes = self.node.get("meshes", List(self.node.line))
+        if not isinstance(nodes, List):
+            raise RigError(f"{self.at(self.node, 'meshes')}: meshes must be a list, found {brief(nodes)}")
+        out = []
+        for k, node in enumerate(nodes):
+            where, what = self.at(nodes, k), f"mesh {k + 1}"
+            check_keys(
+                self.path, node, (*MESH_KEYS, *(one.name for one in fields(MeshConfig))), ("bodies", "teeth", "source"), what, where
+            )
+            self.source(node, what)
+            turned = node.get("reversed", False)
+            if not isinstance(turned, bool) and turned not in ("yes", "no"):
+                raise RigError(f"{self.at(node, 'reversed')}: {what}.reversed is {brief(turned)}, expected yes or no")
+            name, lossy = node.get("name", ""), "efficiency" in node
+            if "name" in node:
+                if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
+                    raise RigError(f"{self.at(node, 'name')}: {what}.name is {brief(name)}, expected letters, digits and _")
+                self.new_name(name, "meshes", node, "name")
+            elif lossy:
+                raise RigError(
+                    f"{self.at(node, 'efficiency')}: {what} has an efficiency and no name; give it one, as its values are found "
+                    "by it"
+                )
+            if "back" in node and not lossy:
+                raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
+            bodies = self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies")
+            if lossy:
+                self.element_names.append(name)
+                if light := [body for body in bodies if self.node["bodies"].get(body) == MASSLESS]:
+                    raise RigError(
+                        f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; both sides of "
+                        "a mesh with an efficiency need an inertia"
+                    )
+            out.append(
+                Mesh(
+                    bodies, self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy
+                )
+            )
+        return tuple(out)
+
+    def planetary_sets(self) -> tuple[PlanetarySet, ...]:
+        """Return the simple planetary sets."""
+        nodes, out = self.map_of("planetary_sets"), []
+        for name, node in nodes.items():
+            what = f"planetary_sets.{name}"
+            keys = ("sun", "ring", "carrier", "teeth", "source")
+            check_keys(self.path, node, (*keys, *(one.name for one in fields(MeshConfig))), keys, what, self.at(nodes, name))
+            self.source(node, what)
+            lossy = "efficiency" in node
+            if "back" in node and not lossy:
+                raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
+            wheels = [self.body(node[key], self.at(node, key), f"{what}.{key}", ground=True) for key in keys[:3]]
+            sun, ring, carrier = wheels
+            if len(set(wheels)) < 3:
+                raise RigError(
+                    f"{self.at(nodes, name)}: {what}: sun, ring and carrier must be three bodies, found {', '.join(wheels)}"
+                )
+            teeth = self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth")
+            if teeth[1] <= teeth[0]:
+                raise RigError(
+                    f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; give the "
+                    "sun first, which has fewer"
+                )
+            if lossy:
+                self.element_names.append(name)
+                if light := [body for body in wheels if self.node["bodies"].get(body) == MASSLESS]:
+                    raise RigError(
+                        f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; all members of "
+                        "a set with an efficiency need an inertia"
+                    )
+            out.append(PlanetarySet(name, sun, ring, carrier, teeth, lossy))
+        return tuple(out)
+
+    def shafts(self) -> tuple[Shaft, ...]:
+        """Return the compliant shafts; their values are read elsewhere."""
+        nodes, out = self.map_of("shafts"), []
+        for name, node in nodes.items():
+            what = f"shafts.{name}"
+            if not isinstance(node, Map) or "joins" not in node:
+                raise RigError(f"{self.at(nodes, name)}: {what} must be a map with the key 'joins', found {brief(node)}")
+            if ("stiffness" in node) == ("table" in node):
+                raise RigError(
+                    f"{self.at(nodes, name)}: {what} must have one of the keys stiffness, and table for one that is no "
+                    f"straight line"
+                )
+            table = read_table(self, node, "table", f"{what}.table", "angle", "torque") if "table" in node else ()
+            out.append(
+                Shaft(
+                    name,
+                    self.two_bodies(node["joins"], self.at(node, "joins"), f"{what}.joins"),
+                    table,
+                    self.hysteresis(node, what),
+                )
+            )
+        return tuple(out)
+
+    def hysteresis(self, node: Map, what: str) -> Points:
+        """Return the springs beside a shaft: the stiffness of each [Nm/rad], and the torque at which it slides [Nm]."""
+        if "hysteresis" not in node:
+            return ()
+        where, springs = self.at(node, "hysteresis"), node["hysteresis"]
+        if (
+            not isinstance(springs, List)
+            or len(springs) != 2
+            or not isinstance(springs[0], List)
+            or not isinstance(springs[1], str)
+        ):
+            raise RigError(f'{where}: {what}.hysteresis must be [[[stiffness, torque], ...], "its source"], found {brief(springs)}')
+        for spring in springs[0]:
+            if not isinstance(spring, List) or len(spring) != 2:
+                raise RigError(
+                    f"{where}: {what}.hysteresis: a spring is [stiffness, torque], each with its unit; found {brief(spring)}"
+                )
+        return tuple(
+            (
+                quantity(spring[0], "torque per angle", f"{where}: {what}.hysteresis"),
+                quantity(spring[1], "torque", f"{where}: {what}.hysteresis"),
+            )
+            for spring in springs[0]
+        )
+
+    # ---- devices
+
+    def part_of(self, name: str, node: object, devices: Map) -> parts.Part:
+        """Return the part of a device."""
+        if not isinstance(node, Map):
+            raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
+        if "part" not in node:
+            of_base = [
+                other
+                for other, device in devices.items()
+                if isinstance(device, Map) and "part" in device and file_of(self.path, device, "part") != self.path
+            ]
+            hint = (
+                f", and its base has no such device; {meant(name, of_base)}"
+                if of_base
+                else f"; known are {', '.join(parts.parts())}"
+            )
+            raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'{hint}")
+        if not parts.is_part(node["part"]):
+            raise RigError(
+                f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
+                f"{meant(node['part'], parts.parts())}"
+            )
+        return parts.part(node["part"])
+
+    def device(self, name: str, node: Map) -> Device:
+        """Return a device with its wires."""
+        part, what, wires = self.part_of_device[name], f"parts.{name}", {}
+        called = node.get("called", name)
+        if not isinstance(called, str) or not called.strip() or not called.isprintable() or len(called) > 40:
+            raise RigError(f"{self.at(node, 'called')}: {what}.called is {brief(called)}, expected a short name for people")
+        for key, wire in part.joined.items():
+            if key in node:
+                wires[key] = self.wire(node[key], wire.to, self.at(node, key), f"{what}.{key}")
+            elif wire.needed:
+                raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {meaning(wire.to)}")
+        if part.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
+            raise RigError(
+                f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
+                "for a brake of one"
+            )
+        if part.role == parts.METER and ("source" in node) == ("load" in node):
+            raise RigError(f"{self.at(node)}: {what} must name one of source and load, whose torque it measures")
+        rate = 0.0
+        if "release_rate" in node:
+            value = node["release_rate"]
+            where = f"{self.at(node, 'release_rate')}: {what}.release_rate"
+            if not isinstance(value, List) or len(value) != 2 or not isinstance(value[1], str):
+                raise RigError(f'{where} must be [value with unit, "its source"], found {brief(value)}')
+            rate = quantity(value[0], "pressure rate", where)
+        return Device(name, node["part"], called, wires, rate)
+
+    def wire(self, value: Any, to: str, where: str, what: str) -> Any:
+        """Return what a key names; RigError when it does not exist."""
+        if to == parts.BODY:
+            return self.body(value, where, what)
+        if to == parts.BODIES:
+            return list(self.two_bodies(value, where, what))
+        if to == parts.ONE_WAY:
+            return list(self.two_bodies(value, where, what, ground=True))
+        if to == parts.OUTPUT:
+            from ..plant.alfa46_law import OUTPUTS  # here, because it imports compiled code that most rigs do not need
+
+            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= OUTPUTS:
+                raise RigError(f"{where}: {what} is {brief(value)}, expected output 1 to {OUTPUTS} of the controller")
+            return value
+        if to == parts.LINE:
+            if not isinstance(value, str) or not value.isidentifier():
+                raise RigError(f"{where}: {what} is {brief(value)}, expected a name for the oil line")
+            return value
+        if to == parts.TRANSDUCER:
+            known = list(self.map_of("transducers"))
+        elif to == parts.DRIVES:
+            known = [name for name, part in self.part_of_device.items() if part.role in (parts.SOURCE, parts.COUPLING)]
+        elif to == parts.TORQUE:
+            known = [CLUTCHES, *(name for name, part in self.part_of_device.items() if part.role == parts.METER)]
+        else:
+            known = [name for name, part in self.part_of_device.items() if part.role == to]
+        if value not in known:
+            raise RigError(f"{where}: {what} names {brief(value)}, expected {meaning(to)}; {meant(value, known)}")
+        return value
+
+    def check_pairs(self, devices: tuple[Device, ...], nodes: Map) -> None:
+        """Refuse a clutch or an output with two valves, and a device that needs an oil supply and has none."""
+        for key, what in (("feeds", "clutch"), ("output", "output of the controller")):
+            taken: dict[object, str] = {}
+            for device in devices:
+                value = device.wires.get(key)
+                if value is None:
+                    continue
+                if value in taken:
+                    raise RigError(
+                        f"{self.at(nodes[device.name], key)}: parts.{device.name}.{key}: the {what} {value} has the valve "
+                        f"{taken[value]} already; each takes one"
+                    )
+                taken[value] = device.name
+        fed = {device.wires.get("feeds") for device in devices}
+        oil = [device for device in devices if device.role == parts.OIL]
+        for device in devices:
+            needs = "oil" in parts.part(device.part).joined or device.role == parts.VALVE
+            if needs and not oil:
+                raise RigError(f"{self.at(nodes, device.name)}: parts.{device.name} needs an oil_supply, and the rig has none")
+            if device.part == "wet_clutch" and device.name not in fed:
+                raise RigError(
+                    f"{self.at(nodes, device.name)}: parts.{device.name}: no valve feeds it; give one of the "
+                    f"proportional_valve the key feeds: {device.name}"
+                )
+
+    # ---- what is measured, and what it is called
+
+    def transducers(self, devices: tuple[Device, ...]) -> tuple[Transducer, ...]:
+        """Return everything that is measured: the logger's columns in the order of the file, then what is not logged."""
+        nodes, out = self.map_of("transducers"), []
+        hosts = [device.name for device in devices if device.role not in (parts.VALUES, parts.METER, parts.LOSS)]
+        for name, node in nodes.items():
+            what = f"transducers.{name}"
+            check_keys(
+                self.path,
+                node,
+                ("type", "like", "shows", "at", "range", "text", "sign", "topic", "logged"),
+                ("type", "shows", "at", "range", "text"),
+                what,
+                self.at(nodes, name),
+            )
+            if node["type"] not in TRANSDUCER_TYPES:
+                raise RigError(
+                    f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCER_TYPES)}"
+                )
+            if node["at"] not in hosts:
+                raise RigError(
+                    f"{self.at(node, 'at')}: {what}.at names {brief(node['at'])}, expected the device whose node "
+                    f"publishes it; {meant(node['at'], hosts)}"
+                )
+            type_of = TRANSDUCER_TYPES[node["type"]]
+            where = f"{self.at(node, 'range')}: {what}.range"
+            ends = node["range"]
+            if not isinstance(ends, List) or len(ends) != 2:
+                raise RigError(f"{where} must be [lowest, highest], each with its unit, found {brief(ends)}")
+            low, high = (quantity(end, type_of.dimension, where) for end in ends)
+            if not low < high:
+                raise RigError(f"{where} is {brief(list(ends))}; give the lowest value first")
+            for key in ("text", "sign", "like", "topic"):
+                if key in node and (not isinstance(node[key], str) or not node[key].strip() or not node[key].isprintable()):
+                    raise RigError(f"{self.at(node, key)}: {what}.{key} is {brief(node[key])}, expected words")
+            like = node.get("like", node["type"])
+            if other := next((one for one in out if one.like == like and one.type != node["type"]), None):
+                raise RigError(
+                    f"{self.at(node, 'like' if 'like' in node else 'type')}: {what} has the errors of '{like}', which are those of "
+                    f"{other.name}, a transducer of type {other.type}; give it another name under like"
+                )
+            logged = node.get("logged", True)
+            if logged not in (True, False, "yes", "no"):
+                raise RigError(f"{self.at(node, 'logged')}: {what}.logged is {brief(logged)}, expected yes or no")
+            out.append(
+                Transducer(
+                    name,
+                    node["type"],
+                    like,
+                    self.shown(node, what, devices),
+                    node["at"],
+                    low,
+                    high,
+                    node["text"],
+                    node.get("sign", QUANTITIES[type_of.quantity].sign),
+                    node.get("topic", name.lower()),
+                    logged in (True, "yes"),
+                )
+            )
+        # logged ones first: a variant can add a column though its base ends with transducers that have none
+        return tuple(sorted(out, key=lambda one: not one.logged))
+
+    def shown(self, node: Map, what: str, devices: tuple[Device, ...]) -> str:
+        """Return what a transducer shows; RigError when it does not exist."""
+        shows = str(node["shows"])
+        where, (owner, dot, _) = f"{self.at(node, 'shows')}: {what}.shows", shows.partition(".")
+        meters = [device.name for device in devices if device.role == parts.METER]
+        lines = {str(device.wires.get("line", device.name)) for device in devices if device.role in (parts.OIL, parts.CLUTCH)}
+        by_name = {device.name: device for device in devices}
+        known = [
+            *meters,
+            *(f"{body}.speed" for body in self.bodies),
+            *(f"{line}.pressure" for line in sorted(lines)),
+            *(f"{name}.torque" for name in (*self.shaft_names, *self.element_names)),
+            *(f"{name}.{one}" for name, device in by_name.items() for one in parts.part(device.part).state),
+        ]
+        if shows not in known:
+            if dot and owner in by_name:
+                known = [one for one in known if one == owner or one.startswith(f"{owner}.")]
+                if not known:
+                    kind = by_name[owner].part
+                    raise RigError(f"{where} is {brief(shows)}; nothing of {owner} can be shown: a {kind} has no state of its own")
+            raise RigError(f"{where} is {brief(shows)}; {meant(shows, known)}")
+        return shows
+
+    def end(self, key: str, transducers: tuple[Transducer, ...]) -> End | None:
+        """Return the input or output of the transmission."""
+        if key not in self.node:
+            return None
+        node = self.node[key]
+        check_keys(self.path, node, _END_KEYS, _END_KEYS, key, self.at(self.node, key))
+        self.body(node["body"], self.at(node, "body"), f"{key}.body")
+        for what in ("speed", "torque"):
+            known = [one.name for one in transducers if one.type == what]
+            if node[what] not in known:
+                raise RigError(
+                    f"{self.at(node, what)}: {key}.{what} names {brief(node[what])}, expected a transducer of type "
+                    f"{what}; {self.hint(node, what, key, known)}"
+                )
+        return End(*(node[one] for one in _END_KEYS))
+
+    def gears(self) -> tuple[GearHeld, ...]:
+        """Return the table of gears."""
+        nodes, out = self.map_of("gears"), []
+        clutches, freewheels = (
+            [name for name, part in self.part_of_device.items() if part.role == role] for role in (parts.CLUTCH, parts.FREEWHEEL)
+        )
+        for number, (key, held) in enumerate(nodes.items(), 1):
+            name = str(key)
+            where, what = self.at(nodes, key), f"gears.{name}"
+            if name.lower() in ("neutral", "n") or (name.isdecimal() and name != str(number)):
+                raise RigError(
+                    f"{where}: {what}: '{name}' is no name for the gear of number {number}; gears count from the top, and "
+                    "neutral is there in any rig"
+                )
+            if not isinstance(held, List) or not held:
+                raise RigError(f"{where}: {what} must be a list of the clutches that hold it, found {brief(held)}")
+            for one in held:
+                if one not in (*clutches, *freewheels):
+                    raise RigError(f"{where}: {what} names the clutch {brief(one)}; {meant(one, [*clutches, *freewheels])}")
+            if len(set(held)) < len(held):
+                raise RigError(f"{where}: {what} names a clutch twice")
+            ordered = tuple(one for one in held if one in clutches)
+            if not ordered:
+                raise RigError(f"{where}: {what} is held by free-wheels alone; a gear is ordered by a clutch, so name one too")
+            same = next((gear.name for gear in out if set(gear.clutches) == set(ordered)), None)
+            if same:
+                raise RigError(f"{where}: {what} is held by the same clutches as {same}; each gear has its own")
+            out.append(GearHeld(name, ordered, tuple(one for one in held if one in freewheels)))
+        return tuple(out)
+
+    def signal_names(self) -> dict[str, str]:
+        """Return the other names of signals; rig.signals.unnamed finds those whose signal does not exist."""
+        nodes = self.map_of("names")
+        for old, new in nodes.items():
+            if not isinstance(new, str) or not new.isidentifier():
+                raise RigError(f"{self.at(nodes, old)}: names.{old} is {brief(new)}, expected a name for the signal")
+        return dict(nodes)
+
+    def extra_signals(self) -> tuple[str, ...]:
+        """Return the groups of signals in addition to those of every rig."""
+        nodes = self.node.get("signals", List(self.node.line))
+        if not isinstance(nodes, List) or any(one != TORQUES for one in nodes):
+            raise RigError(
+                f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which records the "
+                "torques of all elements between bodies"
+            )
+        return tuple(dict.fromkeys(nodes))
+
+    def view(self) -> dict[str, tuple[tuple[str, tuple[str, ...]], ...]]:
+        """Return the pages of the view; the catalogue checks later whether their signals exist."""
+        nodes = self.node.get("view", Map(self.node.line))
+        pages: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {}
+        if not isinstance(nodes, Map):
+            raise RigError(f"{self.at(self.node, 'view')}: view must be a map of pages, found {brief(nodes)}")
+        for page, plots in nodes.items():
+            if not isinstance(page, str) or not page.isprintable() or not isinstance(plots, Map) or not plots:
+                raise RigError(
+                    f"{self.at(nodes, page)}: view.{page} must be a map of plots, each a title and the list of its signals"
+                )
+            for title, names in plots.items():
+                if not isinstance(names, List) or not names or not all(isinstance(name, str) for name in names):
+                    raise RigError(f"{self.at(plots, title)}: view.{page}.{title} must be a list of signals, found {brief(names)}")
+            pages[page] = tuple((str(title), tuple(names)) for title, names in plots.items())
+        return pages
+
+    def check_whole(self, structure: Structure) -> None:
+        """Check that a rig with gears has an input, an output and a motor."""
+        ends = [key for key in ("input", "output") if key in self.node]
+        if structure.gears and len(ends) < 2:
+            raise RigError(
+                f"{self.at(self.node, 'gears')}: a rig with gears needs the keys input and output, found "
+                f"{', '.join(ends) or 'neither'}"
+            )
+        if structure.gears and not structure.of_role(parts.SOURCE):
+            raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs a motor among its parts, e.g. part: dc_motor")
+
+
+def meaning(to: str) -> str:
+    """Return a text for people on what a wire leads to."""
+    return {
+        parts.BODY: "a body",
+        parts.BODIES: "two bodies",
+        parts.ONE_WAY: f"two bodies, one of which may be '{GROUND}'",
+        parts.DRIVES: "a source or a coupling",
+        parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
+        parts.TRANSDUCER: "a transducer",
+        parts.OUTPUT: "an output of the controller",
+        parts.LINE: "a name",
+        parts.VALUES: "a part whose values it shares",
+        parts.OIL: "an oil supply",
+    }.get(to, f"a {to}")

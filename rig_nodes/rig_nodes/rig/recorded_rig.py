@@ -1,0 +1,108 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The configuration of a rig from the record in a bag, so that a run needs no file of its rig to be run again.
+
+runs.rerun uses it. It is the inverse of RigConfig.as_dict.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..base.clocks import SAMPLE
+from ..base.errors import RigError
+from ..plant.parts import part as parts
+from ..plant.parts.curve_clutch import Force
+from .alfa46 import OUTPUT_KEYS, Alfa46Config, Alfa46Values
+from .configuration import NoValues, RigConfig
+from .prescribed import OUTPUT_SPEEDS, Prescribed
+from .sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
+from .structure import structure_of
+
+
+def config_of_record(record: Mapping, where: str) -> RigConfig:
+    """Return the configuration that a record describes.
+
+    Parameters
+    ----------
+    record : mapping
+        Result of RigConfig.as_dict, as a bag holds it (Bag.record).
+    where : str
+        The bag, for the error.
+
+    Returns
+    -------
+    RigConfig
+        The configuration; its own record is the given one.
+
+    Raises
+    ------
+    RigError
+        When the record does not describe a rig of this version.
+    """
+    try:
+        config = _config(record)
+    except (RigError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _other_version(where, f"{type(error).__name__}: {error}") from None
+    ours = json.loads(json.dumps(config.as_dict()))
+    different = [key for key in sorted({*ours, *record}) if ours.get(key) != json.loads(json.dumps(record.get(key)))]
+    if different:
+        raise _other_version(where, f"{', '.join(different)} would be other than recorded")
+    return config
+
+
+def _other_version(where: str, why: str) -> RigError:
+    return RigError(f"{where}: the recorded configuration is not one of this version ({why}); give the rig by --rig")
+
+
+def _config(record: Mapping) -> RigConfig:
+    structure = structure_of(record["structure"])
+    sections: dict[str, object] = {}
+    for name, cls in section_classes(structure).items():
+        sections[name] = with_written(cls, tuple(record[name]))(**record[name])
+    for device in structure.devices:
+        part = parts.part(device.part)
+        cls = part.configs[0] if part.configs else NoValues
+        sections[device.name] = cls(**_tuples(record[device.name]))
+    sections["instruments"] = instruments_of(structure)(**record["instruments"])
+    sections["effects"] = EffectsConfig(**record["effects"])
+    cut = dict(record.get("cut") or {"tick": SAMPLE})
+    cut_out = tuple(cut.pop("devices", ()))
+    return RigConfig(
+        record["name"],
+        structure,
+        KernelConfig(**record["kernel"]),
+        sections,
+        tuple(record.get("wiring", ())) or tuple(valve.wires["output"] - 1 for valve in structure.valves),
+        _controller(record.get("alfa46")),
+        CutConfig(**cut),
+        cut_out,
+        _prescribed(record.get("prescribed")),
+    )
+
+
+def _tuples(value: Any) -> Any:
+    """Return a value read from JSON with its lists as the tuples that the values of parts are."""
+    if isinstance(value, Mapping):
+        return {name: _tuples(one) for name, one in value.items()}
+    return tuple(map(_tuples, value)) if isinstance(value, (list, tuple)) else value
+
+
+def _controller(record: Mapping | None) -> Alfa46Config | None:
+    if record is None:
+        return None
+    profiles = np.array([record["profiles"][key] for key in OUTPUT_KEYS], order="C")
+    return Alfa46Config(Alfa46Values(**{name: value for name, value in record.items() if name != "profiles"}), profiles)
+
+
+def _prescribed(record: Mapping | None) -> Prescribed | None:
+    if record is None:
+        return None
+    pieces = [[[[np.inf if x is None else x for x in row] for row in way] for way in clutch] for clutch in record["pieces"]]
+    forces = tuple(Force(**force) for force in record["forces"])
+    return Prescribed(forces, np.array(pieces), record["output_speed"] == OUTPUT_SPEEDS[0])

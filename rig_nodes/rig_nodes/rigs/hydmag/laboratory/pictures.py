@@ -1,0 +1,290 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The figures of chapters 7 to 9 that can be redrawn from the thesis's text, drawn from the rig's records.
+
+Used by the verb ``validate``. The laboratory's points are lost; what the text still says of them is drawn as a band or
+as the printed curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from ....base.atomic_write import atomic_write
+from ....studies.validation.figures import Band, Figure, Series
+from .evaluate import curve
+from .records import Record, group, shown
+from .targets import Target, load_targets
+
+RPM = pi / 30.0
+MOST_MARKS = 50  # points of a line that are marked at most; a line with more is drawn without marks
+AXES = {  # condition or quantity -> (name with unit, factor from SI)
+    "n_wej": ("n_wej [rpm]", 1.0 / RPM),
+    "m_wyj": ("M_wyj before the shift [Nm]", 1.0),
+    "series": ("series", 1.0),
+    "t12": ("t12 [ms]", 1e3),
+    "t21": ("t21 [ms]", 1e3),
+    "time": ("time [s]", 1.0),
+    "surfaces": ("surfaces", 1.0),
+    "pressure": ("surface pressure [MPa]", 1e-6),
+    "t_dt_s": ("t_dt [s]", 1.0),
+    "t_p_s": ("t_p [s]", 1.0),
+    "t_c_s": ("t_c [s]", 1.0),
+    "t_o_s": ("t_o [s]", 1.0),
+    "input_torque_max_nm": ("highest M_wej [Nm]", 1.0),
+    "output_speed_min_rpm": ("lowest n_wyj [rpm]", 1.0 / RPM),
+    "k": ("k", 1.0),
+    "e_loss_j": ("E_loss over t_dt [J]", 1.0),
+    "e_loss_settled_j": ("E_loss until settled [J]", 1.0),
+    "engagement_s": ("engagement time [s]", 1.0),
+    "engagement_peak_nm": ("highest M_wej [Nm]", 1.0),
+    "hold_s": ("hold phase t_O [s]", 1.0),
+    "w_wej": ("w_wej [rad/s]", 1.0),
+    "p1_mpa": ("p1 [MPa]", 1e-6),
+    "p2_mpa": ("p2 [MPa]", 1e-6),
+    "k_kor": ("k_kor", 1.0),
+    "m_eks": ("torque at slip [Nm]", 1.0),
+    "s": ("deflection s [mm]", 1e3),
+    "spring_force_n": ("F_s [N]", 1.0),
+    "cylinder_force_n": ("F_p [N]", 1.0),
+}
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The plan of one figure: a quantity over a condition, with a line for each value of ``by``.
+
+    ``where`` holds the conditions that choose records, ``target`` the row whose ends or curve are drawn too.
+    """
+
+    name: str
+    title: str
+    procedure: str
+    quantity: str
+    over: str
+    by: str | None = None
+    where: tuple[tuple[str, object], ...] = ()
+    target: str | None = None
+    line: bool = True
+
+
+def _plans() -> list[_Plan]:
+    plans = [_Plan("fig_7_14", "Fig. 7.14: coast-down from 470 rpm", "coast_down", "w_wej", "time", target="coast_down_curve")]
+    for number, valve in (("15", "ZR-P1"), ("16", "ZR-P2")):
+        for part, quantity in zip("abc", ("engagement_s", "hold_s", "engagement_peak_nm")):
+            plans.append(
+                _Plan(
+                    f"fig_7_{number}_{part}",
+                    f"Fig. 7.{number}: the series of {valve}",
+                    "profile_series",
+                    quantity,
+                    "series",
+                    where=(("valve", valve),),
+                    line=False,
+                )
+            )
+    for shift, delay, numbers in (("I-II", "t12", ("21", "22", "23", "24")), ("II-I", "t21", ("27", "28", "29", "30"))):
+        for number, quantity, over in zip(
+            numbers,
+            ("input_torque_max_nm", "output_speed_min_rpm", "t_dt_s", "output_speed_min_rpm"),
+            ("series", "series", delay, delay),
+        ):
+            plans.append(
+                _Plan(
+                    f"fig_7_{number}",
+                    f"Fig. 7.{number}: {shift}, 500 rpm, 60 Nm",
+                    "delay_series",
+                    quantity,
+                    over,
+                    where=(("shift", shift),),
+                    line=False,
+                    target="delay_up_peak_upper" if number == "21" else None,
+                )
+            )
+    grid = (
+        ("35", "grid_up", "t_dt_s", "m_wyj", "up_t_dt_range"),
+        ("36", "grid_up", "t_dt_s", "n_wej", None),
+        ("37", "grid_up", "t_p_s", "m_wyj", "up_t_p_upper"),
+        ("38", "grid_up", "t_c_s", "m_wyj", "up_t_c_upper"),
+        ("39", "grid_up", "t_o_s", "m_wyj", "up_t_o_upper_2000"),
+        ("40", "grid_up", "input_torque_max_nm", "m_wyj", "up_peak_torque_range"),
+        ("41", "grid_up", "k", "m_wyj", None),
+        ("42", "grid_up", "e_loss_j", "m_wyj", None),
+        ("42_settled", "grid_up", "e_loss_settled_j", "m_wyj", None),
+        ("43", "grid_up", "e_loss_j", "n_wej", None),
+        ("44", "grid_down", "t_dt_s", "m_wyj", "down_t_dt_upper"),
+        ("45", "grid_down", "t_p_s", "m_wyj", "down_t_p_range"),
+        ("46", "grid_down", "t_c_s", "m_wyj", "down_t_c_upper"),
+        ("47", "grid_down", "t_o_s", "m_wyj", "down_t_o_lower"),
+        ("48", "grid_down", "input_torque_max_nm", "m_wyj", None),
+        ("49", "grid_down", "k", "m_wyj", "down_k_lower"),
+        ("50", "grid_down", "e_loss_j", "m_wyj", None),
+        ("50_settled", "grid_down", "e_loss_settled_j", "m_wyj", None),
+    )
+    for number, procedure, quantity, over, target in grid:
+        title = f"Fig. 7.{number.split('_')[0]}: {'I to II' if procedure == 'grid_up' else 'II to I'}"
+        plans.append(
+            _Plan(f"fig_7_{number}", title, procedure, quantity, over, by="n_wej" if over == "m_wyj" else "m_wyj", target=target)
+        )
+    for number, ring, thickness in (
+        ("11", "80x115", 2e-3),
+        ("13", "80x115", 1.5e-3),
+        ("15", "80x115", 1e-3),
+        ("17", "80x101.9", 2e-3),
+        ("19", "65x115", 2e-3),
+        ("22", "50x76", None),
+    ):
+        where = (("ring", ring),) + ((("thickness", thickness),) if thickness else ())
+        plans.append(
+            _Plan(
+                f"fig_8_{number}", f"Fig. 8.{number}: k_kor of {ring}", "clutch_bench", "k_kor", "surfaces", by="model", where=where
+            )
+        )
+    for number, ring, thickness in (
+        ("10", "80x115", 2e-3),
+        ("12", "80x115", 1.5e-3),
+        ("14", "80x115", 1e-3),
+        ("16", "80x101.9", 2e-3),
+        ("18", "65x115", 2e-3),
+        ("20", "46x88.9", 2.5e-3),
+        ("21", "50x76", None),
+    ):
+        where = (("ring", ring),) + ((("thickness", thickness),) if thickness else ())
+        plans.append(
+            _Plan(
+                f"fig_8_{number}",
+                f"Fig. 8.{number}: M_eks of {ring}",
+                "clutch_bench",
+                "m_eks",
+                "pressure",
+                by="surfaces",
+                where=where,
+            )
+        )
+    plans.append(
+        _Plan("fig_8_8", "Fig. 8.8: springs of the bench", "spring_bench", "spring_force_n", "s", target="spring_force_curve")
+    )
+    plans.append(
+        _Plan(
+            "fig_8_9",
+            "Fig. 8.9: cylinder of the bench",
+            "spring_bench",
+            "cylinder_force_n",
+            "pressure",
+            target="cylinder_force_curve",
+        )
+    )
+    for number, shift, quantity in (
+        ("5", "I-II", "input_torque_max_nm"),
+        ("6", "II-I", "input_torque_max_nm"),
+        ("7", "I-II", "t_p_s"),
+        ("8", "II-I", "t_p_s"),
+    ):
+        for rpm in (1200, 1500):
+            plans.append(
+                _Plan(
+                    f"fig_9_{number}_{rpm}",
+                    f"Fig. 9.{number}: {shift}, {rpm} rpm, rig and simulation",
+                    "chapter9",
+                    quantity,
+                    "m_wyj",
+                    by="source",
+                    where=(("shift", shift), ("n_wej", rpm * RPM)),
+                )
+            )
+    for number, procedure in (("3", "grid_up"), ("4", "grid_down")):
+        for gear in (1, 2):
+            way = procedure.removeprefix("grid_")
+            plans.append(
+                _Plan(
+                    f"fig_9_{number}_p{gear}",
+                    f"Fig. 9.{number}: p{gear}, 1500 rpm",
+                    procedure,
+                    f"p{gear}_mpa",
+                    "time",
+                    by="m_wyj",
+                    where=(("n_wej", 1500.0 * RPM),),
+                    target=f"ch9_pressure_{way}_p{gear}",
+                )
+            )
+    return plans
+
+
+def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
+    """Draw every figure for which there are records.
+
+    Parameters
+    ----------
+    records : list of Record
+        The rig's records.
+
+    Yields
+    ------
+    name : str
+        Name of the file without its ending.
+    figure : Figure
+        The figure.
+    """
+    targets = {target.id: target for target in load_targets()}
+    for plan in _plans():
+        found = [
+            r
+            for r in records
+            if r.procedure == plan.procedure
+            and plan.over in r.conditions
+            and isinstance(r.values.get(plan.quantity), float)
+            and "phase" not in r.conditions
+            and ("time" in r.conditions) == (plan.over == "time")
+            and r.conditions.get("m_wyj") != 0.0  # the laboratory measured nothing without load
+            and all(shown(name, r.conditions.get(name, "")) == shown(name, value) for name, value in plan.where)
+        ]
+        if found:
+            yield plan.name, _figure(plan, found, targets.get(plan.target))
+
+
+def _figure(plan: _Plan, found: Iterable[Record], target: Target | None) -> Figure:
+    (x_name, x_factor), (y_name, y_factor) = AXES[plan.over], AXES[plan.quantity]
+    figure = Figure(plan.title, x_name, y_name)
+    for key, members in group(found, [plan.by] if plan.by else []):
+        points = sorted((r.conditions[plan.over] * x_factor, r.values[plan.quantity] * y_factor) for r in members)
+        name = shown(plan.by, key[plan.by]) if plan.by else "rig"
+        name = {"measured": "rig", "simulated": "chapter 9"}.get(name, name)
+        dense = len(points) > MOST_MARKS
+        figure.series.append(Series(name, *map(list, zip(*points)), line=plan.line, marks=not dense))
+    if target is not None and target.pieces:
+        x = np.linspace(target.pieces[0][0], target.pieces[-1][1], 400)
+        figure.series.append(Series("printed", x.tolist(), curve(target, x).tolist(), marks=False, dashed=True))
+    elif target is not None:
+        ends = [None if end is None else end * y_factor for end in (target.low, target.high)]
+        figure.bands.append(Band("accepted", *ends))
+    return figure
+
+
+def write_pictures(found: Iterable[tuple[str, Figure]], folder: str | Path) -> list[Path]:
+    """Write figures as SVG files.
+
+    Parameters
+    ----------
+    found : iterable of (str, Figure)
+        Names of the files without ending, and figures.
+    folder : str or Path
+        Folder of the files; it is made when it does not exist.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, figure in found:
+        paths.append(folder / f"{name}.svg")
+        atomic_write(paths[-1], figure.svg())
+    return paths

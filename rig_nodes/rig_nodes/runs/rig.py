@@ -1,0 +1,726 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The lockstep rig: one object that owns the plant, the instruments and, if it is embedded, the shift controller.
+
+The devices of a rig are those of its description. By their roles the rig knows them as motor, load, oil, valves and
+clutches. ``simulate``, the rig container and the tests use it; time passes only in ``advance_samples``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import deque
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS
+from ..base.errors import RigError
+from ..base.names import unknown
+from ..base.schema import SWITCH
+from ..controllers.alfa46.box import refusal
+from ..controllers.record import record_of
+from ..controllers.seam import LEVELS
+from ..plant import alfa46_law as law
+from ..plant.parts import part as parts
+from ..plant.parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
+from ..rig.alfa46 import Alfa46Config, check_gains
+from ..rig.commands import Setpoint
+from ..rig.configuration import RigConfig
+from ..rig.settings import CONTROLLER, Setting
+from .cuts import Cuts
+from .gauges import Gauges
+from .plan import plan_of
+from .rig_base import RigBase, RigStatus
+from .shown_state import ShownState, facts_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Sequence
+
+NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
+
+
+def _channel(setting: Setting) -> str:
+    """The transducer whose noise a setting gives."""
+    return setting.key.partition(".")[2]
+
+
+def check_level(config: RigConfig, level: str | None) -> None:
+    """Refuse a level of an external controller at which its commands have no effect on this rig.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    level : str or None
+        Level of the controller's commands, "duty" or "current"; None when it is not known yet.
+
+    Raises
+    ------
+    RigError
+        When the level is "duty" and the effect ``current_loop`` is off.
+    """
+    if level == "duty" and not config.effects.current_loop:
+        raise RigError(
+            "effects.current_loop=off makes the coil current follow its setpoint, which a controller at level "
+            "duty does not give; run one that gives it at level current (--level current), or leave the loop on"
+        )
+
+
+class Rig(RigBase, ShownState):
+    """A rig that is made from its configuration.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig's configuration.
+    seed : int
+        Seed of the transducers' errors and noise.
+    controller : str
+        "embedded" runs the Alfa46 inside the rig; "external" waits for commands of the given ``level``.
+    level : str or None
+        Level of an external controller's commands: "duty" of the coils, or "current" setpoints for the rig's own power
+        stage; None takes the level of the first command.
+    devices : str
+        "embedded" runs the devices that the configuration cuts out inside the rig as well; with "external" their answers
+        come from outside.
+    delay : int
+        Number of samples from the sample that a command answers to the boundary at which the command acts. It is always 1
+        for an embedded controller.
+
+    Raises
+    ------
+    RigError
+        When an argument is none of those above, or when ``level`` has no effect on this rig.
+    """
+
+    def __init__(
+        self,
+        config: RigConfig,
+        seed: int = 1,
+        controller: str = "embedded",
+        level: str | None = "duty",
+        devices: str = "embedded",
+        delay: int = 1,
+    ) -> None:
+        if devices not in ("embedded", "external"):
+            raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
+        if controller not in ("embedded", "external"):
+            raise RigError(f"controller is '{controller}', expected 'embedded' or 'external'")
+        if delay < 0 or (delay != 1 and controller == "embedded"):
+            raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
+        if level not in (None, *LEVELS):
+            raise RigError(f"level is '{level}', expected 'duty' or 'current'")
+        self.shifts = config.structure.shifts  # there is a shift controller, in it or outside
+        if controller == "external" and self.shifts:
+            check_level(config, level)
+        self.config, self.seed, self.level = config, int(seed), level if self.shifts else None
+        self.settings = config.settings
+        self.embedded = controller == "embedded" and self.shifts
+        self.count_steps(config.kernel.step, config.catalogue)
+        self._build()
+        self._wired = [self.channels.index(name) for name in record_of(config).names] if self.shifts else []
+        self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY
+        self.cuts = Cuts(self, devices == "embedded")
+        self.delay = delay
+        self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values
+        self._last_command = -1  # sample that the newest valid command from outside answers
+        self._held_open = False  # True after a reset: no command acts until the controller has been in neutral
+        self.idle_command = ""  # why the newest command was taken but does not act; empty when it acts
+        self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
+
+    def _build(self) -> None:
+        config, structure = self.config, self.config.structure
+        self.drive = structure.of_role(parts.SOURCE)[0].name
+        planned = plan_of(config)
+        self.build(planned.plan, Gauges(config, self.seed, tuple(planned.plan.channels)))
+        self.facts = facts_of(config, self.world, planned.true)
+        self.clutch_names = self.facts.clutches
+        self.valve_names = tuple(one.name for one in structure.valves)
+        self.motor = self.device(self.drive)
+        self._single = memoryview(self.world.numbers)  # from which a single number is read in a third of the time
+        self._drive_on = self.world.states_at(self.drive)["enabled"]
+        self.load, self.oil = (
+            {one.role: self.device(one.name) for one in reversed(structure.devices) if one.role in (parts.LOAD, parts.OIL)}.get(
+                role
+            )
+            for role in (parts.LOAD, parts.OIL)
+        )
+        self._currents = [
+            (self.channels.index(planned.plan.currents[name]), output)  # column and output of each valve's current
+            for name, output in zip(self.valve_names, config.wiring)
+        ]
+        self.valves = [self.device(name) for name in self.valve_names]
+        self.clutches = [self.device(name) for name in self.clutch_names]
+        self.stored_first = self.stored()
+        if self.shifts:
+            self._law_config = config.alfa46.law_config(config.transmission)
+            self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it
+        self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
+        self._silent, self._trouble = False, ""  # tripped for the age of the commands; what is known of why none comes
+        self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
+
+    # ---- time
+
+    def advance_samples(self, samples: int = 1) -> None:
+        """Move plant, instruments and embedded controller by a number of controller samples; the GIL is released inside."""
+        if self._ordered is not None and samples > 0:
+            law.order_gear(
+                self._ordered, self.sample, self._law_config[0], self._law_profiles, self._law_outputs, self._law_state[0]
+            )
+            self._ordered = None
+        for part in self.cuts.split(samples):
+            if not self._advance_acting(part):
+                break
+        if self.safe:
+            return
+        if self.shifts and not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
+            self._silent = True
+            self.trip(self._silence())
+        elif silence := self.cuts.silence():
+            self.trip(silence)
+
+    def _silence(self) -> str:
+        return f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: {self._trouble or 'the shift controller is silent'}"
+
+    def explain_silence(self, trouble: str) -> bool:
+        """Take what the controller's plug knows of why no answer comes, as the reason of a trip for the age of the commands.
+
+        Parameters
+        ----------
+        trouble : str
+            The sentence; it counts until the next command.
+
+        Returns
+        -------
+        bool
+            True when the rig has tripped for that age already; its reason is then changed.
+        """
+        self._trouble, late = trouble, self._silent and not self.stopped_by_person
+        if late:
+            self.reason = self._silence()
+        return late
+
+    def fail_controller(self, reason: str) -> bool:
+        """Trip for a controller that cannot go on.
+
+        Parameters
+        ----------
+        reason : str
+            The plug's sentence.
+
+        Returns
+        -------
+        bool
+            True when the rig has tripped for the age of the commands already; its reason is then changed.
+        """
+        late, self._silent = self._silent and not self.stopped_by_person, False
+        if late:
+            self.reason = reason
+        self.trip(reason)
+        return late
+
+    def _advance_acting(self, samples: int) -> bool:
+        """Move by samples and let every command act at its boundary; False when the plant trips the rig before the end."""
+        end = self.sample + samples
+        while self.sample < end:
+            self._act_due()
+            if not self.move(min(end, self._to_come[0][0] if self._to_come else end) - self.sample):
+                return False
+        return True
+
+    def _act_due(self) -> None:
+        while self._to_come and self._to_come[0][0] <= self.sample:
+            _, act, *values = self._to_come.popleft()
+            act(*values)
+
+    # ---- commands, applied at the next sample boundary
+
+    def set(self, step: str, value: float, enable: bool) -> None:
+        """Give a device a setpoint and switch the device on or off.
+
+        Parameters
+        ----------
+        step : str
+            Key of the device in sequences, e.g. motor, load or oil.
+        value : float
+            The setpoint [SI].
+        enable : bool
+            True when the device is on.
+
+        Raises
+        ------
+        RigError
+            When the key is unknown, the rig lacks what the setpoint needs, or the value is out of its range.
+        """
+        if step not in self.settings.steps:
+            raise RigError(unknown("setpoint", step, self.settings.steps))
+        setting = self.settings.steps[step]
+        setpoint = setting.setpoint
+        if setting.lacking:
+            what = setpoint.command.only.replace("_", " ")
+            raise RigError(f"'{self.config.name}' has no {what}; its {setting.lacking} is off")
+        setting.check(value)
+        me = self.device(setpoint.device)
+        me[setpoint.command.target], me[setpoint.command.enabled] = value, enable
+
+    def set_value(self, name: str, value: float) -> None:
+        """Change a setting of the rig while it runs; ``config`` follows.
+
+        Parameters
+        ----------
+        name : str
+            Name of the setting, e.g. "motor.speed" or "motor.enabled".
+        value : bool or float
+            The new value [SI]; True or False for a switch.
+
+        Raises
+        ------
+        RigError
+            When the change is refused.
+        """
+        setting = self.settings.find(name)
+        setting.check_lives()
+        if setting.dimension != SWITCH:
+            setting.check(value)
+        if setting.setpoint:
+            now = self.device(setting.setpoint.device)
+            target, on = (now[getattr(setting.setpoint.command, what)] for what in ("target", "enabled"))
+            self.set(setting.setpoint.step, *((target, bool(value)) if setting.dimension == SWITCH else (value, bool(on > 0.0))))
+        elif setting.state:
+            self.device(setting.owner)[setting.state] = value
+            self.config = self.config.with_values({name: float(value)})
+        elif setting.owner == CONTROLLER:
+            if not self.embedded:
+                raise RigError(f"{name} is the shift controller's, and not the rig's to change")
+            check_gains(self.level, [setting.key])
+            self.set_controller(self.config.with_values({name: value}).alfa46)
+        elif setting.dimension == SWITCH:
+            self.gauges.switch(bool(value))
+        else:
+            self.gauges.set_noise(_channel(setting), value)
+
+    def value(self, name: str) -> bool | float:
+        """Return the value [SI], as it was last set, of a setting that can be changed while the rig runs."""
+        setting = self.settings.find(name)
+        if setting.setpoint:
+            command, me = setting.setpoint.command, self.device(setting.setpoint.device)
+            return bool(me[command.enabled] > 0.0) if setting.dimension == SWITCH else float(me[command.target])
+        if setting.state:
+            return float(self.config.value(name))  # as it was last set; the state moves on from there
+        return self.gauges.on if setting.dimension == SWITCH else self.gauges.noise(_channel(setting))
+
+    def refuses_drive(self, setpoint: Setpoint) -> bool:
+        """Return whether a setpoint belongs to the device that drives a tripped rig, which can only be switched off."""
+        drives = self.config.structure.device(setpoint.device).role == parts.SOURCE and not setpoint.command.node
+        return drives and self.status == RigStatus.TRIPPED
+
+    def set_command(
+        self, level: int, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool, flags: int
+    ) -> None:
+        """Take the fields of a rig_msgs/ValveCommand, at the level that the command names.
+
+        Parameters
+        ----------
+        level : int
+            0 for duty, 1 for current.
+        sample : int
+            The controller sample that the command answers.
+        duty : (3,) collection of float
+            Duty of each output of the controller, 0 to 1; it acts at level 0.
+        setpoint : (3,) collection of float
+            Current setpoint of each output [A]; it acts at level 1.
+        gear : int
+            Number of the gear that the controller reports.
+        shifting : bool
+            True while the controller shifts.
+        flags : int
+            Bit k keeps output k on at a setpoint of zero; used at level 1.
+
+        Raises
+        ------
+        RigError
+            When the command is refused.
+        """
+        if level not in range(len(LEVELS)):
+            raise RigError(f"valve command for sample {sample} refused: level {level} is neither 0 (duty) nor 1 (current)")
+        if LEVELS[level] == "current":
+            self.set_current(sample, setpoint, gear, shifting, flags)
+        else:
+            self.set_duty(sample, duty, setpoint, gear, shifting)
+
+    def set_duty(self, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool) -> None:
+        """Take an external controller's answer to a sample at level "duty".
+
+        Parameters
+        ----------
+        sample : int
+            The controller sample that is answered.
+        duty : (3,) collection of float
+            Duty of each output of the controller, 0 to 1.
+        setpoint : (3,) collection of float
+            Current setpoint of each output [A], for the record.
+        gear : int
+            Number of the gear that the controller reports.
+        shifting : bool
+            True while the controller shifts.
+
+        Raises
+        ------
+        RigError
+            When the command is refused.
+        """
+        values = self._answer("duty", sample, duty, setpoint)
+        duty, setpoint = values[: law.OUTPUTS], values[law.OUTPUTS :]
+        if not 0.0 <= min(duty) <= max(duty) <= 1.0:
+            raise RigError(f"valve command for sample {sample} refused: duty must be 0 to 1, found {duty}")
+        self._accept("duty", sample)
+        self._duty[:], self._setpoint[:] = duty, setpoint
+        self._gear, self._shifting = int(gear), bool(shifting)
+        self._to_come.append((sample + self.delay, self._act_duty, duty if self._may_act("duty", values) else NOTHING))
+        self._act_due()
+
+    def _act_duty(self, duty: list[float]) -> None:
+        for valve, output in zip(self.valves, self._wiring):
+            valve["pending"] = duty[output]
+
+    def set_current(self, sample: int, setpoint: Collection[float], gear: int, shifting: bool, flags: int = 0) -> None:
+        """Take an external controller's answer to a sample at level "current".
+
+        The power stage drives output k while its setpoint is above zero or bit k of ``flags`` is set, with the coil currents of
+        the last sample. Its duty acts from the next boundary on, like that of :meth:`set_duty`.
+
+        Parameters
+        ----------
+        sample : int
+            The controller sample that is answered.
+        setpoint : (3,) collection of float
+            Current setpoint of each output of the controller [A].
+        gear : int
+            Number of the gear that the controller reports.
+        shifting : bool
+            True while the controller shifts.
+        flags : int
+            Bit k keeps output k on at a setpoint of zero.
+
+        Raises
+        ------
+        RigError
+            When the command is refused.
+        """
+        values = self._answer("current", sample, setpoint)
+        limit = self.config.alfa46.values.current_limit
+        if not all(0.0 <= i <= limit for i in values):
+            raise RigError(f"valve command for sample {sample} refused: setpoints must be 0 to {limit:g} A, found {values}")
+        self._accept("current", sample)
+        self._setpoint[:] = values
+        self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
+        current, held = (values, int(flags)) if self._may_act("current", values) else (NOTHING, 0)
+        self._to_come.append((sample + self.delay, self._act_current, current, held))
+        self._act_due()
+
+    def _act_current(self, setpoint: list[float], flags: int) -> None:
+        for k, value in enumerate(setpoint):
+            self._law_outputs["setpoint"][k] = value
+            self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF
+
+    def _answer(self, level: str, sample: int, *vectors: Collection[float]) -> list[float]:
+        """Return all numbers of an external controller's command in one list; RigError when the command cannot be taken."""
+        if not self.shifts:
+            raise RigError(f"'{self.config.name}' has no valves for a shift controller")
+        if self.embedded:
+            raise RigError(f"this rig runs its controller inside; {level} commands are for controller='external'")
+        if self.level not in (None, level):
+            raise RigError(
+                f"valve command for sample {sample} refused: this run takes commands at level "
+                f"'{self.level}', found one at level '{level}'; the level stays until its end"
+            )
+        if self.level is None:
+            check_level(self.config, level)
+        values = [float(value) for vector in vectors for value in vector]
+        if {law.OUTPUTS} != set(map(len, vectors)) or not all(map(math.isfinite, values)):
+            what = (
+                "duty and setpoint must be 3 finite numbers each" if level == "duty" else ("the setpoint must be 3 finite numbers")
+            )
+            raise RigError(f"valve command for sample {sample} refused: {what}")
+        if not self._last_command < sample <= self.sample:
+            raise RigError(
+                f"valve command for sample {sample} refused: expected one after {self._last_command} and not after {self.sample}"
+            )
+        return values
+
+    def _accept(self, level: str, sample: int) -> None:
+        """Record that a command was taken; the first one decides the level when none was given before."""
+        self._last_command, self._trouble = int(sample), ""
+        if self.level is None:
+            self.level = level
+            self._by = BY_SETPOINT if level == "current" else BY_DUTY
+
+    def _may_act(self, level: str, command: Sequence[float]) -> bool:
+        """Return whether a command may act: after a reset, none may before the controller was in neutral with its valves shut.
+
+        The valves are shut when the command asks for no more than what leaves them shut. So a clutch that was clamped before the
+        trip is not clamped again without a new order.
+        """
+        self.idle_command = ""
+        tripped = self.safe
+        if self._held_open or tripped:
+            valves = [getattr(self.config, name) for name in self.valve_names]
+            asks = (
+                bool(self._gear)
+                or self._shifting
+                or any(
+                    command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
+                    for output, v in zip(self._wiring, valves)
+                )
+            )
+            self._held_open = self._held_open and asks
+            if asks:
+                self.idle_command = (
+                    f"the rig is in its safe state ({self.reason})"
+                    if tripped
+                    else "since the reset no command has asked for neutral and for nothing"
+                )
+        return not self._held_open
+
+    def order_gear(self, gear: int) -> None:
+        """Order a gear from the embedded controller, which takes the order at its next sample; RigError when it is refused."""
+        if not self.shifts:
+            raise RigError(f"'{self.config.name}' has no gears to order")
+        if not self.embedded:
+            raise RigError("this rig's controller is outside; order the gear there")
+        why = refusal(
+            gear,
+            self.gear if self._ordered is None else self._ordered,
+            self.shifting or self._ordered is not None,
+            self.config.transmission,
+        )
+        if why:
+            raise RigError(f"shift refused: {why}")
+        self._ordered = gear
+
+    # ---- safe state
+
+    @property
+    def status(self) -> RigStatus:
+        """The rig's present state, as in rig_msgs/RigState."""
+        if self.safe:
+            return RigStatus.TRIPPED
+        if self.shifts and (self.newest_command < 0 or self._held_open):
+            return RigStatus.STARTING
+        return RigStatus.RUNNING if self.number(self._drive_on) > 0.0 else RigStatus.READY
+
+    @property
+    def newest_command(self) -> int:
+        """The sample that the newest command answers; -1 before the first command and on a rig without a controller."""
+        return self.sample - 1 if self.embedded else self._last_command
+
+    @property
+    def command_age(self) -> float:
+        """Simulated time [s] since the sample that the newest command answers; 0 before the first command."""
+        return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
+
+    def reset(self) -> None:
+        """Leave the safe state.
+
+        The motor stays off, and no clutch is clamped before it is ordered again. The embedded controller begins in neutral; a
+        controller outside must have been in neutral before its commands act again. Until then the status is "starting".
+
+        Raises
+        ------
+        RigError
+            When the rig is not in its safe state.
+        """
+        self.check_tripped()
+        self._safe[0] = 0.0
+        for one in (setting.setpoint for setting in self.settings.steps.values()):
+            if not self.shifts or one.device == self.drive:
+                self.device(one.device)[one.command.enabled] = 0.0
+        self.reason, self.stopped_by_person = "", False
+        self._silent, self._trouble = False, ""
+        self._last_command = -1
+        self._to_come.clear()
+        for valve in self.valves:
+            valve["pending"] = 0.0
+        self.cuts.excuse()
+        self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+        self._law_state["gear"] = self._law_state["shift_end"] = 0
+        self._ordered, self._held_open = None, self.shifts and not self.embedded
+
+    # ---- what can be read
+
+    @property
+    def gear(self) -> int:
+        """Number of the gear that was ordered last from the controller."""
+        return int(self._law_state["gear"][0]) if self.embedded else self._gear
+
+    @property
+    def shifting(self) -> bool:
+        """True while a profile of the controller runs."""
+        if self.embedded:
+            return bool(self._law_state["sample"][0] < self._law_state["shift_end"][0])
+        return self._shifting
+
+    @property
+    def shift_end(self) -> int:
+        """Sample at which the last profile of the embedded controller's newest shift ends; 0 before the first shift."""
+        return int(self._law_state["shift_end"][0])
+
+    @property
+    def duty(self) -> np.ndarray:
+        """Duty that the controller commands (3,), which acts from the next boundary on; 0 at level "current"."""
+        return self._law_outputs["duty"] if self.embedded else self._duty
+
+    @property
+    def flags(self) -> int:
+        """Bits of the newest command at level "current": the outputs that stay on at a setpoint of zero."""
+        return self._flags
+
+    @property
+    def setpoint(self) -> np.ndarray:
+        """Current setpoints of the controller's outputs (3,) [A]."""
+        return self._law_outputs["setpoint"] if self.embedded else self._setpoint
+
+    def coil_duty(self, name: str) -> float:
+        """Return the duty, 0 to 1, on the coil of a valve from this sample on."""
+        k = self.valve_names.index(name)
+        if self.status == RigStatus.TRIPPED:
+            return 0.0
+        if self.embedded or self.level == "current":
+            return float(self.duty[self._wiring[k]])
+        self._act_due()
+        return float(self.valves[k]["pending"])
+
+    def seen(self, row: Sequence[Any] | None = None) -> tuple[list[Any], list[Any]]:
+        """Return what the controller's newest sample carries.
+
+        Parameters
+        ----------
+        row : (channels,) sequence, optional
+            Logger row of another sample [SI]; with an array (n,) for each channel the result is that of n samples, but stays 0 for
+            outputs without a valve.
+
+        Returns
+        -------
+        currents : (3,) list of float
+            Measured coil current at each output of the controller [A].
+        measured : (transducers,) list of float
+            Values of the controller's transducers in the order of its record [SI].
+        """
+        row, currents = self.row().tolist() if row is None else row, [0.0] * law.OUTPUTS
+        for column, output in self._currents:
+            currents[output] = row[column]
+        return currents, [row[column] for column in self._wired]
+
+    def coil_currents(self) -> np.ndarray:
+        """Return the measured currents at the controller's outputs (3,) [A]."""
+        return np.array(self.seen()[0])
+
+    def number(self, place: int) -> float:
+        """Return a number of the plant by its place in the world."""
+        return self._single[place]
+
+    def entries(self, array: str, row: int | None = None) -> list:
+        """Return the numbers of an array of the driveline's record, or of one of its rows."""
+        numbers = self.world.line[array]
+        return (numbers if row is None else numbers[row]).tolist()
+
+    def each(self, function: Callable[[np.void], float]) -> float:
+        """Return the value that a function takes of the driveline's record."""
+        return function(self.world.line)
+
+    def clutch_mode(self, clutch: int | str) -> int:
+        """Return the mode of a clutch, as in rig_msgs/ClutchState.
+
+        Parameters
+        ----------
+        clutch : int or str
+            Name of the clutch, or its place among the rig's clutches.
+
+        Returns
+        -------
+        int
+            0 open, 1 slipping, 2 locked.
+        """
+        return int(super().clutch_mode(self._clutch(clutch)))
+
+    def _clutch(self, clutch: int | str) -> str:
+        return clutch if isinstance(clutch, str) else self.clutch_names[clutch]
+
+    def clutch_torque(self, clutch: int | str) -> float:
+        """Return the :meth:`friction_torque` of a clutch, given by its name or its place [Nm]."""
+        return self.friction_torque(self._clutch(clutch))
+
+    def slip(self, clutch: int | str) -> float:
+        """Return the slip [rad/s] of a clutch that is given by its name or its place among the rig's clutches."""
+        return super().slip(self._clutch(clutch))
+
+    def supply_pressure(self, valve: str) -> float:
+        """Return the pressure of the oil supply of a valve [Pa, gauge]."""
+        structure = self.config.structure
+        return float(self.device(structure.oil_of(structure.device(valve), "supply"))["pressure"])
+
+    def line_pressure(self, clutch: int | str) -> float:
+        """Return the pressure of a clutch where its transducer is [Pa, gauge]."""
+        return self.true(f"{self._clutch(clutch)}.pressure")
+
+    def load_torque(self) -> float:
+        """Return the torque of the load against the output shaft [Nm]."""
+        return self.friction_torque(self.facts.loads[0])
+
+    # ---- the state, saved and restored
+
+    def _state(self) -> tuple:
+        """Everything that a step reads and changes, without the ring of rows."""
+        return (
+            self.world.record,
+            self._law_outputs,
+            self._law_state,
+            self._duty,
+            self._setpoint,
+            self.gauges.state,
+            self.gauges.counts,
+        )
+
+    def snapshot(self) -> tuple:
+        """Return the present state, for :meth:`restore`.
+
+        Raises
+        ------
+        RigError
+            When the rig has devices outside, or when an order of a gear is waiting.
+        """
+        if self.config.cut_out or self._ordered is not None:
+            raise RigError("only a rig without devices outside, and without an order that waits, can be put aside")
+        return self.sample, self.row().copy(), tuple(part.copy() for part in self._state())
+
+    def restore(self, snapshot: tuple) -> None:
+        """Return to a state in which a rig of the same configuration and seed was; older rows are lost.
+
+        Parameters
+        ----------
+        snapshot : tuple
+            A result of :meth:`snapshot`.
+        """
+        self.sample, row, parts = snapshot[0], snapshot[1], snapshot[2]
+        for part, value in zip(self._state(), parts):
+            part[...] = value
+        self._log[(self.sample * self._steps_per_sample) % len(self._log)] = row
+        self._ordered, self._drained = None, 0
+
+    def set_controller(self, settings: Alfa46Config) -> None:
+        """Give the embedded controller other settings from the next sample on; a profile that is running takes its new points."""
+        self._law_config[:] = settings.law_config(self.config.transmission)
+        self._law_profiles[:] = settings.profiles
+        self.config = replace(self.config, alfa46=settings)
+
+    def state_hash(self) -> str:
+        """Return a digest of the whole state; it is equal for equal histories, however these were divided into calls."""
+        digest = hashlib.sha256()
+        for part in (self.world.moved, self._law_outputs, self._law_state, self.gauges.state, self.gauges.counts):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(str(self.sample).encode())
+        return digest.hexdigest()

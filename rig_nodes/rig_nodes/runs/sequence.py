@@ -1,0 +1,531 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Test sequences: YAML steps with waits, end conditions, timeouts, repeats and a readiness gate.
+
+This module reads and checks them; runs.sequence_runner runs them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..base.config import load_yaml
+from ..base.errors import RigError, brief
+from ..base.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown, with_bases
+from ..base.schema import check_keys, where_of
+from ..base.units import dimension_of, quantity, span
+from ..base.yaml_file import List, Map
+from ..plant.parts.load_pump import most_torque
+from ..rig.configuration import RigConfig, load_rig
+from ..rig.settings import CONTROLLER, OWN, Setting
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable
+
+DEFAULT_TIMEOUT = 30.0
+LONGEST_TIME = 86_400.0  # s of one wait
+LONGEST = 10_000  # steps after unrolling repeats
+MOST_FILLED = 200_000  # values after unrolling repeats
+_NAMED = re.compile(r"\$(?:\{([^}]*)(\}?)|(\w+))")
+# name of a quantity in the catalogue -> name of its dimension in base.units
+DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition that is met while the reading of a signal lies from low to high [SI]."""
+
+    signal: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: its kind, its SI values, the text for people, and its place in the file."""
+
+    kind: str
+    text: str
+    where: str
+    value: float = 0.0
+    enable: bool = True
+    by_torque: bool = False
+    hold: float = 0.0
+    timeout: float = DEFAULT_TIMEOUT
+    condition: Condition | None = None
+    setting: str = ""
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A checked sequence.
+
+    Parameters
+    ----------
+    name : str
+        Name of the sequence.
+    description : str
+        One line of text about it.
+    ready_timeout : float
+        Time that the rig has to become ready [s].
+    steps : list of Step
+        The steps, with repeats written out.
+    parameters : dict of str to (str or int)
+        Parameters with the values that the steps were read with, as they are written.
+    rig : str
+        The rig for which the sequence was read.
+    """
+
+    name: str
+    description: str
+    ready_timeout: float
+    steps: list[Step] = field(default_factory=list)
+    parameters: dict[str, str | int] = field(default_factory=dict)
+    rig: str = DEFAULT_RIG
+
+    def check_rig(self, config: RigConfig) -> None:
+        """Refuse a rig that lacks something that the sequence asks for, or that the sequence loads too much.
+
+        Parameters
+        ----------
+        config : RigConfig
+            The rig's configuration.
+
+        Raises
+        ------
+        RigError
+            With the place of the step, when the rig does not fit.
+        """
+        gears = config.transmission.names if config.structure.gears else {}
+        for step in self.steps:
+            of_rig = (
+                ("device", step.kind, config.settings.steps)
+                if step.kind not in _OTHER_STEPS
+                else ("signal", step.condition.signal, config.catalogue.signals)
+                if step.condition is not None
+                else ("gear", int(step.value), gears)
+                if step.kind == "shift"
+                else ("setting", step.setting, config.settings)
+                if step.kind == "set" and not step.setting.startswith(f"{CONTROLLER}.{OWN}")
+                else None
+            )
+            if of_rig is not None and of_rig[1] not in of_rig[2]:
+                what, name, known = of_rig
+                raise RigError(
+                    f"sequence '{self.name}' is for a rig like {self.rig}, not for '{config.name}': {step.where}: "
+                    f"{unknown(what, name, map(str, known))}; leave out --rig, or name one like {self.rig}"
+                )
+            if step.by_torque:
+                device = config.settings.steps[step.kind].setpoint.device
+                if step.value > (most := most_torque(getattr(config, device))):
+                    raise RigError(
+                        f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
+                        f"{device}.displacement and .pressure_limit"
+                    )
+
+
+BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
+
+
+def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: str | Path | None = None) -> Sequence:
+    """Read a sequence by its name, from a rig or from the installed ones, or from a file.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of the sequence, or its file.
+    values : dict of str to str, optional
+        Values of its parameters in place of their defaults, e.g. {"speed": "1500 rpm"}.
+    rig : str or Path, optional
+        The rig on which it is to run; by default the one for which it is written.
+
+    Returns
+    -------
+    Sequence
+        The checked sequence.
+
+    Raises
+    ------
+    RigError
+        With file and line, when something is not right.
+    """
+    path = find_of_rigs("sequences", name, rig)
+    node = load_yaml(path)
+    check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"), "the sequence")
+    own = rig is None and "rig" in node
+    rig = beside(path, node["rig"]) if own else rig or rig_with(path)
+    try:
+        config = _read_rig(str(rig), tuple((str(base), base.stat().st_mtime_ns) for base, _ in with_bases(rig)))
+    except RigError as error:
+        raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}" if own else str(error)) from None
+    parameters = _parameters(node, path, values or {})
+    nodes = _Filled(path).of(node["steps"], parameters, where_of(path, node, "steps"))
+    _check_used(node, path, parameters)
+    timeout = DEFAULT_TIMEOUT
+    if "ready" in node:
+        check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready", where_of(path, node, "ready"))
+        timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
+    try:
+        steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
+    except RigError as error:
+        written_for = beside(path, node["rig"]) if "rig" in node else rig_with(path)
+        if own or str(written_for) in (str(rig), config.name) or not _suits(nodes, path, str(written_for)):
+            raise
+        raise RigError(
+            f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
+            f"--rig, or name one like {written_for}"
+        ) from None
+    least = sum((step.value if step.condition is None else step.hold) for step in steps if step.kind == "wait")
+    if least > LONGEST_TIME:
+        raise RigError(
+            f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
+            f"most {LONGEST_TIME:.6g} s, which is a day"
+        )
+    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, str(rig))
+
+
+def _suits(nodes: Any, path: Path, rig: str) -> bool:
+    """Return True when the steps of a sequence can be read for a rig; a typing error fits none."""
+    try:
+        _steps(nodes, path, "steps", load_rig(rig), "")
+    except RigError:
+        return False
+    return True
+
+
+@lru_cache(maxsize=8)
+def _read_rig(rig: str, _files: tuple) -> RigConfig:
+    """The rig of a sequence; it is read once while its files stay the same, because a sweep reads its sequence for each member."""
+    return load_rig(rig)
+
+
+def _parameters(node: Map, path: str | Path, values: dict[str, str]) -> dict[str, str | int]:
+    """Return the value of every parameter: the default, or the given one, which is checked against the kind of the default."""
+    defaults = node.get("parameters") or {}
+    if not isinstance(defaults, dict):
+        raise RigError(f"{where_of(path, node, 'parameters')}: parameters must be a map of names and defaults")
+    for name in values:
+        if name not in defaults:
+            raise RigError(f"sequence '{Path(path).stem}': {unknown('parameter', name, defaults)}")
+    out: dict[str, str | int] = {}
+    for name, default in defaults.items():
+        where = f"{where_of(path, defaults, name)}: parameter {name}"
+        if not isinstance(default, (str, int)) or isinstance(default, bool):
+            raise RigError(f"{where} is {brief(default)}; expected a value with its unit, a whole number or a name")
+        out[name] = _like(default, values[name], f"parameter {name}={values[name]}") if name in values else default
+        if not re.fullmatch(r"\w+", str(name)):
+            raise RigError(f"{where}: a parameter's name has letters, digits and _ only")
+    return out
+
+
+def _check_used(node: Map, path: str | Path, parameters: Iterable[str]) -> None:
+    """Raise RigError for a parameter that no step uses."""
+    steps = str(node["steps"])
+    for name in parameters:
+        if f"${{{name}}}" not in steps:
+            raise RigError(
+                f"{where_of(path, node['parameters'], name)}: parameter {name} is used by no step; write "
+                f"${{{name}}} where its value belongs, or leave it out"
+            )
+
+
+def _like(default: str | int, text: str, where: str) -> str | int:
+    """Return a given value of the same kind as the default: a whole number, a quantity of its dimension, or a name."""
+    if isinstance(default, int):
+        if not re.fullmatch(r"-?\d+", str(text)):
+            raise RigError(f"{where}: expected a whole number, e.g. {default}")
+        return int(text)
+    dimension = dimension_of(default)
+    if dimension is not None:
+        quantity(text, dimension, where)
+    return text
+
+
+def filled(text: str, values: dict, where: str, what: str) -> str:
+    """Return a text in which the values of names replace their ${names}.
+
+    Parameters
+    ----------
+    text : str
+        The text with ${names}.
+    values : dict
+        Values by name.
+    where : str
+        Place of the text, for the errors.
+    what : str
+        What the names are called in the errors, e.g. "parameter".
+
+    Returns
+    -------
+    str
+        The text with all names replaced.
+
+    Raises
+    ------
+    RigError
+        When a name is unknown, is not a name, or lacks one of its braces.
+    """
+
+    def value(match: re.Match[str]) -> str:
+        inner, closed, bare = match.groups()
+        if bare is not None:
+            if bare in values:
+                raise RigError(f"{where}: '${bare}' has no braces; write ${{{bare}}}")
+            return match[0]
+        if not closed:
+            raise RigError(f"{where}: the brace of {brief(match[0])} is not closed; write e.g. ${{{next(iter(values), 'name')}}}")
+        if inner in values:
+            return str(values[inner])
+        if not re.fullmatch(r"\w+", inner):
+            raise RigError(
+                f"{where}: between the braces of {brief(match[0])} there is no name; nothing is computed there, "
+                f"so give the {what} the value that is wanted"
+            )
+        raise RigError(f"{where}: {unknown(what, f'${{{inner}}}', [f'${{{name}}}' for name in values])}")
+
+    return _NAMED.sub(value, text)
+
+
+class _Filled:
+    """Steps in which values replace the ${names} of parameters, and in which ``each`` is written out once for each value.
+
+    What is read is not changed. What is made is counted, so that nested loops that make too much end with an error.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path, self.made = path, 0
+
+    def of(self, node: Any, parameters: dict, where: str) -> Any:
+        """Return the node with all names replaced; maps and lists keep their lines."""
+        self.made += 1
+        if self.made > MOST_FILLED:
+            raise RigError(f"{where}: repeats make more than {MOST_FILLED} values of the steps")
+        if isinstance(node, str):
+            names = _NAMED.fullmatch(node)
+            if names and names[2] and names[1] in parameters:
+                return parameters[names[1]]  # a whole number stays a whole number
+            return filled(node, parameters, where, "parameter")
+        if isinstance(node, Map):
+            out = Map(node.line)
+            for key, value in node.items():
+                at = where_of(self.path, node, key)
+                is_each = key == "repeat" and isinstance(value, Map) and "each" in value
+                out[key] = self.each(value, parameters, at) if is_each else self.of(value, parameters, at)
+        elif isinstance(node, List):
+            out = List(node.line)
+            out.extend(self.of(item, parameters, where_of(self.path, node, k)) for k, item in enumerate(node))
+        else:
+            return node
+        out.lines = node.lines
+        return out
+
+    def each(self, node: Map, parameters: dict, where: str) -> Map:
+        """Write out a repeat over the values of a name: its steps once for each value."""
+        path = self.path
+        check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
+        each = node["each"]
+        if not isinstance(each, Map) or len(each) != 1 or not re.fullmatch(r"\w+", str(next(iter(each)))):
+            raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found {brief(each)}")
+        name, values = next(iter(each.items()))
+        at = f"{where_of(path, each, name)}: repeat.each.{name}"
+        values = self.of(values, parameters, where_of(path, each, name))
+        if isinstance(values, str):
+            values = [part.strip() for part in values.split(",")]
+        if (
+            not isinstance(values, list)
+            or not values
+            or any(isinstance(value, (bool, list, dict)) or value in (None, "") for value in values)
+        ):
+            raise RigError(f"{at} must be a list of values, found {brief(values)}")
+        if not isinstance(node["steps"], list):
+            raise RigError(f"{where_of(path, node, 'steps')}: repeat.steps must be a list with at least one step")
+        steps = List(node["steps"].line)
+        for value in values:
+            more = self.of(node["steps"], {**parameters, name: value}, where)
+            steps.extend(more)
+            steps.lines += more.lines
+            if len(steps) > LONGEST:
+                raise RigError(f"{at} makes more than {LONGEST} steps")
+        out = Map(node.line)
+        out.update(times=1, steps=steps)
+        out.lines = {"times": node.line, "steps": node.lines["steps"]}
+        return out
+
+
+def _steps(nodes: Any, path: str | Path, what: str, config: RigConfig, where: str) -> list[Step]:
+    readers = _readers(config)
+    if not isinstance(nodes, list) or not nodes:
+        dashes = "; each begins with a dash" if isinstance(nodes, dict) else ""
+        raise RigError(f"{where}: {what} must be a list with at least one step{dashes}")
+    steps: list[Step] = []
+    for k, node in enumerate(nodes):
+        check_keys(path, node, readers, (), "a step", where_of(path, nodes, k))
+        if len(node) != 1:
+            last = f"; is there a dash missing before '{list(node)[-1]}'?" if node else ""
+            raise RigError(
+                f"{where_of(path, node)}: a step has one key, one of {', '.join(readers)}; "
+                f"found {', '.join(map(str, node)) or 'none'}{last}"
+            )
+        kind = next(iter(node))
+        body, where = node[kind], where_of(path, node, kind)
+        steps += readers[kind](body, path, where, config)
+        if len(steps) > LONGEST:
+            raise RigError(f"{where}: the sequence is longer than {LONGEST} steps")
+    return steps
+
+
+def _one_of(body: Any, path: str | Path, where: str, what: str, choices: Collection[str], extra: Collection[str] = ()) -> str:
+    """The single key of ``choices`` that the body of a step names."""
+    check_keys(path, body, (*choices, *extra), (), what, where)
+    named = [key for key in choices if key in body]
+    if len(named) != 1:
+        raise RigError(f"{where}: {what} takes one of {', '.join(choices)}, found {', '.join(named) or 'none'}")
+    return named[0]
+
+
+def _off(body: Map, where: str, what: str) -> None:
+    if body["off"] is not True:
+        raise RigError(f"{where}: {what}.off is {brief(body['off'])}, expected true")
+
+
+def _setting(setting: Setting) -> Callable[[Any, str | Path, str, RigConfig], list[Step]]:
+    """Return the reader of a device's step; a value must lie in the range of its setting."""
+    kind, choices = setting.setpoint.step, setting.setpoint.command.takes
+
+    def read(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+        key = _one_of(body, path, where, kind, (*choices, "off"))
+        if key == "off":
+            _off(body, where, kind)
+            return [Step(kind, f"{kind} off", where, enable=False)]
+        value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
+        by_torque = choices[key] == "torque"
+        high = config.catalogue.signals[config.structure.output.torque].high if by_torque else setting.high
+        low = 0.0 if by_torque else setting.low
+        if not low <= value <= high:
+            raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(low, high, body[key])}")
+        return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=by_torque)]
+
+    return read
+
+
+def _shift(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    check_keys(path, body, ("to", "timeout"), ("to",), "shift", where)
+    gear, gears = str(body["to"]), config.transmission.numbers
+    if gear not in gears:
+        raise RigError(f"{where}: shift.to is {brief(gear)}, expected {', '.join(gears)}")
+    return [Step("shift", f"shift to {gear}", where, gears[gear], timeout=_timeout(body, where, "shift"))]
+
+
+def _controller(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    """Read settings of the user's controller; each becomes a step."""
+    if not isinstance(body, dict) or not body:
+        raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
+    steps = []
+    for name, given in body.items():
+        try:
+            value = math.nan if isinstance(given, bool) else float(given)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise RigError(f"{where_of(path, body, name)}: controller.{name} is {brief(given)}, expected a number (SI)")
+        steps.append(Step("set", f"controller {name} {value:g}", where, value, setting=f"{CONTROLLER}.{OWN}{name}"))
+    return steps
+
+
+def _set(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    """Read settings of the rig and its shift controller that can change while the rig runs; each becomes a step."""
+    if not isinstance(body, dict) or not body:
+        raise RigError(f"{where}: set takes names of settings and their values, e.g. {{oil_supply.temperature: 50 degC}}")
+    steps = []
+    for name, given in body.items():
+        place = where_of(path, body, name)
+        try:
+            setting = config.settings.find(str(name))
+            setting.check_lives()
+        except RigError as error:
+            raise RigError(f"{place}: set: {error}") from None
+        if setting.setpoint is not None:
+            raise RigError(f"{place}: set: {name} is a setpoint; the step '{setting.setpoint.step}' sets it")
+        if setting.numbers > 1:
+            raise RigError(f"{place}: set: {name} has {setting.numbers} numbers; a sequence sets single values")
+        value = float(setting.value_of(given, f"{place}: set.{name}"))
+        shown = str(given).lower() if isinstance(given, bool) else given
+        steps.append(Step("set", f"set {name} {shown}", where, value, setting=setting.name))
+    return steps
+
+
+def _timeout(body: Map, where: str, what: str) -> float:
+    return _time(body["timeout"], f"{where}: {what}.timeout") if "timeout" in body else DEFAULT_TIMEOUT
+
+
+def _time(text: object, where: str) -> float:
+    value = quantity(text, "time", where)
+    if not 0.0 <= value <= LONGEST_TIME:
+        raise RigError(f"{where} is {text}, expected {span(0.0, LONGEST_TIME, text)}")
+    return value
+
+
+def _wait(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    key = _one_of(body, path, where, "wait", ("for", "until"), ("timeout", "hold"))
+    if key == "for":
+        if "timeout" in body or "hold" in body:
+            raise RigError(f"{where}: wait.for takes no timeout and no hold; they belong to wait.until")
+        value = _time(body["for"], f"{where}: wait.for")
+        return [Step("wait", f"wait {body['for']}", where, value)]
+    hold = _time(body["hold"], f"{where}: wait.hold") if "hold" in body else 0.0
+    condition, text = _condition(body["until"], path, f"{where}: wait.until", config)
+    return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"), condition=condition)]
+
+
+def _condition(node: Any, path: str | Path, where: str, config: RigConfig) -> tuple[Condition, str]:
+    check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until", where)
+    signals = config.catalogue.signals
+    signal = signals.get(str(node["signal"]))
+    if signal is None:
+        raise RigError(f"{where}: {unknown('signal', node['signal'], signals)}; docs/reference/signals.md has them all")
+    dimension = DIMENSIONS.get(signal.quantity, signal.quantity)
+    low, high, text = float("-inf"), float("inf"), signal.name
+    if "above" in node:
+        low, text = quantity(node["above"], dimension, f"{where}.above"), f"{text} above {node['above']}"
+    if "below" in node:
+        high, text = quantity(node["below"], dimension, f"{where}.below"), f"{text} below {node['below']}"
+    if "near" in node or "within" in node:
+        check_keys(path, node, ("signal", "near", "within"), ("signal", "near", "within"), "wait.until")
+        middle = quantity(node["near"], dimension, f"{where}.near")
+        width = quantity(node["within"], dimension, f"{where}.within")
+        low, high, text = middle - width, middle + width, f"{text} within {node['within']} of {node['near']}"
+    if not low < high or (low == float("-inf") and high == float("inf")):
+        raise RigError(f"{where}: needs 'above', 'below' or both with above < below, or 'near' with 'within'")
+    return Condition(signal.name, low, high), text
+
+
+def _repeat(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat", where)
+    times = body["times"]
+    if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= LONGEST:
+        raise RigError(f"{where}: repeat.times is {brief(times)}, expected a whole number from 1 to {LONGEST}")
+    steps = _steps(body["steps"], path, "repeat.steps", config, where_of(path, body, "steps"))
+    if times * len(steps) > LONGEST:
+        raise RigError(f"{where}: repeat makes {times * len(steps)} steps, more than {LONGEST}")
+    return steps * times
+
+
+_OTHER_STEPS = ("shift", "set", "wait", "repeat")  # all others are setpoints of devices
+
+
+def _readers(config: RigConfig) -> dict:
+    """Readers by the key of a step: setpoints of the rig's devices, orders when it has gears, settings, waits and repeats."""
+    orders = {"shift": _shift, "controller": _controller} if config.structure.shifts else {}
+    return {
+        **{step: _setting(one) for step, one in config.settings.steps.items()},
+        **orders,
+        "set": _set,
+        "wait": _wait,
+        "repeat": _repeat,
+    }

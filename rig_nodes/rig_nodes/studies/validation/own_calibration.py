@@ -1,0 +1,92 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The calibration of a rig's folder: calibration.yaml, on those of its validation rows whose role is to calibrate.
+
+Used by ``rig calibrate --rig``; the search itself is in studies.validation.calibrate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...base.errors import RigError
+from ...rig.configuration import RigConfig
+from ...rigs.hydmag.laboratory.calibration_rows import UNSHIFTED, Miss
+from .calibrate import Parameter, load_stages
+from .own_rows import OwnRow, by_run, load_rows, measure_rows
+from .which_rows import CALIBRATION_FILE, file_of_rig, is_laboratory, rows_file
+
+if TYPE_CHECKING:
+    from ...rigs.hydmag.laboratory.targets import Target
+
+
+def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[str, Parameter]], dict[str, Callable]]:
+    """Return what is searched for a rig that has rows of its own.
+
+    Parameters
+    ----------
+    rig : str or Path
+        Name or file of the rig.
+    config : RigConfig
+        Its configuration.
+
+    Returns
+    -------
+    stages : dict of str to dict
+        Stage -> name -> parameter.
+    misses : dict of str to callable
+        Stage -> function that gives its misses.
+
+    Raises
+    ------
+    RigError
+        When the rig has no rows of its own, none with the role calibrate, or no right calibration.yaml.
+    """
+    path = rows_file(rig)
+    if is_laboratory(path):
+        raise RigError(f"the rows of '{rig}' are the laboratory's; ./rig calibrate without --rig searches on these")
+    rows = [row for row in load_rows(path, rig, config) if row.target.role == "calibrate"]
+    if not rows:
+        raise RigError(f"{path}: no row has the role calibrate, so there is nothing to search on")
+    stages = load_stages(file_of_rig(rig, CALIBRATION_FILE), config)
+    return stages, dict.fromkeys(stages, partial(own_misses, str(rig), rows))
+
+
+def own_misses(rig: str, rows: list[OwnRow], config: RigConfig, _targets: dict[str, Target] | None = None) -> list[Miss]:
+    """Return how far the rows of a rig are from the middle of what they accept, or from what is printed; true values are taken.
+
+    A tolerance is half of what a row accepts. A value that the run does not give counts as many tolerances as a shift that
+    does not end.
+
+    Parameters
+    ----------
+    rig : str
+        Name or file of the rig.
+    rows : list of OwnRow
+        The rows.
+    config : RigConfig
+        The rig with the values that are tried.
+    _targets : dict or None
+        Not used.
+
+    Returns
+    -------
+    list of Miss
+        One miss for each row.
+    """
+    config, out = config.replaced(effects=replace(config.effects, transducers=False)), []
+    for group in by_run(rows):
+        for row, (value, _) in zip(group, measure_rows(config, rig, group)):
+            target = row.target
+            middle = target.printed[0] if target.printed else 0.5 * (target.low + target.high)
+            half = 0.5 * (target.high - target.low)
+            if value is None:
+                out.append(Miss(target.id, float("nan"), UNSHIFTED))
+            else:
+                out.append(Miss(target.id, value, (value - middle) / half))
+    return out
