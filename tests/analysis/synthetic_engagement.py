@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from synthetic_shift import I1, PERIOD, RPM, noisy
 
-from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.logged import Recording
 
 ORDER = 0.5  # s
 

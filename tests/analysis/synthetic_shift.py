@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.logged import Recording
 from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.base.errors import BagError
 from rig_nodes.rig.structure import structure_of

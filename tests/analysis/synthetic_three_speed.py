@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from synthetic_shift import PERIOD, RPM
 
-from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.logged import Recording
 from rig_nodes.rig.structure import End
 from rig_nodes.rig.transmission import Clutch, Gear, Inertias, Transmission
 

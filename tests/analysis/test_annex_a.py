@@ -10,7 +10,8 @@ import pytest
 from synthetic_shift import I1, I2, PERIOD, RPM, Shift
 
 from rig_nodes.analysis.annex_a import shift_metrics_annex_a, shifts_annex_a
-from rig_nodes.analysis.metrics import KEYS, Recording, shift_metrics, shifts
+from rig_nodes.analysis.metrics import KEYS, shift_metrics, shifts
+from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.transmission import transmission_of
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from synthetic_shift import PERIOD, FakeBag, Shift
 
-from rig_nodes.analysis.metrics import Recording
 from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.bags.logged import Recording
 from rig_nodes.cli.main import main
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.analysis.engagement import engagement_metrics
-from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.logged import Recording
 from rig_nodes.plant.parts.load_pump import relief_setting_for
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
-from rig_nodes.analysis.metrics import DETAILS, KEYS, Recording, shift_metrics, shifts
+from rig_nodes.analysis.metrics import DETAILS, KEYS, shift_metrics, shifts
 from rig_nodes.analysis.quality import quality_of
+from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.transmission import Inertias, transmission_of
 

@@ -14,10 +14,11 @@ from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
 
 from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
-from rig_nodes.analysis.metrics import Recording, shifts
+from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.uncertainty import Instrument, uncertainty
 from rig_nodes.bags.exchange.orders import parse_orders
+from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig
 

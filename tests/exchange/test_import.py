@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from laboratory import LABORATORIES, NAMES, RPM, SAMPLE
 
-from rig_nodes.analysis.report import orders_in
 from rig_nodes.bags.exchange.orders import parse_orders
 from rig_nodes.bags.exchange.profile import PROFILES, shipped
+from rig_nodes.bags.logged import orders_in
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synthetic_shift import PERIOD, Shift
 
-from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rigs.hydmag.laboratory import programme, readers

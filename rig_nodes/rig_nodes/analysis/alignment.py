@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import correlate
 
+from ..bags.logged import Recording
 from ..base.errors import RigError
-from .metrics import BEFORE, Recording
+from .metrics import BEFORE
 
 EVENTS, CORRELATION = "events", "correlation"
 COARSE, FINE = 5e-3, 2e-4  # s, grids of the search and of the fit

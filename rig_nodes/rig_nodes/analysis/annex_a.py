@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..bags.logged import Recording
 from ..base.errors import RigError
 from .definitions import withhold
 from .edges import first_true
 from .lacking import what_is_missing
-from .metrics import KEYS, RPM, Recording, orders_of
+from .metrics import KEYS, RPM, orders_of
 
 PERIOD = 1e-4  # s; the program counts samples of 10 kHz
 BLOCK = 10  # samples in the mean of a pressure

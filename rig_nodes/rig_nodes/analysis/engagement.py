@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..bags.logged import Recording
 from ..rig.transmission import Clutch, Transmission
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .hum import QUIET, without_hum
 from .lacking import what_is_missing
-from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, Recording, smoothed
+from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, smoothed
 from .uncertainty import TORQUE_CLEAR, Instrument, instruments_of
 
 LONGEST = 3.0  # s after the order in which an engagement is searched

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..bags.logged import orders_in
 from ..bags.opened import OpenedBags
 from ..bags.pieces import PIECE
 from ..bags.reader import UNREADABLE, Bag
@@ -14,7 +15,7 @@ from ..base.errors import RigError
 from ..rig.transmission import transmission_of
 from .clutch_torques import put_torques
 from .gathered import SMALL, Gathered, Thinned
-from .report import info_of, no_rig, orders_in, plain, record_of
+from .report import info_of, no_rig, plain, record_of
 from .state_at_order import put_states
 from .uncertainty import instruments_of, uncertainty
 

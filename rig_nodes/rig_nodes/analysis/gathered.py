@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..bags.logged import Recording
 from ..bags.messages import nothing_in
 from ..bags.opened import OpenedBags
 from ..bags.reader import Bag, Logger, recovered
@@ -31,7 +32,7 @@ from .annex_a import BLOCK as ANNEX_BLOCK
 from .annex_a import shift_metrics_annex_a
 from .clipped import Clipping
 from .clutch_torques import STATE as CLUTCH
-from .metrics import BEFORE, LONGEST, Recording, is_shift, shift_metrics, shifts, with_ends
+from .metrics import BEFORE, LONGEST, is_shift, shift_metrics, shifts, with_ends
 from .press_bench import pressed_clutch
 from .ranges import LOGGER, Ranges
 

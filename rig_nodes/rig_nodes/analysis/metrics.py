@@ -24,13 +24,13 @@ All filters are symmetric in time:
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
-from ..bags.logged import Logged
-from ..rig.transmission import Clutch, Shift, Transmission, transmission_of
+from ..bags.logged import Recording
+from ..rig.transmission import Clutch, Shift, Transmission
 from .clipped import drop_clipped
 from .clutch_pressures import fill_pressures
 from .course import COURSE_KEYS, fill_course
@@ -84,49 +84,6 @@ DIP_SEARCH = 2.0  # s in which Annex A searches the minimum of a downshift
 SETTLED_BAND, SETTLED_BAND_NM = 0.05, 2.0
 SETTLED_FOR = 0.1  # s; Annex A: 1000 samples
 SETTLED_AFTER = 0.5  # s after the input speed has recovered, at which Annex A takes the settled torque
-
-
-@dataclass(frozen=True)
-class Recording(Logged):
-    """A logger's channels of one run of a transmission, with the gear orders of the run.
-
-    Channels are as in Logged (rad/s, Nm, Pa gauge, A).
-
-    Attributes
-    ----------
-    orders : list of (float, int, int)
-        Time [s], gear before, gear ordered; 0 is neutral. The time is when the controller accepted the order, whichever valve
-        is switched first.
-    transmission : Transmission
-        The transmission that was shifted; the laboratory's by default.
-    begin : int
-        Number of the first row in ``channels``; the rows before it, from ``t0`` on, are not held.
-
-    Raises
-    ------
-    RigError
-        When a channel of the shift metrics is missing or the shapes do not fit.
-    """
-
-    orders: list[tuple[float, int, int]] = field(default_factory=list)
-    transmission: Transmission = field(default_factory=transmission_of)
-    begin: int = 0
-
-    use = "shift metrics"
-
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """The channels without which there are no shift metrics."""
-        return self.transmission.channels
-
-    @property
-    def rows(self) -> int:
-        """Number of rows from ``t0`` to the last one held."""
-        return self.begin + super().rows
-
-    def part(self, name: str, first: int, last: int) -> np.ndarray:
-        """Return a channel from row ``first`` to before row ``last``, as far as these rows are held."""
-        return np.asarray(self.channels[name][max(0, first - self.begin) : max(0, last - self.begin)], dtype=float)
 
 
 def shifts(recording: Recording) -> list[dict]:

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..bags.logged import Recording
 from ..base.clocks import SAMPLE
 from ..base.errors import RigError
 from ..rig.signals import CONTROLLER_COMMAND
 from ..rig.transmission import Transmission
 from .coast_down import coast_down
 from .engagement import engagement_metrics
-from .metrics import RPM, STANDSTILL, Recording, orders_of, stands
+from .metrics import RPM, STANDSTILL, orders_of, stands
 from .shown import in_unit, shown
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay

@@ -11,20 +11,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..bags import limits
+from ..bags.logged import Recording, orders_in
 from ..bags.messages import NOTHING
 from ..bags.reader import UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
 from ..base.atomic_write import atomic_write
 from ..base.errors import RigError, printable
-from ..rig.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
-from ..rig.transmission import NEUTRAL, Transmission, transmission_of
+from ..rig.transmission import Transmission, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
@@ -33,7 +33,7 @@ from .course import COURSE_KEYS
 from .definitions import reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
 from .gathered import Gathered
-from .metrics import RPM, Recording, shifts
+from .metrics import RPM, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
 from .quality import quality_of, sentence_of
@@ -311,21 +311,6 @@ def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recordin
     # missing rows become NaN, so that they affect only the shifts in which they lie
     logger = bag.logger(fill=True)
     return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()), transmission or transmission_of())
-
-
-def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tuple[float, int, int]]:
-    """Return the orders among the events of a bag as (time [s], gear before, gear ordered).
-
-    The first gear before is neutral, unless an imported run states which one was engaged.
-    """
-    orders, before = [], NEUTRAL
-    for t, topic, name, _, value in events:
-        if topic == CONTROLLER_EVENTS and name == GEAR_WAS:
-            before = int(value)
-        elif topic == CONTROLLER_EVENTS and name == SHIFT_ORDERED:
-            orders.append((t, before, int(value)))
-            before = int(value)
-    return orders
 
 
 def _whole(energies: Mapping[str, Series]) -> tuple[float, float]:

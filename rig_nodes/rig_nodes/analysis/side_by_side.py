@@ -14,9 +14,9 @@ from pathlib import PurePath
 
 import numpy as np
 
+from ..bags.logged import Recording
 from ..rig.transmission import Transmission
 from .alignment import Clock, align
-from .metrics import Recording
 from .moved import REST, differences
 from .report import plain, report_of_recording
 from .state_at_order import unlike

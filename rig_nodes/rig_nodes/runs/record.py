@@ -14,9 +14,8 @@ from functools import cache
 
 import numpy as np
 
-from ..analysis.metrics import Recording
 from ..analysis.state_at_order import Moment
-from ..bags.logged import Logged
+from ..bags.logged import Logged, Recording
 from ..base.clocks import ROW, SAMPLE, TICK_SAMPLES
 from ..base.errors import RigError
 from ..controllers.plug import Plug

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.metrics import LONGEST, RPM, Recording, shift_metrics, without_slip
+from ..analysis.metrics import LONGEST, RPM, shift_metrics, without_slip
 from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, Part, moments_of, phases_of, times_of
 from ..bags import cdr
+from ..bags.logged import Recording
 from ..bags.reader import UNREADABLE
 from ..base.errors import RigError
 from ..rig.transmission import NEUTRAL

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ... import __version__
-from ...analysis.metrics import Recording
 from ...base.errors import RigError
 from ...base.names import unknown
 from ...base.units import UNITS, with_article
@@ -28,6 +27,7 @@ from ...rig.catalogue import Signal, catalogue
 from ...rig.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
 from ...rig.transmission import Transmission, transmission_of
 from ..cdr import encoder
+from ..logged import Recording, orders_in
 from ..rig_record import rig_record
 from ..writer import BagWriter
 from .cells import CellError
@@ -85,8 +85,6 @@ class Measurement:
 
     def recording(self, box: Transmission) -> Recording:
         """Return the measurement for the shift metrics; RigError when it lacks a signal that they need."""
-        from ...analysis.report import orders_in
-
         return Recording(self.t0, self.period, self.channels, orders_in(self.events), box)
 
 

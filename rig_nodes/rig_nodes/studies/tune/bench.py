@@ -16,8 +16,9 @@ import numpy as np
 
 from ...analysis.definitions import K_MOST
 from ...analysis.edges import odd_width, running_mean
-from ...analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, Recording, shift_metrics
+from ...analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, shift_metrics
 from ...analysis.state_at_order import Moment, put_known
+from ...bags.logged import Recording
 from ...base.clocks import ROW, SAMPLE
 from ...base.errors import RigError
 from ...plant.parts import part as parts

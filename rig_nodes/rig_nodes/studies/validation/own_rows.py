@@ -23,8 +23,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ...analysis.metrics import KEYS, Recording, shifts
+from ...analysis.metrics import KEYS, shifts
 from ...analysis.metrics import UNITS as UNITS_OF_KEYS
+from ...bags.logged import Recording
 from ...base.config import load_yaml
 from ...base.errors import RigError, brief
 from ...base.names import beside, unknown

@@ -15,7 +15,8 @@ from functools import cache
 
 import numpy as np
 
-from ....analysis.metrics import Recording, shift_metrics
+from ....analysis.metrics import shift_metrics
+from ....bags.logged import Recording
 from ....base.clocks import ROW, SAMPLE
 from ....plant.parts.gear_loss import RPM
 from ....plant.parts.load_pump import relief_setting_for

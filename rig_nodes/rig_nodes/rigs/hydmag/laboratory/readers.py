@@ -17,8 +17,9 @@ import numpy as np
 from ....analysis.coast_down import coast_down as fit_coast_down
 from ....analysis.edges import first_true, odd_width, ramp_start, running_mean
 from ....analysis.engagement import engagement_metrics
-from ....analysis.metrics import PRESSURE_MEAN, Recording, shifts
+from ....analysis.metrics import PRESSURE_MEAN, shifts
 from ....analysis.valve_response import valve_delay
+from ....bags.logged import Recording
 from ....base.clocks import SAMPLE
 from ....base.errors import RigError
 from ....rig.transmission import Clutch, transmission_of

@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 
 from ....analysis.edges import odd_width, running_mean
-from ....analysis.metrics import Recording
+from ....bags.logged import Recording
 from ....rig.transmission import transmission_of
 from ....runs.campaign import Workers
 from ....runs.procedure import load_procedure, run_repeat
