@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.base.arguments import Parser
 from rig_nodes.base.errors import RigError
-from rig_nodes.cli.main import VERBS, Parser
+from rig_nodes.cli.main import VERBS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "ros_ws" / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.base.arguments import Parser
 from rig_nodes.base.config import TEMPLATE_DIR
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli import output_files
-from rig_nodes.cli.main import VERBS, Parser, main, run_verb
+from rig_nodes.cli.main import VERBS, main, run_verb
 from rig_nodes.cli.output_files import KINDS, NEVER, OutputFile, OutputFolder
 from rig_nodes.runs.fmu.build import build_rig_fmu
 

@@ -20,12 +20,13 @@ import signal
 import sys
 
 from rig_nodes import __version__
+from rig_nodes.base.arguments import Parser
 from rig_nodes.base.errors import RigError, Terminated, ended_by, printable
 from rig_nodes.cli.output_files import check_outputs
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
 if TYPE_CHECKING:
-    from typing import Any, NoReturn, TextIO
+    from typing import Any, TextIO
 
 # A copy of the modules' HELP lines, so that help imports none of them; a test compares the two.
 VERBS = {
@@ -66,27 +67,6 @@ def on_sigterm(_number: int, _frame: object) -> None:
     """Raise Terminated, only once, so that a second signal does not disturb the orderly end."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise Terminated
-
-
-class Parser(argparse.ArgumentParser):
-    """The argument parser of argparse with the rig's one-sentence errors."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raise RigError instead of printing argparse's usage and exiting; it proposes the option that was probably meant."""
-        start, _, rest = message.partition("unrecognized arguments: ")
-        if not start and rest.startswith("--"):
-            from rig_nodes.base.names import unknown
-
-            options = [name for name in self._option_string_actions if name.startswith("--")]
-            message = unknown("option", rest.split()[0].partition("=")[0], options)
-        raise RigError(f"{message} (see '{self.prog} --help')")
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Check as argparse does, for everything with choices including verbs below a verb; propose what was probably meant."""
-        if action.choices is not None and value not in action.choices:
-            from rig_nodes.base.names import unknown
-
-            raise argparse.ArgumentError(action, unknown("choice", value, action.choices))
 
 
 class Shown:

@@ -7,8 +7,8 @@ import socket
 import sys
 from collections.abc import Callable
 
+from rig_nodes.base.arguments import Parser
 from rig_nodes.base.errors import RigError, printable
-from rig_nodes.cli.main import Parser
 
 
 def parser(text: str, module: str) -> Parser:
