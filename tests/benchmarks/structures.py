@@ -21,9 +21,9 @@ from scipy.stats import qmc
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.rigs.hydmag.laboratory.calibration_rows import RPM, shift
+from rig_nodes.rigs.hydmag.laboratory.calibration_rows import RPM, calibration, shift
 from rig_nodes.runs.rig_base import Tripped
-from rig_nodes.studies.validation.calibrate import at_shares, load_stages, total
+from rig_nodes.studies.validation.calibrate import at_shares, total
 
 UNSHIFTED = 10.0  # tolerances for a shift that does not end
 JUMP = {"plate_pack.film_time": "0 s", "plate_pack.friction_speed": "0.001 mm/s"}
@@ -106,7 +106,7 @@ def folds_of(config):
 
 def draws(structure, samples, progress):
     """Returns (misses by fold, values) of each draw whose shifts can be run."""
-    parameters = {name: p for name, p in load_stages()["clutches"].items() if name in structure.free}
+    parameters = {name: p for name, p in calibration().stages["clutches"].items() if name in structure.free}
     config, found = load_rig("hydmag", structure.held), []
     for k, shares in enumerate(qmc.LatinHypercube(len(parameters), seed=1).random(samples)):
         progress(k)

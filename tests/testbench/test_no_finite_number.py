@@ -14,11 +14,11 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.rigs.hydmag.laboratory.calibration_rows import Miss
+from rig_nodes.rigs.hydmag.laboratory.calibration_rows import STAGES_FILE, Miss, calibration
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import Tripped
 from rig_nodes.studies.tune.bench import Bench, Point
-from rig_nodes.studies.validation.calibrate import STAGES_FILE, load_stages, search
+from rig_nodes.studies.validation.calibrate import search
 
 
 @pytest.fixture
@@ -96,9 +96,9 @@ def test_a_calibration_on_a_rig_that_trips_ends_and_changes_nothing(tmp_path, ca
 
 
 def test_a_search_goes_past_rigs_that_trip(config):
-    loss = load_stages()["losses"]["loss_at_rest"]
+    loss = calibration().stages["losses"]["loss_at_rest"]
 
-    def misses(rig, _targets):
+    def misses(rig):
         if rig.loss_in.at_rest > 5.0:
             raise Tripped("the rig tripped")
         return [Miss("row", 0.0, rig.loss_in.at_rest - 4.0)]

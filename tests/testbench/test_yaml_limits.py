@@ -17,11 +17,11 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.base.yaml_file import MOST_BYTES, MOST_DEPTH, MOST_VALUES
 from rig_nodes.rig.alfa46 import read_alfa46
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory.calibration_rows import STAGES_FILE, calibration
 from rig_nodes.rigs.hydmag.laboratory.targets import TARGETS_FILE, load_targets
 from rig_nodes.runs.procedure import load_procedure, prepare
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.studies.sweep.plan import read_plan
-from rig_nodes.studies.validation.calibrate import STAGES_FILE, load_stages
 
 SECONDS = 4.0  # s of processor time on a busy machine: twice the promised time
 LAUGHS = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -321,7 +321,7 @@ def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
     files = [
         ("sweep.yaml", SWEEP, read_plan),
         ("rigs/mine.yaml", ON_BASE, load_rig),
-        ("calibration.yaml", STAGES_FILE.read_text(), load_stages),
+        ("calibration.yaml", STAGES_FILE.read_text(), calibration),
     ]
     head, _, rows = TARGETS_FILE.read_text().partition("\ntargets:")
     files.append(("targets.yaml", "\n- ".join(f"{head}\ntargets:{rows}".split("\n- ")[:12]) + "\n", load_targets))

@@ -248,28 +248,30 @@ def test_bounds_count(config):
 
 
 def test_sampled_rigs_keep_to_spreads_and_bounds(config):
+    calibration = uncertainty.calibration_for("hydmag", config)
     spreads = {"clutches.bore": 3e-8, "clutches.clearance_s1": 1.0}
-    rigs = uncertainty.sampled_rigs(config, spreads, (20.0, 60.0), 2, 5)
+    rigs = uncertainty.sampled_rigs(config, calibration, spreads, (20.0, 60.0), 2, 5)
     orifices = [rig.valve_zr_p2.supply_bore_area for rig in rigs]
     away = [abs(area - config.valve_zr_p2.supply_bore_area) for area in orifices]
     assert len(set(orifices)) == 2 and max(away) <= 3e-8 * 1.000001
-    bounds = uncertainty.parameters(config)["clutches.clearance_s1"]
+    bounds = calibration.parameters["clutches.clearance_s1"]
     assert all(bounds.low <= rig.clutch_s1.clearance <= bounds.high for rig in rigs)
     temperatures = sorted(rig.oil_supply.temperature for rig in rigs)
     assert [int((t - 20.0) / 20.0) for t in temperatures] == [0, 1]
-    again = uncertainty.sampled_rigs(config, spreads, (20.0, 60.0), 2, 5)
+    again = uncertainty.sampled_rigs(config, calibration, spreads, (20.0, 60.0), 2, 5)
     assert [rig.valve_zr_p2.supply_bore_area for rig in again] == orifices
 
 
 def test_spreads_from_a_file(tmp_path, config):
+    calibration = uncertainty.calibration_for("hydmag", config)
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 1e-8}, "values": {}}))
-    assert uncertainty.read_spreads(tmp_path / "s.json", config) == {"clutches.bore": 1e-8}
+    assert uncertainty.read_spreads(tmp_path / "s.json", calibration) == {"clutches.bore": 1e-8}
     (tmp_path / "t.json").write_text(json.dumps({"spread": {"clutch_s2.nothing": 1e-8}}))
     with pytest.raises(RigError, match="has no parameter 'clutch_s2.nothing'"):
-        uncertainty.read_spreads(tmp_path / "t.json", config)
+        uncertainty.read_spreads(tmp_path / "t.json", calibration)
     (tmp_path / "u.json").write_text("{}")
     with pytest.raises(RigError, match="holds no spreads"):
-        uncertainty.read_spreads(tmp_path / "u.json", config)
+        uncertainty.read_spreads(tmp_path / "u.json", calibration)
 
 
 def test_a_controller_file_is_the_settings(config, tmp_path):
@@ -519,6 +521,7 @@ def test_another_gearbox_has_ways_and_delays_of_its_own():
     assert ways["least"] == "2-1" and set(parts) == set(ways)
     assert space.delay_of(rig.transmission, "2-3") == "t23"
     assert read_beginnings("three_speed", rig.transmission) == {}, "it begins at the settings of its controller"
-    assert uncertainty.parameters(rig) == {}, "nothing of it was calibrated"
-    cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, {}, (20.0, 60.0), 2, 5))
+    calibration = uncertainty.calibration_for("three_speed", rig)
+    assert calibration.parameters == {}, "nothing of it was calibrated"
+    cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, calibration, {}, (20.0, 60.0), 2, 5))
     assert 20.0 <= min(cold, warm) < max(cold, warm) <= 60.0

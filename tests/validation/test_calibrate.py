@@ -28,7 +28,7 @@ def config():
 
 
 def test_the_rig_lies_within_what_may_change(config):
-    for stage, parameters in c.load_stages().items():
+    for stage, parameters in rows.calibration().stages.items():
         for name, p in parameters.items():
             place, times = next(iter(p.of.items()))
             part, _, key = place.partition(".")
@@ -45,12 +45,12 @@ def test_the_rig_lies_within_what_may_change(config):
     ],
 )
 def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
-    text = c.STAGES_FILE.read_text()
+    text = rows.STAGES_FILE.read_text()
     assert old in text
     path = tmp_path / "calibration.yaml"
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(RigError, match=sentence):
-        c.load_stages(path)
+        rows.calibration(path)
 
 
 def test_a_curve_of_chapter_9_begins_and_ends_as_printed():
@@ -83,7 +83,7 @@ def test_kiss_pressure_by_hand(config):
 
 def test_losses_are_found_again(config):
     """From values that are far off, least squares bring the coast-down back into its tolerance."""
-    parameters = c.load_stages()["losses"]
+    parameters = rows.calibration().stages["losses"]
     off = c.with_values(config, parameters, {"loss_at_470": 4.2, "loss_out_constant": 14.0})
     before = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(off, TARGETS)}
     values = c.search(off, parameters, rows.loss_misses, generations=0, jobs=1, seed=1)
@@ -134,7 +134,7 @@ LEAST, SECOND = 2.059, 5.934
 
 def test_of_two_rows_that_exclude_each_other_one_is_met(config):
     """Least squares would give 2.8 Nm, which meets neither row; here a row that cannot be met has no influence."""
-    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    parameters = {"loss_out_constant": rows.calibration().stages["losses"]["loss_out_constant"]}
 
     def found(loss, generations):
         off = c.with_values(config, parameters, {"loss_out_constant": loss})
@@ -151,7 +151,7 @@ def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
         parts = tuple(way * 3.0 * (config.loss_out.drag - 2.8) + 1.0 for way in (1.0, -1.0))
         return [rows.Miss("curve", 0.0, float(np.hypot(*parts)), parts)]
 
-    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    parameters = {"loss_out_constant": rows.calibration().stages["losses"]["loss_out_constant"]}
     slopes, spread, profile = c.sensitivities(config, parameters, {"loss_out_constant": 2.8}, curve)
     assert spread["loss_out_constant"] == profile["loss_out_constant"] == pytest.approx(18.0**-0.5)
     assert slopes["loss_out_constant"]["curve"] == pytest.approx(0.0, abs=1e-9)
@@ -164,20 +164,20 @@ def test_a_parameter_that_another_can_replace_is_less_determined_than_its_slope_
         x, y = config.loss_in.at_rest, config.loss_out.drag
         return [rows.Miss("sum", 0.0, 3.0 * x + 4.0 * y), rows.Miss("one", 0.0, 3.0 * x)]
 
-    parameters = {name: p for name, p in c.load_stages()["losses"].items() if name != "loss_at_470"}
+    parameters = {name: p for name, p in rows.calibration().stages["losses"].items() if name != "loss_at_470"}
     _, spread, profile = c.sensitivities(config, parameters, {"loss_at_rest": 3.0, "loss_out_constant": 5.0}, both)
     assert spread["loss_at_rest"] == pytest.approx(18.0**-0.5) and profile["loss_at_rest"] == pytest.approx(1.0 / 3.0)
 
 
 def test_no_calibrated_value_stands_at_a_bound(config):
-    for stage, parameters in c.load_stages().items():
+    for stage, parameters in rows.calibration().stages.items():
         for name, share in zip(parameters, c.shares_of(config, parameters), strict=True):
             assert 0.01 < share < 0.99, f"{stage}.{name} at {share:.3f} of its bounds"
 
 
 def test_random_places_are_no_worse_than_the_one_at_hand(config):
     """The best place is found from any start; the given place is kept where the others are no better."""
-    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    parameters = {"loss_out_constant": rows.calibration().stages["losses"]["loss_out_constant"]}
     shares = c.anywhere([0.99], 3, 1, 1, config, parameters, made_up)
     assert c.at_shares(config, parameters, shares)[1]["loss_out_constant"] == pytest.approx(LEAST, abs=5e-3)
     best = [
@@ -189,7 +189,7 @@ def test_random_places_are_no_worse_than_the_one_at_hand(config):
 def test_a_trade_off_runs_from_one_row_to_the_other(config, monkeypatch):
     """With weight w on the one row the misses are least at (w 2 + 6 / (4 w)) / (w + 1 / (4 w))."""
     monkeypatch.setitem(rows.ROWS, "losses", made_up)
-    after = {"losses": made_up(c.with_values(config, c.load_stages()["losses"], {"loss_out_constant": 2.8}), {})}
+    after = {"losses": made_up(c.with_values(config, rows.calibration().stages["losses"], {"loss_out_constant": 2.8}), {})}
     sensitivities = {"losses.loss_out_constant": {"low": 1.5, "high": 0.75, "far": 0.0}}
     (curve,) = trade_off.trade_offs(config, after, sensitivities, jobs=1)
     assert curve.rows == ("low", "high")
@@ -210,7 +210,7 @@ def test_rows_that_can_be_mended_together_are_no_conflict():
 
 def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
     """The time for which a released S1 holds shows in the delay t12 from which on the output dips."""
-    parameters = c.load_stages()["clutches"]
+    parameters = rows.calibration().stages["clutches"]
     borders = [rows.s1_releases(c.with_values(config, parameters, {"rest": torque}), TARGETS)[0].value for torque in (40.0, 60.0)]
     assert borders[0] < borders[1] - 5e-3
 
@@ -237,6 +237,6 @@ def test_values_at_which_the_rig_trips_are_left_again(config):
             raise Tripped("the rig tripped")
         return [rows.Miss("flat", loss, float(np.arctan(5.0 * (loss - 3.0))))]
 
-    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    parameters = {"loss_out_constant": rows.calibration().stages["losses"]["loss_out_constant"]}
     off = c.with_values(config, parameters, {"loss_out_constant": 2.4})
     assert c.search(off, parameters, flat, 0, jobs=1, seed=1)["loss_out_constant"] == pytest.approx(3.0, abs=1e-3)

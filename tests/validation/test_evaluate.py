@@ -11,7 +11,8 @@ import pytest
 from rig_nodes.base.errors import RigError
 from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
 from rig_nodes.rigs.hydmag.laboratory.records import Record, average, select
-from rig_nodes.rigs.hydmag.laboratory.targets import Span, Target, load_targets
+from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
+from rig_nodes.studies.validation.rows import Span, Target
 
 RPM = pi / 30.0
 UP = {"shift": ("I-II",), "n_wej": (1000.0 * RPM, 2000.0 * RPM), "m_wyj": Span(40.0, 120.0)}

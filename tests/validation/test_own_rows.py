@@ -12,11 +12,10 @@ from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.rigs.hydmag.laboratory.document import terminal
-from rig_nodes.rigs.hydmag.laboratory.programme import counts
 from rig_nodes.runs.record import Run
 from rig_nodes.studies.validation import own_rows
-from rig_nodes.studies.validation.which_rows import is_laboratory, rows_file
+from rig_nodes.studies.validation.tables import counts, terminal
+from rig_nodes.studies.validation.which_rows import programme_of, rows_file
 
 ROW = """\
 rows:
@@ -75,7 +74,8 @@ def test_a_changed_rig_misses_its_rows(capsys):
 def test_a_variant_is_held_against_the_rows_of_its_base_until_it_has_its_own(folder):
     assert rows_file(folder).parent.name == "three_speed"
     assert [row.target.id for row in read(folder, ROW)] == ["ratio"] and rows_file(folder).parent == folder
-    assert is_laboratory(rows_file("hydmag")) and is_laboratory(rows_file("chapter9")) and not is_laboratory(rows_file(folder))
+    assert programme_of(rows_file("hydmag")) == programme_of(rows_file("chapter9")) == "rig_nodes.rigs.hydmag.laboratory"
+    assert programme_of(rows_file(folder)) is None
 
 
 def run_of(**channels) -> Run:
@@ -165,7 +165,7 @@ def test_wrong_rows_are_refused_in_one_sentence(folder, old, new, sentence):
     assert old in ROW
     (folder / "validation.yaml").write_text(ROW.replace(old, new))
     with pytest.raises(RigError, match=sentence) as refusal:
-        if not is_laboratory(rows_file(folder)):
+        if programme_of(rows_file(folder)) is None:
             own_rows.load_rows(rows_file(folder), folder, load_rig(folder))
     assert "\n" not in str(refusal.value)
 

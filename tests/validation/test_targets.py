@@ -14,7 +14,8 @@ import pytest
 import rig_nodes
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.base.errors import RigError
-from rig_nodes.rigs.hydmag.laboratory.targets import TARGETS_FILE, Span, load_targets
+from rig_nodes.rigs.hydmag.laboratory.targets import TARGETS_FILE, load_targets
+from rig_nodes.studies.validation.rows import Span
 
 RPM = pi / 30.0
 NO_HOLD = {"ZR-P1": {1, 2, 3, 4, 5, 6, 7, 8, 21, 28}, "ZR-P2": {8}}

@@ -127,6 +127,12 @@ def with_article(name: str) -> str:
     return f"{'an' if name[0] in 'aei' else 'a'} {name}"
 
 
+def dimension_of_text(text: str) -> str | None:
+    """Return the dimension of a text such as "1500 rpm"; None when it is no number with a known unit."""
+    match = _QUANTITY.fullmatch(text.strip())
+    return UNITS[match[2]][0] if match is not None and match[2] in UNITS else None
+
+
 def quantity(text: object, dimension: str, where: str) -> float:
     """Return the SI value of e.g. ``"1500 rpm"``.
 

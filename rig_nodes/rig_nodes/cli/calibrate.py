@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from ..base.names import DEFAULT_RIG
@@ -15,7 +16,7 @@ from .output_files import OutputFile
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
-    from ..rigs.hydmag.laboratory.calibration_rows import Miss
+    from ..studies.validation.calibrate import Miss
 
 HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
@@ -72,24 +73,22 @@ def main(args: argparse.Namespace) -> int:
     from ..base.names import beside, find_config, unknown
     from ..base.units import SI
     from ..rig.configuration import load_rig
-    from ..rigs.hydmag.laboratory.calibration_rows import ROWS
-    from ..rigs.hydmag.laboratory.trade_off import trade_offs
     from ..studies.validation import calibrate as c
-    from ..studies.validation.own_calibration import own_calibration
-    from ..studies.validation.which_rows import LABORATORY_RIG
+    from ..studies.validation.own_calibration import calibration_of
+    from ..studies.validation.which_rows import programme_of, rows_file
     from .json_output import write_json
 
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
     config = load_rig(args.rig)
-    stages, rows = (c.load_stages(), ROWS) if args.rig == LABORATORY_RIG else own_calibration(args.rig, config)
-    if args.trade_offs and rows is not ROWS:
+    calibration, programme = calibration_of(args.rig, config), programme_of(rows_file(args.rig))
+    stages, parameters = calibration.stages, calibration.parameters
+    if args.trade_offs and programme is None:
         raise RigError(f"--trade-offs belongs to the laboratory's rows; those of '{args.rig}' are its own")
     for stage in args.stages or ():
         if stage not in stages:
             raise RigError(f"--stages: {unknown('stage', stage, stages)}")
-    parameters = {f"{stage}.{name}": p for stage, those in stages.items() for name, p in those.items()}
 
     line = ProgressLine()
 
@@ -104,9 +103,9 @@ def main(args: argparse.Namespace) -> int:
 
     curves = []
     try:
-        found, rig = c.calibrate(config, args.generations, args.jobs, args.seed, args.stages, progress, args.starts, stages, rows)
+        found, rig = c.calibrate(config, calibration, args.generations, args.jobs, args.seed, args.stages, progress, args.starts)
         if args.trade_offs:
-            curves = trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
+            curves = import_module(f"{programme}.trade_off").trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
     except KeyboardInterrupt as stop:
         what, code = ended_by(stop)
         print(f"\nrig: {what}; nothing was changed", file=sys.stderr)

@@ -79,19 +79,18 @@ def _sequences(rig: str) -> list[Path]:
 
 def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
     """Yield one line for each of the validation rows and the calibration in the rig's own folder."""
-    from ..studies.validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
+    from ..studies.validation.which_rows import CALIBRATION_FILE, ROWS_FILE, programme_of
 
     folder = find_config("rigs", rig).parent
     rows = folder / ROWS_FILE
-    if not rows.is_file() or is_laboratory(rows):
+    if not rows.is_file() or programme_of(rows):
         return
-    from ..studies.validation.own_calibration import own_calibration
+    from ..studies.validation.own_calibration import calibration_of
     from ..studies.validation.own_rows import load_rows
 
     yield f"validation rows: {', '.join(row.target.id for row in load_rows(rows, rig, config))}"
     if (folder / CALIBRATION_FILE).is_file():
-        stages, _ = own_calibration(rig, config)
-        yield f"calibration: {', '.join(f'{stage}.{name}' for stage, those in stages.items() for name in those)}"
+        yield f"calibration: {', '.join(calibration_of(rig, config).parameters)}"
 
 
 def _short_ranges(config: RigConfig) -> Iterator[str]:

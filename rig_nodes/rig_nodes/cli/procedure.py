@@ -58,7 +58,7 @@ def main(args: argparse.Namespace) -> int:
         print(embedded_line(), flush=True)
     failed, members = 0, list[Member]()
     about = {"procedure": procedure.name, "description": procedure.description, "source": procedure.source}
-    rows = [{"label": series.label, "conditions": series.conditions} for series in chosen]
+    rows = [{"label": series.label, "conditions": series.conditions, "units": series.units} for series in chosen]
     for series, config, sequence in ready:
         for repeat in range(series.repeats):
             run_into = folder / f"{series.label}-{repeat + 1}"

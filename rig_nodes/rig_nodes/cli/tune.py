@@ -129,7 +129,7 @@ def main(args: argparse.Namespace) -> int:
     line = ProgressLine(1.0)
     with Workers(args.jobs) as workers:
         if not args.spreads:
-            problem = replace(problem, spreads=spreads_of(problem.config, workers))
+            problem = replace(problem, spreads=spreads_of(problem.config, problem.calibration, workers))
         journal = open_journal(folder, problem.manifest())
         try:
             summary = run.tune(problem, folder, workers, journal, line.show)
@@ -181,7 +181,7 @@ def _problem(args: argparse.Namespace) -> Problem:
     from ..studies.tune.problem import OBJECTIVES, Range
     from ..studies.tune.run import Problem
     from ..studies.tune.space import delay_of
-    from ..studies.tune.uncertainty import read_spreads
+    from ..studies.tune.uncertainty import calibration_for, read_spreads
 
     objectives = tuple(args.objectives.split(","))
     for name in objectives:
@@ -204,11 +204,13 @@ def _problem(args: argparse.Namespace) -> Problem:
     if config.prescribed:
         raise RigError(f"rig '{config.name}' has prescribed pressures, which no setting of the controller changes")
     bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
-    spreads = read_spreads(args.spreads, config) if args.spreads else {}
+    calibration = calibration_for(args.rig, config)
+    spreads = read_spreads(args.spreads, calibration) if args.spreads else {}
     rig = str(Path(args.rig).absolute()) if "/" in args.rig or args.rig.endswith((".yaml", ".yml")) else args.rig
     return Problem(
         rig,
         config,
+        calibration,
         read_beginnings(args.rig, config.transmission),
         {way: ranges[way] for way in ways if way in wanted},
         objectives,

@@ -9,6 +9,7 @@ import contextlib
 import platform
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 HELP = "compare a rig with its validation rows, the HydmAG with all printed results"
-STARTING = 2.0  # cost of starting the processes, in the unit of rigs.hydmag.laboratory.programme
+STARTING = 2.0  # cost of starting the processes, in the unit of a programme's runs_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,20 +81,25 @@ def main(args: argparse.Namespace) -> int:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
     if args.write_docs and (args.rows or args.procedures or args.settings):
         raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
-    from ..studies.validation.which_rows import is_laboratory, rows_file
+    from ..studies.validation.which_rows import programme_of, rows_file
 
     path = rows_file(args.rig)
-    if not is_laboratory(path):
+    package = programme_of(path)
+    if package is None:
         return _own_rows(args, path)
     if args.jobs > 1:
-        start_server("rig_nodes.rigs.hydmag.laboratory.programme")
+        start_server(f"{package}.programme")
 
     from ..controllers.load import embedded_line
     from ..rig.configuration import load_gearbox_rig
-    from ..rigs.hydmag.laboratory import document, pictures, programme, time_courses
     from ..runs.folders import parse_settings
+    from ..studies.validation.figures import write_pictures
+    from ..studies.validation.tables import terminal
     from .json_output import write_json
 
+    document, pictures, programme, time_courses = (
+        import_module(f"{package}.{name}") for name in ("document", "pictures", "programme", "time_courses")
+    )
     page = _page() if args.write_docs else None
     explanations = document.load_explanations()
     targets = programme.choose(args.rows, args.procedures)
@@ -117,7 +123,7 @@ def main(args: argparse.Namespace) -> int:
     )
 
     if args.json != "-":
-        print(document.terminal(result.rows))
+        print(terminal(result.rows, document.of_holds(result.rows)))
     if args.json:
         write_json(
             args.json,
@@ -131,7 +137,7 @@ def main(args: argparse.Namespace) -> int:
             },
         )
     if args.pictures:
-        count = len(pictures.write_pictures([*pictures.figures(result.records), *drawn], args.pictures))
+        count = len(write_pictures([*pictures.figures(result.records), *drawn], args.pictures))
         print(f"{count} figures written to {args.pictures}", file=sys.stderr)
     if result.trips:
         kept = f", and {page} is as it was" if page else ""
@@ -161,9 +167,9 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
         start_server("rig_nodes.studies.validation.own_rows")
 
     from ..rig.configuration import load_rig
-    from ..rigs.hydmag.laboratory import document, programme
     from ..runs.folders import parse_settings
     from ..studies.validation import own_rows
+    from ..studies.validation.tables import counts, terminal
     from .json_output import write_json
 
     settings = parse_settings(args.settings)
@@ -175,13 +181,13 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
             rows, args.rig, settings, workers, lambda done, of: line.show(done, f"{done} of {of} runs", done == of)
         )
     if args.json != "-":
-        print(document.terminal(found))
+        print(terminal(found))
     if args.json:
         write_json(
             args.json,
             {
                 "rows": [row.as_dict() for row in found],
-                "summary": programme.counts(found),
+                "summary": counts(found),
                 "versions": _versions(),
                 "rig": args.rig,
                 "settings": settings,

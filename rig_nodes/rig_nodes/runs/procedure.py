@@ -9,19 +9,19 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..base.clocks import ROW
 from ..base.config import load_yaml
 from ..base.errors import RigError, brief
-from ..base.names import beside, find_of_rigs, rig_with, unknown
+from ..base.names import beside, find_of_rigs, rig_of, rig_with, unknown
 from ..base.schema import check_keys, where_of
-from ..base.units import quantity
-from ..rig.conditions import CONDITIONS
+from ..base.units import SI, dimension_of_text, quantity
 from ..rig.configuration import RigConfig, load_rig, with_overrides
 from .record import Run, record
 from .sequence import Sequence, filled, load_sequence
@@ -32,6 +32,13 @@ if TYPE_CHECKING:
 MOST_REPEATS = 100
 MOST_SERIES = 2000  # of a procedure
 BLOCK_KEYS = ("table", "grid", "label", "conditions", "parameters", "settings")
+
+
+class Condition(NamedTuple):
+    """What a series is run under: a number [SI] with its SI unit, a whole number, or a word."""
+
+    value: float | int | str
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,7 @@ class Series:
     procedure: str
     label: str
     conditions: dict[str, float | int | str]
+    units: dict[str, str]
     sequence: str
     parameters: dict[str, str]
     overrides: dict[str, str]
@@ -134,6 +142,7 @@ def load_procedure(name: str | Path) -> Procedure:
     if not isinstance(blocks, list) or not blocks:
         raise RigError(f"{where_of(path, node, 'series')}: series must be a list with at least one block")
     sequence = _sequence(node, path)
+    names = _names(sequence)
     settings = _texts(node, "settings", {}, path)
     name, all_series, labels = Path(path).stem, [], set()
     for k, block in enumerate(blocks):
@@ -144,13 +153,15 @@ def load_procedure(name: str | Path) -> Procedure:
             if label in labels:
                 raise RigError(f"{where}: the label {brief(label)} is there twice")
             labels.add(label)
+            conditions = _conditions(block, row, path, names)
             if len(labels) > MOST_SERIES:
                 raise RigError(f"{where}: the procedure has more than {MOST_SERIES} series")
             all_series.append(
                 Series(
                     name,
                     label,
-                    _conditions(block, row, path),
+                    {name: one.value for name, one in conditions.items()},
+                    {name: one.unit for name, one in conditions.items() if one.unit},
                     sequence,
                     _texts(block, "parameters", row, path),
                     {**settings, **_texts(block, "settings", row, path)},
@@ -228,24 +239,34 @@ def _texts(node: Map, key: str, row: dict[str, str], path: str | Path) -> dict[s
     return {str(name): filled(str(value), row, where_of(path, entries, name), "name") for name, value in entries.items()}
 
 
-def _conditions(block: Map, row: dict[str, str], path: str | Path) -> dict[str, float | int | str]:
-    out: dict[str, float | int | str] = {}
+def _conditions(block: Map, row: dict[str, str], path: str | Path, names: Mapping[str, tuple[str, ...]]) -> dict[str, Condition]:
+    out: dict[str, Condition] = {}
     for name, text in _texts(block, "conditions", row, path).items():
-        where = where_of(path, block["conditions"], name)
-        kind = CONDITIONS.get(name)
-        if kind is None:
-            raise RigError(f"{where}: {unknown('condition', name, CONDITIONS)}")
-        if kind is int:
-            if not text.isdigit():
-                raise RigError(f"{where}: {name} is '{text}', expected a whole number")
-            out[name] = int(text)
-        elif isinstance(kind, tuple):
-            if text not in kind:
-                raise RigError(f"{where}: {name} is '{text}', expected {', '.join(kind)}")
-            out[name] = text
+        where = f"{where_of(path, block['conditions'], name)}: {name}"
+        if name in names:
+            if text not in names[name]:
+                raise RigError(f"{where} is '{text}', expected {', '.join(names[name]) or 'none, as the rig has none'}")
+            out[name] = Condition(text)
+        elif text.isdigit():
+            out[name] = Condition(int(text))
+        elif dimension := dimension_of_text(text):
+            out[name] = Condition(quantity(text, dimension, where), SI[dimension])
         else:
-            out[name] = quantity(text, kind, f"{where}: {name}")
+            out[name] = Condition(text)
     return out
+
+
+def _names(sequence: str) -> dict[str, tuple[str, ...]]:
+    """Return the words that a condition which names a thing of the rig may have: shift, clutch and valve."""
+    config = _base(rig_of(sequence))
+    if not config.structure.gears:
+        return {}
+    box = config.transmission
+    return {
+        "shift": tuple(box.ways()),
+        "clutch": tuple(clutch.name for clutch in box.clutches),
+        "valve": tuple(clutch.valve_name for clutch in box.clutches),
+    }
 
 
 # ---- running

@@ -29,8 +29,6 @@ from ..bags.pieces import PACKED
 from ..bags.reader import UNREADABLE
 from ..bags.rig_record import rig_record
 from ..base.errors import RigError, quoted
-from ..base.units import SI
-from ..rig.conditions import CONDITIONS
 from ..rig.transmission import Transmission, transmission_of
 from . import layout
 from .convert import APPLICATION, VIEW_FILE, import_rerun
@@ -109,7 +107,11 @@ def _reports(folder: Path) -> list[Path]:
 def _of_reports(folder: Path) -> Campaign:
     names, rows, errors, given, box = [], [], [], [], None
     of_series = {
-        name: {key: _written(key, value) for key, value in (one.get("conditions") or {}).items() if key != "series"}
+        name: {
+            key: f"{value} {(one.get('units') or {}).get(key, '')}".strip()
+            for key, value in (one.get("conditions") or {}).items()
+            if key != "series"
+        }
         for one in read_procedure(folder).get("series", ())
         for name in one["runs"]
     }
@@ -124,12 +126,6 @@ def _of_reports(folder: Path) -> Campaign:
             errors.append(own[n] if n < len(own) else {})
             given.append(of_series.get(run.name) or report["run"].get("parameters") or {})
     return Campaign(folder.name, names, _conditions(given), rows, errors, box or transmission_of())
-
-
-def _written(name: str, value: object) -> str:
-    """Return a condition of a series with its unit."""
-    dimension = CONDITIONS.get(name)
-    return f"{value} {SI.get(dimension, '')}" if isinstance(dimension, str) else str(value)
 
 
 def _of_sweep(folder: Path) -> Campaign:

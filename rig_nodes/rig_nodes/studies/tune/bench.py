@@ -26,7 +26,6 @@ from ...plant.parts.load_pump import relief_setting_for
 from ...rig.alfa46 import Alfa46Config
 from ...rig.configuration import RigConfig
 from ...rig.transmission import NEUTRAL, Transmission
-from ...rigs.hydmag.laboratory.calibration_rows import PAUSE
 from ...runs.record import moment_of
 from ...runs.rig import Rig
 from ...runs.rig_base import Tripped
@@ -34,6 +33,7 @@ from ...runs.rig_base import Tripped
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
 LEAD = 0.25  # s at rest before the order
+RETURN = 8.0  # s between two shifts, as in the sequences of chapter 7, in which the piston of the open clutch returns
 AFTER = 0.25  # s recorded after the last point of both profiles
 LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order; the longer one is used when the shift has not ended within the shorter one
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
@@ -241,7 +241,7 @@ class Bench:
                 self._go(1.5)
                 while rig.shifting:
                     self._go(0.1)
-            self._go(PAUSE * SAMPLE)  # the piston of the open clutch returns
+            self._go(RETURN)
             self._standing[gear] = rig.snapshot()
         return self._standing[gear]
 

@@ -24,10 +24,11 @@ from ...base.compiled import sources_key
 from ...base.errors import RigError, quoted
 from ...rig.alfa46 import Alfa46Config, read_alfa46
 from ...rig.configuration import RigConfig
-from ...rigs.hydmag.laboratory.pictures import write_pictures
 from ...runs.campaign import Workers
 from ...runs.rig_base import Tripped
 from ..sweep.store import Journal
+from ..validation.calibrate import Calibration
+from ..validation.figures import write_pictures
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
@@ -62,6 +63,8 @@ class Problem:
         Name or file of the rig.
     config : RigConfig
         The rig.
+    calibration : Calibration
+        Its calibration, without stages for a rig that was never calibrated.
     begin : dict of str to dict of str to int
         Settings at which the search for a way begins, by way; without them, those of the controller.
     ranges : dict of str to Range
@@ -92,6 +95,7 @@ class Problem:
 
     rig: str
     config: RigConfig
+    calibration: Calibration
     begin: dict[str, dict[str, int]]
     ranges: dict[str, Range]
     objectives: tuple[str, ...]
@@ -172,7 +176,7 @@ class Problem:
             missing = count - len(chosen)
             if missing <= 0:
                 return chosen
-            rigs = sampled_rigs(self.config, self.spreads, self.oil, missing, self.drawn(*use, turn), workers.map)
+            rigs = sampled_rigs(self.config, self.calibration, self.spreads, self.oil, missing, self.drawn(*use, turn), workers.map)
             shifting = workers.map(partial(_shifting, every, self.config.alfa46), rigs)
             chosen += [rig for rig, share in zip(rigs, shifting) if share >= SHIFTING]
         if len(chosen) < count:

@@ -1,11 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The search for the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
+"""The search for the rig's unknown parameters on the rows whose role is to calibrate, stage by stage.
 
-Used by `rig calibrate`, in this order: losses, valves and cylinders, then what holds a released clutch.
-Friction stays as printed. calibration.yaml lists what may change and how far; calibration_rows.py computes the rows' values
-for a rig.
+Used by `rig calibrate`; `rig tune` takes the spreads of the parameters. calibration.yaml of a rig lists what may change and how
+far; the rows' values for a rig come from its own rows or from the programme of its laboratory.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,18 +24,44 @@ from ...base.config import load_yaml
 from ...base.errors import RigError
 from ...base.schema import check_keys, where_of
 from ...base.units import UNITS, quantity
-from ...rig.configuration import RigConfig, load_rig
+from ...rig.configuration import RigConfig
 from ...rig.settings import Setting
-from ...rigs.hydmag.laboratory.calibration_rows import ROWS, UNSHIFTED, Miss, calibrating
 from ...runs.campaign import Workers
 from ...runs.rig_base import Tripped
-from .which_rows import CALIBRATION_FILE, LABORATORY_FOLDER, LABORATORY_RIG
 
 if TYPE_CHECKING:
     from ...base.arrays import Floats
     from ...base.yaml_file import Map
 
-STAGES_FILE = LABORATORY_FOLDER / CALIBRATION_FILE
+UNSHIFTED = 10.0  # tolerances for a shift that does not end
+
+
+@dataclass(frozen=True)
+class Miss:
+    """How far a row is from the printed value.
+
+    Parameters
+    ----------
+    row : str
+        Name of the row.
+    value : float
+        The rig's value [SI].
+    tolerances : float
+        Distance from the printed value [tolerances].
+    parts : tuple of float
+        For a curve, its distances in tolerances over the root of their number, so that their squares sum up to that of
+        ``tolerances``. A search by slopes gets more from them than from their sum.
+    """
+
+    row: str
+    value: float
+    tolerances: float
+    parts: tuple[float, ...] = ()
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """The numbers that a least squares search makes small."""
+        return self.parts or (self.tolerances,)
 
 
 @dataclass(frozen=True)
@@ -62,15 +87,36 @@ class Parameter:
     why: str
 
 
-def load_stages(path: Path = STAGES_FILE, config: RigConfig | None = None) -> dict[str, dict[str, Parameter]]:
+@dataclass(frozen=True)
+class Calibration:
+    """What is searched for a rig.
+
+    Parameters
+    ----------
+    stages : dict of str to dict
+        Stage -> name -> parameter.
+    rows : mapping of str to callable
+        Stage -> function that takes a rig and gives the misses of the stage's rows.
+    """
+
+    stages: dict[str, dict[str, Parameter]]
+    rows: Mapping[str, Callable[[RigConfig], list[Miss]]]
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """The parameters of all stages, by "stage.name"."""
+        return {f"{stage}.{name}": p for stage, those in self.stages.items() for name, p in those.items()}
+
+
+def load_stages(path: Path, config: RigConfig) -> dict[str, dict[str, Parameter]]:
     """Return the parameters of calibration.yaml.
 
     Parameters
     ----------
     path : Path
         The file.
-    config : RigConfig or None
-        The rig whose values the parameters are; None for the laboratory's rig, whose stages each have their own rows.
+    config : RigConfig
+        The rig whose values the parameters are.
 
     Returns
     -------
@@ -85,15 +131,12 @@ def load_stages(path: Path = STAGES_FILE, config: RigConfig | None = None) -> di
     node = load_yaml(path)
     check_keys(path, node, ("stages",), ("stages",), "the calibration")
     stages = node["stages"]
-    if config is None:
-        check_keys(path, stages, ROWS, ROWS, "stages")
     for stage in stages if isinstance(stages, dict) and stages else (None,):
         if stage is None or not isinstance(stages[stage], dict) or not stages[stage]:
             raise RigError(
                 f"{where_of(path, node, 'stages')}: stages must be a map of names, each of the parameters that it searches"
             )
-    rig = config or _laboratory()
-    return {str(stage): {str(name): _parameter(path, parts, name, rig) for name in parts} for stage, parts in stages.items()}
+    return {str(stage): {str(name): _parameter(path, parts, name, config) for name in parts} for stage, parts in stages.items()}
 
 
 def _parameter(path: Path, node: Map, name: str, config: RigConfig) -> Parameter:
@@ -117,12 +160,6 @@ def _setting(config: RigConfig, name: str, where: str) -> Setting:
     if not setting.is_number:
         raise RigError(f"{where}: {name} is no number that a search could change")
     return setting
-
-
-@cache
-def _laboratory() -> RigConfig:
-    """Return the rig whose values calibration.yaml names."""
-    return load_rig(LABORATORY_RIG)
 
 
 def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float]) -> RigConfig:
@@ -199,7 +236,7 @@ def residuals(
     parameters : dict of str to Parameter
         The parameters.
     misses : callable
-        One of calibration_rows.ROWS.
+        Takes a rig and gives the misses of its rows.
     scale : dict of str to float or None
         Factors for the misses of some rows.
 
@@ -208,7 +245,7 @@ def residuals(
     array of float
         Misses [tolerances]; a curve has several.
     """
-    found = misses(at_shares(config, parameters, shares)[0], calibrating())
+    found = misses(at_shares(config, parameters, shares)[0])
     return np.concatenate([(scale or {}).get(miss.row, 1.0) * np.array(miss.residuals) for miss in found])
 
 
@@ -231,7 +268,7 @@ def nearby(
     parameters : dict of str to Parameter
         The parameters.
     misses : callable
-        One of calibration_rows.ROWS.
+        Takes a rig and gives the misses of its rows.
     scale : dict of str to float or None
         Factors for the misses of some rows.
     bounded : bool
@@ -292,7 +329,7 @@ def anywhere(
     parameters : dict of str to Parameter
         The parameters.
     misses : callable
-        One of calibration_rows.ROWS.
+        Takes a rig and gives the misses of its rows.
 
     Returns
     -------
@@ -335,7 +372,7 @@ def search(
     parameters : dict of str to Parameter
         The parameters.
     misses : callable
-        One of calibration_rows.ROWS.
+        Takes a rig and gives the misses of its rows.
     generations : int
         Generations of the differential evolution.
     jobs : int
@@ -415,7 +452,7 @@ def sensitivities(
     values : dict of str to float
         Their values [SI].
     misses : callable
-        One of calibration_rows.ROWS.
+        Takes a rig and gives the misses of its rows.
 
     Returns
     -------
@@ -424,14 +461,12 @@ def sensitivities(
     spread, profile : dict of str to float
         Spread and profile of each parameter [SI].
     """
-    targets, step = calibrating(), 0.02
+    step = 0.02
     rows: dict[str, dict[str, float]] = {}
     slopes = []
     for name, p in parameters.items():
         width = p.high - p.low
-        below, above = (
-            misses(with_values(config, parameters, {name: values[name] + way * step * width}), targets) for way in (-1.0, 1.0)
-        )
+        below, above = (misses(with_values(config, parameters, {name: values[name] + way * step * width})) for way in (-1.0, 1.0))
         rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step) for one, other in zip(below, above)}
         # A curve counts by its milliseconds: its mean distance has no slope where it is least, and would allow any value.
         one, other = (np.concatenate([miss.residuals for miss in side]) for side in (below, above))
@@ -451,14 +486,13 @@ def _determined(slopes: Floats, parameters: dict[str, Parameter]) -> tuple[dict[
 
 def calibrate(
     config: RigConfig,
+    calibration: Calibration,
     generations: int,
     jobs: int,
     seed: int,
     stages: list[str] | None = None,
     progress: Callable[[str, int, float], None] | None = None,
     starts: int = 0,
-    known: dict[str, dict[str, Parameter]] | None = None,
-    rows: Mapping[str, Callable] = ROWS,
 ) -> tuple[Found, RigConfig]:
     """Search the stages one after the other, each on its own rows.
 
@@ -466,6 +500,8 @@ def calibrate(
     ----------
     config : RigConfig
         The rig.
+    calibration : Calibration
+        What is searched, and on which rows.
     generations : int
         Generations of each search.
     jobs : int
@@ -478,10 +514,6 @@ def calibrate(
         Takes the stage, the generation and the cost of its best.
     starts : int
         Number of random places in each search.
-    known : dict of str to dict or None
-        The stages with their parameters; None for the laboratory's.
-    rows : mapping of str to callable
-        Gives the misses in each stage; by default the laboratory's rows.
 
     Returns
     -------
@@ -493,19 +525,19 @@ def calibrate(
     Raises
     ------
     RigError
-        When calibration.yaml is not right.
+        When a value that is tried is refused.
     """
-    targets, found = calibrating(), Found({}, {}, {})
-    for stage, those in (known or load_stages()).items():
+    found = Found({}, {}, {})
+    for stage, those in calibration.stages.items():
         if stages is not None and stage not in stages:
             continue
-        misses = rows[stage]
-        found.before[stage] = misses(config, targets)
+        misses = calibration.rows[stage]
+        found.before[stage] = misses(config)
         tell = partial(progress, stage) if progress else None
         turns = generations if len(those) > 4 else min(generations, 15)
         values = search(config, those, misses, turns, jobs, seed, tell, starts)
         config = with_values(config, those, values)
-        found.after[stage] = misses(config, targets)
+        found.after[stage] = misses(config)
         changes, spread, profile = sensitivities(config, those, values, misses)
         found.values |= {f"{stage}.{name}": value for name, value in values.items()}
         found.sensitivities |= {f"{stage}.{name}": row for name, row in changes.items()}
@@ -514,32 +546,28 @@ def calibrate(
     return found, config
 
 
-def write_values(
-    values: dict[str, float], rig_file: Path, controller_file: Path, stages: dict[str, dict[str, Parameter]] | None = None
-) -> None:
+def write_values(values: dict[str, float], parameters: dict[str, Parameter], rig_file: Path, controller_file: Path) -> None:
     """Write values into the YAML files of rig and controller, in the units that stand there; the rest of the files stays as it is.
 
     Parameters
     ----------
     values : dict of str to float
         Values [SI] by "stage.name".
+    parameters : dict of str to Parameter
+        The parameters by "stage.name".
     rig_file : Path
         File of the rig.
     controller_file : Path
         File of its controller.
-    stages : dict of str to dict or None
-        The stages with their parameters; None for the laboratory's.
 
     Raises
     ------
     RigError
         When a value has no line of its own there.
     """
-    stages = stages or load_stages()
     texts = {rig_file: rig_file.read_text(), controller_file: controller_file.read_text()}
     for full, value in values.items():
-        stage, _, name = full.partition(".")
-        for place, times in stages[stage][name].of.items():
+        for place, times in parameters[full].of.items():
             part, _, key = place.partition(".")
             file = controller_file if part == "alfa46" else rig_file
             texts[file] = _replaced(texts[file], "" if part == "alfa46" else part, key, times * value, file)

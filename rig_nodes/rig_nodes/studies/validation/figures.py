@@ -3,15 +3,18 @@
 
 """Line and scatter plots as SVG text, with nothing but axes with ticks and a legend.
 
-Used by rigs.hydmag.laboratory.pictures and other modules that draw; the rig has no plotting library, and these few charts need
-none.
+Used by all modules that draw results; the rig has no plotting library, and these few charts need none.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
+
+from ...base.atomic_write import atomic_write
 
 WIDTH, HEIGHT = 760, 440
 LEFT, RIGHT, TOP, BOTTOM = 74, 190, 44, 56  # margins [px]; the legend stands on the right
@@ -169,3 +172,27 @@ class _Scale:
         if series.marks:
             out += [f'<circle cx="{p[0]}" cy="{p[1]}" r="3" fill="{colour}"/>' for p in places if p is not None]
         return out
+
+
+def write_pictures(found: Iterable[tuple[str, Figure]], folder: str | Path) -> list[Path]:
+    """Write figures as SVG files.
+
+    Parameters
+    ----------
+    found : iterable of (str, Figure)
+        Names of the files without ending, and figures.
+    folder : str or Path
+        Folder of the files; it is made when it does not exist.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, figure in found:
+        paths.append(folder / f"{name}.svg")
+        atomic_write(paths[-1], figure.svg())
+    return paths

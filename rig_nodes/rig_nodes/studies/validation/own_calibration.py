@@ -8,25 +8,20 @@ Used by ``rig calibrate --rig``; the search itself is in studies.validation.cali
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...base.errors import RigError
 from ...rig.configuration import RigConfig
-from ...rigs.hydmag.laboratory.calibration_rows import UNSHIFTED, Miss
-from .calibrate import Parameter, load_stages
+from .calibrate import UNSHIFTED, Calibration, Miss, load_stages
 from .own_rows import OwnRow, by_run, load_rows, measure_rows
-from .which_rows import CALIBRATION_FILE, file_of_rig, is_laboratory, rows_file
-
-if TYPE_CHECKING:
-    from ...rigs.hydmag.laboratory.targets import Target
+from .which_rows import CALIBRATION_FILE, file_of_rig, programme_of, rows_file
 
 
-def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[str, Parameter]], dict[str, Callable]]:
-    """Return what is searched for a rig that has rows of its own.
+def calibration_of(rig: str | Path, config: RigConfig) -> Calibration:
+    """Return what is searched for a rig: on the rows of its laboratory's programme, or on its own.
 
     Parameters
     ----------
@@ -37,27 +32,25 @@ def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[
 
     Returns
     -------
-    stages : dict of str to dict
-        Stage -> name -> parameter.
-    misses : dict of str to callable
-        Stage -> function that gives its misses.
+    Calibration
+        The stages with their parameters and rows.
 
     Raises
     ------
     RigError
-        When the rig has no rows of its own, none with the role calibrate, or no right calibration.yaml.
+        When the rig has no rows, none with the role calibrate, or no right calibration.yaml.
     """
     path = rows_file(rig)
-    if is_laboratory(path):
-        raise RigError(f"the rows of '{rig}' are the laboratory's; ./rig calibrate without --rig searches on these")
+    if (programme := programme_of(path)) is not None:
+        return import_module(f"{programme}.calibration_rows").calibration()
     rows = [row for row in load_rows(path, rig, config) if row.target.role == "calibrate"]
     if not rows:
         raise RigError(f"{path}: no row has the role calibrate, so there is nothing to search on")
     stages = load_stages(file_of_rig(rig, CALIBRATION_FILE), config)
-    return stages, dict.fromkeys(stages, partial(own_misses, str(rig), rows))
+    return Calibration(stages, dict.fromkeys(stages, partial(own_misses, str(rig), rows)))
 
 
-def own_misses(rig: str, rows: list[OwnRow], config: RigConfig, _targets: dict[str, Target] | None = None) -> list[Miss]:
+def own_misses(rig: str, rows: list[OwnRow], config: RigConfig) -> list[Miss]:
     """Return how far the rows of a rig are from the middle of what they accept, or from what is printed; true values are taken.
 
     A tolerance is half of what a row accepts. A value that the run does not give counts as many tolerances as a shift that
@@ -71,8 +64,6 @@ def own_misses(rig: str, rows: list[OwnRow], config: RigConfig, _targets: dict[s
         The rows.
     config : RigConfig
         The rig with the values that are tried.
-    _targets : dict or None
-        Not used.
 
     Returns
     -------

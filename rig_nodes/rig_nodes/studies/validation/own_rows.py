@@ -32,12 +32,11 @@ from ...base.names import beside, unknown
 from ...base.schema import check_keys, where_of
 from ...base.units import SI, UNITS, dimension_of, quantity, with_article
 from ...rig.configuration import RigConfig, load_rig, with_overrides
-from ...rigs.hydmag.laboratory.evaluate import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row
-from ...rigs.hydmag.laboratory.targets import Target
 from ...runs.calculations import Calculation, Table, calculations_of, recorded_with
 from ...runs.record import Run, record
 from ...runs.sequence import DIMENSIONS, load_sequence
 from ...runs.workers import Workers
+from .rows import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, Target
 
 METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined"))
 ROLES = ("calibrate", "predict", "contradiction")

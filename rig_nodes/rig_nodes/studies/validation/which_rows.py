@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The choice of the rows for a rig: those of its folder, or the laboratory's programme.
+"""The choice of the rows for a rig: those of its folder, or the programme of a laboratory.
 
 Used by the verbs ``validate``, ``calibrate`` and ``check``; no rig is read, so it is quick.
 """
@@ -15,9 +15,8 @@ from ...base.errors import RigError, brief
 from ...base.names import with_bases
 from ...base.schema import check_keys, where_of
 
-ROWS_FILE, CALIBRATION_FILE, LABORATORY = "validation.yaml", "calibration.yaml", "laboratory"
-LABORATORY_RIG = "hydmag"  # the rig whose folder has the laboratory's rows
-LABORATORY_FOLDER = RIGS_DIR / LABORATORY_RIG
+ROWS_FILE, CALIBRATION_FILE = "validation.yaml", "calibration.yaml"
+PACKAGE = __name__.partition(".")[0]
 
 
 def file_of_rig(rig: str | Path, name: str) -> Path:
@@ -47,20 +46,33 @@ def file_of_rig(rig: str | Path, name: str) -> Path:
     return found
 
 
+def has_file(rig: str | Path, name: str) -> bool:
+    """Return whether a rig's folder or one of its bases has a file."""
+    return any((path.parent / name).is_file() for path, _ in with_bases(rig))
+
+
 def rows_file(rig: str | Path) -> Path:
     """Return the file with the rows of a rig, as :func:`file_of_rig`."""
     return file_of_rig(rig, ROWS_FILE)
 
 
-def is_laboratory(path: Path) -> bool:
-    """Return whether a file refers to the rows of the laboratory's programme; RigError when it names another programme."""
+def programme_of(path: Path) -> str | None:
+    """Return the package of the programme that a file with rows refers to, or None for a file with rows of its own.
+
+    Only an installed rig has a programme: a package in the folder of the file, with the module programme.py.
+
+    Raises
+    ------
+    RigError
+        When there is no such package.
+    """
     node = load_yaml(path)
     if not isinstance(node, dict) or "programme" not in node:
-        return False
+        return None
     check_keys(path, node, ("programme",), (), "the validation")
-    if node["programme"] != LABORATORY:
-        raise RigError(
-            f"{where_of(path, node, 'programme')}: programme is {brief(node['programme'])}, expected {LABORATORY}, or rows "
-            "in its place"
-        )
-    return True
+    name = node["programme"]
+    known = [] if path.parent.parent != RIGS_DIR else [file.parent.name for file in path.parent.glob("*/programme.py")]
+    if name not in known:
+        expected = " or ".join([*known, "rows in its place"])
+        raise RigError(f"{where_of(path, node, 'programme')}: programme is {brief(name)}, expected {expected}")
+    return f"{PACKAGE}.rigs.{path.parent.name}.{name}"

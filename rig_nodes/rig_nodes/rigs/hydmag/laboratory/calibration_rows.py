@@ -10,23 +10,30 @@ search may change.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from ....analysis.metrics import shift_metrics
 from ....bags.logged import Recording
 from ....base.clocks import ROW, SAMPLE
+from ....base.config import load_yaml
+from ....base.names import RIG_FILE
+from ....base.schema import check_keys
 from ....plant.parts.gear_loss import RPM
 from ....plant.parts.load_pump import relief_setting_for
 from ....rig.alfa46 import Alfa46Config
-from ....rig.configuration import RigConfig
+from ....rig.configuration import RigConfig, load_rig
 from ....rig.transmission import NEUTRAL, Clutch, Transmission, transmission_of
 from ....runs.rig import Rig
+from ....studies.validation.calibrate import UNSHIFTED, Calibration, Miss, load_stages
+from ....studies.validation.rows import Target
 from .derived import NO_DIP
-from .targets import Target, load_targets
+from .targets import load_targets
 
+STAGES_FILE = Path(__file__).parents[1] / "calibration.yaml"
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
 PAUSE = 8000  # samples between two engagements, as in the sequences of chapter 7, until the line of S2 has run empty again
@@ -48,7 +55,6 @@ DELAYS = {"S1": "valve_delay_zr_p1", "S2": "valve_delay_zr_p2"}
 START_PARTS = 100
 PEAK_TOLERANCE = 6.5  # Nm: largest error of a shift's peak by (7.1)
 TIME_TOLERANCE = 0.01  # s: tolerance of a time from the laboratory's program (9.2.2)
-UNSHIFTED = 10.0  # tolerances for a shift that does not end
 KISSES = {"S1": "kiss_pressure_s1", "S2": "kiss_pressure_s2"}
 
 
@@ -179,34 +185,6 @@ def fall_begins(target: Target, p: np.ndarray) -> float:
     """
     t = np.arange(0.0, 0.1, 1e-4)
     return first_true(p < FALLEN, 1.0) - float(t[np.argmax(on_curve(target, t) < FALLEN)])
-
-
-@dataclass(frozen=True)
-class Miss:
-    """How far a row is from the printed value.
-
-    Parameters
-    ----------
-    row : str
-        Name of the row.
-    value : float
-        The rig's value [SI].
-    tolerances : float
-        Distance from the printed value [tolerances].
-    parts : tuple of float
-        For a curve, its distances in tolerances over the root of their number, so that their squares sum up to that of
-        ``tolerances``. A search by slopes gets more from them than from their sum.
-    """
-
-    row: str
-    value: float
-    tolerances: float
-    parts: tuple[float, ...] = ()
-
-    @property
-    def residuals(self) -> tuple[float, ...]:
-        """The numbers that a least squares search makes small."""
-        return self.parts or (self.tolerances,)
 
 
 def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -> list[Miss]:
@@ -481,13 +459,31 @@ def clutch_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     return [*hydraulics_misses(config, targets), *release_misses(config, targets)]
 
 
-ROWS: dict[str, Callable] = {  # stage -> function that gives its misses
-    "losses": loss_misses,
-    "clutches": clutch_misses,
-}
-
-
 @cache
 def calibrating() -> dict[str, Target]:
     """Return the rows of targets.yaml by name, which are read once in each process."""
     return {target.id: target for target in load_targets()}
+
+
+def _losses(config: RigConfig) -> list[Miss]:
+    return loss_misses(config, calibrating())
+
+
+def _clutches(config: RigConfig) -> list[Miss]:
+    return clutch_misses(config, calibrating())
+
+
+ROWS: dict[str, Callable[[RigConfig], list[Miss]]] = {"losses": _losses, "clutches": _clutches}  # stage -> what gives its misses
+
+
+def calibration(path: Path = STAGES_FILE) -> Calibration:
+    """Return the stages of the laboratory's calibration.yaml, whose parameters are those of its rig, and their rows.
+
+    Raises
+    ------
+    RigError
+        With file and line, when the file is not right.
+    """
+    stages = load_stages(path, load_rig(STAGES_FILE.parent / RIG_FILE))
+    check_keys(path, load_yaml(path)["stages"], ROWS, ROWS, "stages")
+    return Calibration(stages, ROWS)

@@ -8,7 +8,6 @@ Used by the verb ``validate``. Explanations of misses are written by hand in exp
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,18 +15,16 @@ from typing import TYPE_CHECKING
 from ....base.config import load_yaml
 from ....base.errors import RigError, brief
 from ....base.schema import where_of
-from ....base.units import SI, UNITS
-from ....studies.validation.which_rows import LABORATORY_FOLDER
-from .evaluate import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row
-from .programme import Result, counts, summary
-from .records import place_text
+from ....studies.validation.rows import INSIDE, NOT_COMPARED, OUTSIDE, Row, Target, listed
+from ....studies.validation.tables import accepted, counts, laboratory, of_rig, verdict_line
+from .programme import Result, summary
 from .score import HOLD, balanced_accuracy
-from .targets import Target, listed, load_targets
+from .targets import load_targets
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-EXPLANATIONS_FILE = LABORATORY_FOLDER / "explanations.yaml"
+EXPLANATIONS_FILE = Path(__file__).parents[1] / "explanations.yaml"
 SECTIONS = {
     "7.1": "7.1: instruments, definitions, shape of the rising pressure",
     "7.2": "7.2: response of the valves",
@@ -118,81 +115,7 @@ def load_explanations(path: str | Path | None = None) -> dict[str, str]:
     return {str(name): " ".join(text.split()) for name, text in node.items()}
 
 
-# --- pieces that terminal and document share ------------------------------------------------------
-
-
-def number(target: Target, value: float) -> str:
-    """Return a value [SI] of a row as text in the laboratory's unit, with the unit."""
-    unit = target.unit if UNITS[target.unit][0] == target.dimension else SI[target.dimension]
-    text = f"{value / UNITS[unit][1]:.5g}"
-    return text if unit == "-" else f"{text} {unit}"
-
-
-def of_rig(row: Row) -> str:
-    """Return the rig's value as text: what it is, how many values of how many are inside, and where the worst one stands."""
-    t = row.target
-    if row.value is None:
-        return "-"
-    text = row.value if isinstance(row.value, str) else f"{row.value:.5g}" if t.kind == "fit" else number(t, row.value)
-    parts = [row.judged_by] if row.judged_by else []
-    parts += [f"{row.inside} of {row.count} inside"] if row.count > 1 else []
-    parts += [place_text(row.place)] if row.place else []
-    return text + (f" ({'; '.join(parts)})" if parts else "")
-
-
-def accepted(row: Row) -> str:
-    """Return what the row accepts as text, in the laboratory's unit."""
-    t = row.target
-    if t.kind == "classification":
-        return t.expected or ""
-    if t.kind == "trend":
-        tolerance = f"{t.tolerance * 100:g} %" if t.tolerance_is_share else number(t, t.tolerance)
-        over = f"over {t.over}"
-        return f"flat {over} within {tolerance}" if t.sign == "flat" else f"{t.sign} {over}, steps back to {tolerance}"
-    if t.kind == "fit":
-        return f"{t.shape} over {t.over}, R2 at least {t.low:g}"
-    if t.kind == "curve":
-        return f"printed curve within {number(t, t.tolerance)}"
-    if t.low is None:
-        return f"at most {number(t, t.high)}"
-    if t.high is None:
-        return f"at least {number(t, t.low)}"
-    if t.low == t.high:
-        return number(t, t.low)
-    return f"{number(t, t.low)} to {number(t, t.high)}"
-
-
-def laboratory(row: Row) -> str:
-    """Return as text what was printed, where it is a number, and what is accepted."""
-    t = row.target
-    ends = [end for end in (t.low, t.high) if end is not None]
-    if not t.printed or t.kind == "fit" or all(any(math.isclose(p, end) for end in ends) for p in t.printed):
-        return accepted(row)
-    return f"{' to '.join(number(t, p) for p in t.printed)}; accepted: {accepted(row)}"
-
-
-def verdict_line(rows: list[Row]) -> str:
-    """Return one sentence with the counts of verdicts."""
-    found = counts(rows)
-
-    def of(basis: str) -> str:
-        count = found[basis]
-        lacking = f" ({count[NOT_COMPARED]} not compared)" if count[NOT_COMPARED] else ""
-        return f"{basis} inside {count[INSIDE]} of {count['rows']}{lacking}"
-
-    parts = [of("predicted") + _of_holds(rows)] if found["predicted"]["rows"] else []
-    if found["calibrated"]["rows"]:
-        parts.append(of("calibrated"))
-    apart = ", ".join(of(basis) for basis in ("implied", "consistency") if found[basis]["rows"])
-    if apart:
-        parts.append(f"counted apart: {apart}")
-    if shown := found["contradiction"]["rows"]:
-        parts.append(f"{CONTRADICTS}: {found['contradiction'][CONTRADICTS]} of {shown}")
-    parts.append(f"information, not judged: {found['information']['rows']}")
-    return "; ".join(parts)
-
-
-def _of_holds(rows: list[Row]) -> str:
+def of_holds(rows: list[Row]) -> str:
     """Return how the predicted rows part into those on the hold phase and all others, and its balanced accuracy."""
     predicted = [row for row in rows if row.basis == "predicted"]
     held = [row for row in predicted if row.target.quantity == HOLD]
@@ -204,23 +127,6 @@ def _of_holds(rows: list[Row]) -> str:
         f" (hold phase {right} of {len(held)}, balanced accuracy {accuracy:.2f} where always hold has 0.50; "
         f"all else {inside - right} of {len(predicted) - len(held)})"
     )
-
-
-def terminal(rows: list[Row]) -> str:
-    """Return the text for the terminal: counts, misses, contradictions of the source and rows that could not be compared."""
-    lines = [verdict_line(rows)]
-    for title, verdict in (("misses", OUTSIDE), (CONTRADICTS, CONTRADICTS), ("not compared", NOT_COMPARED)):
-        found = [row for row in rows if row.verdict == verdict and row.basis != "information"]
-        if found:
-            lines += ["", f"{title}:"]
-        width = max((len(row.target.id) for row in found), default=0)
-        for row in found:
-            remark = {OUTSIDE: f"{of_rig(row)}; accepted: {accepted(row)}", CONTRADICTS: row.target.text}.get(verdict, row.reason)
-            lines.append(f"  {row.target.id:<{width}}  {row.basis:<11}  {remark}")
-    return "\n".join(lines)
-
-
-# --- the document ---------------------------------------------------------------------------------
 
 
 def section(target: Target) -> str:
@@ -323,7 +229,7 @@ def _summary(rows: list[Row], found: dict, rig: str) -> str:
         for who in ("rig", "trivial")
     ]
     return (
-        f"## Summary\n\nRig `{rig}`: {verdict_line(rows)}.\n\n{table}"
+        f"## Summary\n\nRig `{rig}`: {verdict_line(rows, of_holds(rows))}.\n\n{table}"
         "\nEach group is compared with a trivial predictor, which is judged in the same way. Its inputs are the printed "
         "numbers,\nso that it meets a row that alone prints a number; the rig does not have them.\n\n"
         + _table(

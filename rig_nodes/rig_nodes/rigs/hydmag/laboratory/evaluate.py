@@ -11,134 +11,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....base.errors import RigError
-from ....base.units import SI, UNITS
+from ....base.units import UNITS
+from ....studies.validation.rows import INSIDE, NOT_COMPARED, OUTSIDE, Judged, Row, Span, Target
 from .records import Record, canonical, group, missing, place_text, select
-from .targets import Span, Target
 
 if TYPE_CHECKING:
     from ....base.arrays import Floats
 
-# role of a target -> basis of its row
-BASIS = {
-    "predict": "predicted",
-    "calibrate": "calibrated",
-    "implied": "implied",
-    "consistency": "consistency",
-    "information": "information",
-    "contradiction": "contradiction",
-}
-INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"
-CONTRADICTS = "source contradicts itself"  # a row of the role contradiction, whose value shows that a printed number is wrong
 # variable of a curve -> condition of a record
 VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}
 # variables that one test runs through; fits and trends over them are judged for each test by itself
 WITHIN_A_TEST = ("time", "pressure")
 COVER = 0.05  # share of a curve's span that may lack points, at either end
-
-
-@dataclass(frozen=True)
-class Judged:
-    """One judged value of a row.
-
-    Parameters
-    ----------
-    value : float, str or None
-        Number [SI] or class; None when it was not found.
-    inside : bool or None
-        Whether it is inside; None when it was not found.
-    place : dict
-        Conditions at which it stands.
-    low, high : float or None
-        Accepted ends [SI]; None for an open end.
-    margin : float
-        Distance to the nearer end, negative outside; the worst value is found by it.
-    judged_by : str
-        What the number is, for instance a statistic.
-    reason : str
-        Why the value was not found.
-    """
-
-    value: float | str | None
-    inside: bool | None
-    place: dict
-    low: float | None = None
-    high: float | None = None
-    margin: float = 0.0
-    judged_by: str = ""
-    reason: str = ""
-
-
-@dataclass(frozen=True)
-class Row:
-    """A target with the rig's answer; numbers are SI.
-
-    Parameters
-    ----------
-    target : Target
-        The target.
-    verdict : str
-        INSIDE, OUTSIDE, NOT_COMPARED or CONTRADICTS.
-    value, low, high, place, judged_by
-        Those of the worst single value.
-    reason : str
-        Why the row was not compared.
-    count, inside : int
-        How many single values were judged, and how many of them lie inside.
-    every : tuple of Judged
-        All single values.
-    """
-
-    target: Target
-    verdict: str
-    value: float | str | None = None
-    low: float | None = None
-    high: float | None = None
-    place: dict = field(default_factory=dict)
-    judged_by: str = ""
-    reason: str = ""
-    count: int = 0
-    inside: int = 0
-    every: tuple[Judged, ...] = ()
-
-    @property
-    def basis(self) -> str:
-        """What the row is for: one of the values of BASIS."""
-        return BASIS[self.target.role]
-
-    def as_dict(self) -> dict:
-        """Return the row for programs, with JSON's types only."""
-        t = self.target
-        return {
-            "id": t.id,
-            "basis": self.basis,
-            "value": self.value,
-            "low": self.low,
-            "high": self.high,
-            "verdict": self.verdict,
-            "unit": SI[t.dimension] if t.kind != "classification" else None,
-            "kind": t.kind,
-            "quantity": t.quantity,
-            "procedure": t.procedure,
-            "where": t.where,
-            "text": t.text,
-            "expected": t.expected,
-            "printed": list(t.printed),
-            "judged_by": self.judged_by,
-            "count": self.count,
-            "inside": self.inside,
-            "place": {k: list(v) if isinstance(v, tuple) else v for k, v in self.place.items()},
-            "reason": self.reason,
-            "conflicts": sorted(t.conflicts),
-            "implied_by": dict(t.implied_by),
-            "consistent_with": t.consistent_with,
-        }
 
 
 def evaluate(target: Target, records: list[Record]) -> Row:
@@ -194,6 +84,7 @@ def evaluate(target: Target, records: list[Record]) -> Row:
         len(found),
         inside,
         tuple(judged),
+        place_text(_telling(target, worst, judged)),
     )
 
 

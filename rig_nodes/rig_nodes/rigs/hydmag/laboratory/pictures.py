@@ -12,15 +12,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import pi
-from pathlib import Path
 
 import numpy as np
 
-from ....base.atomic_write import atomic_write
 from ....studies.validation.figures import Band, Figure, Series
+from ....studies.validation.rows import Target
+from ....studies.validation.tables import shown
 from .evaluate import curve
-from .records import Record, group, shown
-from .targets import Target, load_targets
+from .records import Record, group
+from .targets import load_targets
 
 RPM = pi / 30.0
 MOST_MARKS = 50  # points of a line that are marked at most; a line with more is drawn without marks
@@ -264,27 +264,3 @@ def _figure(plan: _Plan, found: Iterable[Record], target: Target | None) -> Figu
         ends = [None if end is None else end * y_factor for end in (target.low, target.high)]
         figure.bands.append(Band("accepted", *ends))
     return figure
-
-
-def write_pictures(found: Iterable[tuple[str, Figure]], folder: str | Path) -> list[Path]:
-    """Write figures as SVG files.
-
-    Parameters
-    ----------
-    found : iterable of (str, Figure)
-        Names of the files without ending, and figures.
-    folder : str or Path
-        Folder of the files; it is made when it does not exist.
-
-    Returns
-    -------
-    list of Path
-        The files.
-    """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, figure in found:
-        paths.append(folder / f"{name}.svg")
-        atomic_write(paths[-1], figure.svg())
-    return paths

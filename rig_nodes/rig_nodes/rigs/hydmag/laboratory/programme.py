@@ -21,13 +21,15 @@ from ....rig.transmission import transmission_of
 from ....runs.campaign import Workers, run_campaign
 from ....runs.procedure import Series, load_procedure
 from ....runs.record import Run
+from ....studies.validation.rows import Row, Target, listed
+from ....studies.validation.tables import counts
 from . import bench_records, readers
 from .derived import derive
-from .evaluate import BASIS, CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, evaluate
+from .evaluate import evaluate
 from .records import Record, average, same
 from .score import balanced_accuracy, trivial
 from .side_by_side import comparisons
-from .targets import Target, listed, load_targets
+from .targets import load_targets
 
 RPM = pi / 30.0
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")
@@ -313,16 +315,6 @@ def validate(
         for quantity in record.values:
             holding.setdefault(quantity, []).append(record)
     return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures, trips)
-
-
-def counts(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
-    """Return for each basis how many rows have each verdict, and how many there are."""
-    out = {basis: {INSIDE: 0, OUTSIDE: 0, NOT_COMPARED: 0, "rows": 0} for basis in BASIS.values()}
-    out["contradiction"][CONTRADICTS] = 0
-    for row in rows:
-        out[row.basis][row.verdict] += 1
-        out[row.basis]["rows"] += 1
-    return out
 
 
 def summary(result: Result) -> dict:

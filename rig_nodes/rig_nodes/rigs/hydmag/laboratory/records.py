@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from ....base.errors import RigError
 from ....base.units import SI, UNITS
-from ....rig.conditions import CONDITIONS
-from .targets import Span
+from ....studies.validation.rows import Span
+from .conditions import CONDITIONS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -28,6 +28,7 @@ SERIES = {"delay_series": {None: 19}, "profile_series": {"ZR-P1": 37, "ZR-P2": 1
 ASPECTS = ("phase", "time", "pressure")
 # rows of one grid are compared with shifts of the other one
 SHARED = {"grid_up": ("grid_up", "grid_down"), "grid_down": ("grid_up", "grid_down")}
+
 PEOPLE = {"angular velocity": "rpm", "time": "ms", "pressure": "MPa", "length": "mm"}
 
 

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....base.units import UNITS
+from ....studies.validation.rows import INSIDE, Row, Target, listed
 from .derived import gaps
-from .evaluate import INSIDE, Row, curve, evaluate
+from .evaluate import curve, evaluate
 from .records import SHARED, Record
-from .targets import INDEPENDENT, Target, listed, load_targets
+from .targets import INDEPENDENT, load_targets
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

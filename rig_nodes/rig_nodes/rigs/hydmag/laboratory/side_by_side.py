@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ....base.units import SI
+from ....studies.validation.rows import Span, Target
 from .derived import TORQUE_ALIKE
 from .records import Record, allowed, canonical
-from .targets import Span, Target, load_targets
+from .targets import load_targets
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,7 +10,6 @@ of targets.yaml describes each key and kind.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -18,15 +17,15 @@ from ....base.config import load_yaml
 from ....base.errors import RigError, brief
 from ....base.schema import check_keys, where_of
 from ....base.units import SI, UNITS, quantity, with_article
-from ....rig.conditions import CONDITIONS
-from ....studies.validation.which_rows import LABORATORY_FOLDER
+from ....studies.validation.rows import Span, Target
+from .conditions import CONDITIONS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
     from ....base.yaml_file import Map
 
-TARGETS_FILE = LABORATORY_FOLDER / "targets.yaml"
+TARGETS_FILE = Path(__file__).parents[1] / "targets.yaml"
 
 ROLES = ("calibrate", "predict", "implied", "consistency", "information")
 INDEPENDENT = ("calibrate", "predict")  # roles of rows that are facts of their own
@@ -49,123 +48,6 @@ KINDS = {
 REQUIRED = ("id", "text", "where", "kind", "quantity", "procedure", "role", "conditions", "why")
 OPTIONAL = ("statistic", "across", "fixed", "inside", "conflicts", "note", "implied_by", "consistent_with")
 PARTS = ("all", "most")  # of a row's single values that must be inside
-
-
-@dataclass(frozen=True)
-class Span:
-    """All values of a condition between two, ends included [SI]."""
-
-    low: float
-    high: float
-
-
-def listed(condition: tuple | Span) -> tuple:
-    """Return the single values of a condition; a span has none."""
-    return () if isinstance(condition, Span) else condition
-
-
-@dataclass(frozen=True)
-class Target:
-    """One printed number or trend, and what counts as meeting it; numbers are SI, except those of curves.
-
-    Parameters
-    ----------
-    id : str
-        Name of the row.
-    text, where : str
-        What is claimed, and the place in the thesis.
-    kind : str
-        One of KINDS.
-    quantity : str
-        Name of the quantity.
-    dimension : str
-        Dimension of printed, low, high and tolerance; a ratio for the kinds ratio and fit and for spread_share.
-    procedure : str
-        Name of the procedure.
-    role : str
-        One of ROLES.
-    why : str
-        Why this much is accepted, or why the row cannot be judged.
-    line : int
-        Line of the file at which the row stands.
-    conditions, of, to : dict
-        Name -> tuple of values, or a :class:`Span`.
-    unit : str
-        The laboratory's unit, for people.
-    printed : tuple of float
-        The printed number, or the lowest and the highest.
-    low, high : float or None
-        Ends of what is accepted.
-    tolerance : float or None
-        The tolerance.
-    tolerance_is_share : bool
-        True when the tolerance of a trend is a share of the lowest value.
-    absolute : bool
-        True when a difference counts without its sign.
-    sign, shape : str or None
-        Sign of a trend, shape of a fit.
-    over : str or None
-        Condition over which a trend or fit is taken.
-    fixed : tuple of str
-        Conditions that must be the same for values that are compared.
-    inside : str
-        Which single values must be inside: all, or most (more than half).
-    statistic : str or None
-        Statistic of the values.
-    across : tuple of str
-        Conditions across which the statistic is taken.
-    classes, expected
-        Names of a classification, and the one that is expected.
-    variable, variable_unit : str or None
-        Variable of a curve and its unit.
-    pieces : tuple
-        Pieces of a curve: (from, to, coefficients with the highest power first) in variable_unit and unit.
-    conflicts : dict of str to str
-        Id of another target -> how the two pull against each other; the same sentence stands at both.
-    implied_by : dict of str to str
-        Id of an independent target -> why this one follows from it or repeats it; for the role implied.
-    consistent_with : str
-        What the rig was given from which the row comes out by construction; for the role consistency.
-    note : str
-        A remark.
-    """
-
-    id: str
-    text: str
-    where: str
-    kind: str
-    quantity: str
-    dimension: str
-    procedure: str
-    role: str
-    why: str
-    line: int
-    conditions: dict[str, tuple | Span]
-    unit: str = "-"
-    printed: tuple[float, ...] = ()
-    low: float | None = None
-    high: float | None = None
-    tolerance: float | None = None
-    tolerance_is_share: bool = False
-    absolute: bool = False
-    of: dict[str, tuple | Span] = field(default_factory=dict)
-    to: dict[str, tuple | Span] = field(default_factory=dict)
-    sign: str | None = None
-    shape: str | None = None
-    over: str | None = None
-    fixed: tuple[str, ...] = ()
-    inside: str = "all"
-    statistic: str | None = None
-    across: tuple[str, ...] = ()
-    classes: tuple[str, ...] = ()
-    expected: str | None = None
-    variable: str | None = None
-    variable_unit: str | None = None
-    pieces: tuple[tuple[float, float, tuple[float, ...]], ...] = ()
-    conflicts: dict[str, str] = field(default_factory=dict)
-    implied_by: dict[str, str] = field(default_factory=dict)
-    consistent_with: str = ""
-    note: str = ""
 
 
 def load_targets(path: str | Path | None = None) -> list[Target]:

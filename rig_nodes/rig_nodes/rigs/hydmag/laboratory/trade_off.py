@@ -17,8 +17,8 @@ import numpy as np
 
 from ....rig.configuration import RigConfig
 from ....runs.campaign import Workers
-from ....studies.validation.calibrate import Parameter, at_shares, load_stages, nearby, shares_of
-from .calibration_rows import ROWS, Miss, calibrating
+from ....studies.validation.calibrate import Miss, Parameter, at_shares, nearby, shares_of
+from .calibration_rows import ROWS, calibration
 
 WEIGHTS = (16.0, 4.0, 1.0, 0.25, 0.0625)  # of the first row's squared miss relative to the second's
 CLEAR = 0.5  # tolerances: a row with a smaller miss needs no trade-off
@@ -83,7 +83,7 @@ def _point(weight: float, config: RigConfig, parameters: dict[str, Parameter], m
     scale = {rows[0]: weight**0.5, rows[1]: weight**-0.5}
     best = nearby(shares_of(config, parameters), config, parameters, misses, scale, bounded=False)
     rig, values = at_shares(config, parameters, best)
-    found = {miss.row: miss for miss in misses(rig, calibrating())}
+    found = {miss.row: miss for miss in misses(rig)}
     pair = [found[row] for row in rows]
     return Point(weight, tuple(miss.tolerances for miss in pair), tuple(miss.value for miss in pair), values)
 
@@ -115,7 +115,7 @@ def trade_offs(
     list of Curve
         One curve for each conflict.
     """
-    stages, curves = load_stages(), []
+    stages, curves = calibration().stages, []
     with Workers(jobs) as workers:
         for stage, misses in after.items():
             own = {name: rows for name, rows in sensitivities.items() if name.startswith(f"{stage}.")}

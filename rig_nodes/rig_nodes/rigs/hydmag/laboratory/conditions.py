@@ -1,24 +1,19 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The conditions under which the laboratory measured, by name; runs.procedure and validation use them.
-
-A series of a procedure is run under some of them, and a target names those that its records must have.
-"""
-
-from .transmission import transmission_of
+"""The conditions under which the laboratory measured, by name: a target names those that its records must have."""
 
 # name -> what the condition takes: a dimension, one of some words, or whole numbers
 CONDITIONS = {
-    "shift": tuple(transmission_of().ways()),
+    "shift": ("I-II", "II-I"),
     "n_wej": "angular velocity",
     "n_wyj": "angular velocity",
     "m_wyj": "torque",
     "t12": "time",
     "t21": "time",
     "series": int,
-    "valve": tuple(clutch.valve_name for clutch in transmission_of().clutches),
-    "clutch": tuple(clutch.name for clutch in transmission_of().clutches),
+    "valve": ("ZR-P1", "ZR-P2"),
+    "clutch": ("S1", "S2"),
     "side": ("driving", "driven"),
     "phase": ("before", "shift", "fill", "after contact"),
     "source": ("measured", "simulated"),
