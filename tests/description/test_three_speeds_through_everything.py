@@ -40,9 +40,7 @@ def simulated(tmp_path_factory):
 
 
 def rig(*arguments, **keywords):
-    return subprocess.run(
-        [sys.executable, "-m", "rig_nodes.cli.main", *arguments], text=True, capture_output=True, timeout=200, **keywords
-    )
+    return subprocess.run([sys.executable, "-m", "rig_nodes", *arguments], text=True, capture_output=True, timeout=200, **keywords)
 
 
 def test_simulate_and_report(simulated, capsys):

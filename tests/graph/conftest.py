@@ -19,7 +19,7 @@ def rig_command():
 
     def run(*arguments: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess:
         return subprocess.run(
-            [sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments],
+            [sys.executable, "-P", "-m", "rig_nodes", *arguments],
             capture_output=True,
             text=True,
             env=os.environ | (env or {}),

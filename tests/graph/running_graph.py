@@ -184,7 +184,7 @@ class RigRun:
     """`rig run` in a process of its own, as in a terminal."""
 
     def __init__(self, folder: Path, *arguments: str, sequence=SHORT, env=None):
-        command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(sequence), "--out", str(folder), *arguments]
+        command = [sys.executable, "-P", "-m", "rig_nodes", "run", str(sequence), "--out", str(folder), *arguments]
         self.folder, self.output = folder, []
         # unset as for most users: with it, the order of stdout and stderr would not depend on the program's flushes
         plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}

@@ -34,7 +34,7 @@ def rig(domain: int, *words: str) -> tuple[int, str, str]:
     """Returns exit code, stdout and stderr of a command."""
     plain = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "rig_nodes.cli.main", *words, "--domain", str(domain)],
+        [sys.executable, "-P", "-m", "rig_nodes", *words, "--domain", str(domain)],
         capture_output=True,
         text=True,
         timeout=60,

@@ -31,7 +31,7 @@ class DeviceProcess:
 
     def __init__(self, name: str, domain: int):
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "rig_nodes.cli.main", "device", name, "--domain", str(domain)],
+            [sys.executable, "-P", "-m", "rig_nodes", "device", name, "--domain", str(domain)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -25,7 +25,8 @@ def test_two_runs_get_two_domains_and_a_released_one_is_free_again():
 
 
 def test_a_killed_holder_leaves_no_domain_behind():
-    code = "import signal; from rig_nodes.controllers.ros.domain import allocate; d = allocate(); print(d.number, flush=True); signal.pause()"
+    domain = "from rig_nodes.controllers.ros.domain import allocate; d = allocate()"
+    code = f"import signal; {domain}; print(d.number, flush=True); signal.pause()"
     # the folders of another user make no difference
     holder = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": "/", "XDG_RUNTIME_DIR": "/"}

@@ -53,7 +53,7 @@ class Replay:
     """`rig replay` in a process of its own."""
 
     def __init__(self, domain, bag, *arguments, stdin=subprocess.DEVNULL, patience=PATIENCE):
-        command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "replay", str(bag), *map(str, arguments)]
+        command = [sys.executable, "-P", "-m", "rig_nodes", "replay", str(bag), *map(str, arguments)]
         self.process = subprocess.Popen(
             command,
             stdin=stdin,

@@ -52,7 +52,7 @@ def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
             process.wait()
     log = (tmp_path / "logs" / "sequencer.log").read_text()
     assert "step 7 of 8" in log and "sequence 'short' is done" in log
-    report = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "report", str(tmp_path), "--json"]
+    report = [sys.executable, "-P", "-m", "rig_nodes", "report", str(tmp_path), "--json"]
     printed = subprocess.run(report, capture_output=True, text=True)
     assert printed.returncode == 0, printed.stderr
     run = json.loads(printed.stdout)["run"]

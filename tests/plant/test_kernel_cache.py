@@ -97,7 +97,7 @@ def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
 def test_compiled_code_that_others_could_have_written_is_not_run(tmp_path):
     def start(folder):
         return subprocess.run(
-            [sys.executable, "-m", "rig_nodes.cli.main", "simulate", "no-such-sequence"],
+            [sys.executable, "-m", "rig_nodes", "simulate", "no-such-sequence"],
             capture_output=True,
             text=True,
             env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},

@@ -71,7 +71,7 @@ def simulated(rig, sequence, tmp_path_factory):
 
 
 def verb(*arguments):
-    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", *arguments], text=True, capture_output=True, timeout=200)
+    done = subprocess.run([sys.executable, "-m", "rig_nodes", *arguments], text=True, capture_output=True, timeout=200)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

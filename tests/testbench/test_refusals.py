@@ -164,9 +164,7 @@ def test_unknown_names_are_refused(name, sentence):
 
 
 def rig_command(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "rig_nodes.cli.main", *arguments], cwd=cwd, text=True, capture_output=True, timeout=60
-    )
+    return subprocess.run([sys.executable, "-m", "rig_nodes", *arguments], cwd=cwd, text=True, capture_output=True, timeout=60)
 
 
 @pytest.mark.parametrize("verb", ["simulate", "run"])
@@ -235,7 +233,7 @@ def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tm
         os.kill(os.getpid(), signal.SIGINT)
 
     done = subprocess.run(
-        [sys.executable, "-m", "rig_nodes.cli.main", "validate"],
+        [sys.executable, "-m", "rig_nodes", "validate"],
         cwd=tmp_path,
         text=True,
         capture_output=True,

@@ -23,7 +23,7 @@ class Verb:
     """A verb in a process of its own, with everything that it starts in one session."""
 
     def __init__(self, folder: Path, *arguments: str):
-        command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments]
+        command = [sys.executable, "-P", "-m", "rig_nodes", *arguments]
         plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder, start_new_session=True, env=plain

@@ -28,7 +28,7 @@ from rig_nodes.studies.validation.figures import Band, Figure, Series, ticks
 
 RPM = pi / 30.0
 TARGETS = {target.id: target for target in load_targets()}
-COMMAND = [sys.executable, "-m", "rig_nodes.cli.main", "validate"]
+COMMAND = [sys.executable, "-m", "rig_nodes", "validate"]
 
 
 def shift(rpm, nm, **values):

@@ -238,7 +238,7 @@ class LiveCommand:
     def __init__(self, folder, domain, *arguments):
         env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
         env["ROS_DOMAIN_ID"] = str(domain.number)
-        command = [sys.executable, "-P", "-m", "rig_nodes.cli.main"]
+        command = [sys.executable, "-P", "-m", "rig_nodes"]
         self.log = folder / "live.log"
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen([*command, "view", "--live", *arguments], env=env, stdout=log, stderr=log)
@@ -297,7 +297,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
 
 @pytest.mark.against_the_clock
 def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
-    command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(SHORT), "--view", "--out", str(tmp_path / "run")]
+    command = [sys.executable, "-P", "-m", "rig_nodes", "run", str(SHORT), "--view", "--out", str(tmp_path / "run")]
     env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     run = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     lines = []

@@ -254,8 +254,7 @@ def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
 
 def test_a_killed_command_leaves_no_viewer(recorded, tmp_path):
     command = subprocess.Popen(
-        [sys.executable, "-m", "rig_nodes.cli.main", "view", str(recorded), "--picture", str(tmp_path / "x.png")],
-        stdout=subprocess.DEVNULL,
+        [sys.executable, "-m", "rig_nodes", "view", str(recorded), "--picture", str(tmp_path / "x.png")], stdout=subprocess.DEVNULL
     )
     try:
         viewers, deadline = [], time.monotonic() + 20

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import gc
 import importlib
 import os
 import signal
@@ -180,10 +179,3 @@ def _answer(arguments: list[str]) -> int:
         # The reader (head, less) has ended: this is not an error, and Python must not print one at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
-
-
-if __name__ == "__main__":
-    gc.set_threshold(500_000)  # loaded objects stay in use; examining them again and again would cost 0.1 s at the start
-    exit_code = main()
-    gc.freeze()  # and 0.2 s at the exit
-    sys.exit(exit_code)

@@ -141,18 +141,7 @@ def run(args: argparse.Namespace) -> int:
 @contextlib.contextmanager
 def live_view(domain: int) -> Iterator[None]:
     """Run `rig view --live` beside the run; its failures do not affect the run."""
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "rig_nodes.cli.main",
-        "view",
-        "--live",
-        "--domain",
-        str(domain),
-        "--parent",
-        str(os.getpid()),
-    ]
+    command = [sys.executable, "-P", "-m", "rig_nodes", "view", "--live", "--domain", str(domain), "--parent", str(os.getpid())]
     view = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     try:
         yield

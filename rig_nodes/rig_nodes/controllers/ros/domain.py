@@ -242,7 +242,7 @@ def check_namespace(namespace: str, where: str) -> None:
 
 
 def environment(domain: Domain) -> dict[str, str]:
-    """Return the environment of one of the rig's processes in this domain; config/fastdds.xml configures its DDS.
+    """Return the environment of one of the rig's processes in this domain; fastdds.xml configures its DDS.
 
     SYSTEM_DEFAULT leaves the transports to that file, which keeps them on this host; LOCALHOST would add shared memory.
     """

@@ -110,7 +110,7 @@ def timed_rig(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
     before, begun = os.times(), time.perf_counter()
     try:
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments],
+            [sys.executable, "-P", "-m", "rig_nodes", *arguments],
             capture_output=True,
             env={**os.environ, **(env or {})},
             text=True,

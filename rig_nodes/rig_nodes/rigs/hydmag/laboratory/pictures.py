@@ -17,9 +17,8 @@ import numpy as np
 
 from ....studies.validation.figures import Band, Figure, Series
 from ....studies.validation.rows import Target
-from ....studies.validation.tables import shown
 from .evaluate import curve
-from .records import Record, group
+from .records import Record, group, shown
 from .targets import load_targets
 
 RPM = pi / 30.0
