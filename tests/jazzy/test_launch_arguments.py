@@ -16,7 +16,7 @@ import pytest
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.nodes import recorder
-from rig_nodes.nodes.process import rig_config
+from rig_nodes.nodes.process import ordered
 from rig_nodes.nodes.processes.supervisor import Order
 from rig_nodes.rig.catalogue import installed_topics
 from rig_nodes.rig.configuration import load_rig
@@ -108,7 +108,7 @@ def test_a_rig_that_is_told_to_end_ends_the_launch_and_fails_only_a_sequence(lau
     "rig, sequence, name", [(None, "clutch_bench", "clutch_bench"), (None, None, "hydmag"), ("spring_bench", None, "spring_bench")]
 )
 def test_a_process_takes_the_rig_of_its_sequence_unless_it_is_told_another(rig, sequence, name):
-    assert rig_config(SimpleNamespace(rig=rig, sequence=sequence, settings=[])).name == name
+    assert ordered(SimpleNamespace(rig=rig, sequence=sequence, settings=[])).config.name == name
 
 
 OF_A_DEVICE, OF_A_CONTROLLER = {"/motor/cut/port", "/motor/cut/answer"}, {"/controller/signals", "/controller/channels"}

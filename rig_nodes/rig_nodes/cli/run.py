@@ -62,6 +62,7 @@ def main(args: argparse.Namespace) -> int:
 
 def run(args: argparse.Namespace) -> int:
     """Run as :func:`main` does; a KeyboardInterrupt before the first process starts is passed on."""
+    from ..base.names import rig_of
     from ..controllers.load import level_line, load_controller, split_level
     from ..controllers.ros.domain import from_environment
     from ..nodes.processes.child import start_server
@@ -71,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
     from ..rig.configuration import load_rig
     from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
     from ..runs.rig import Rig, check_level
+    from ..runs.run_file import Ordered, write_run
     from ..runs.sequence import BY_HAND, load_sequence
     from ..runs.simulate import check_controller, check_delay, run_record
 
@@ -78,9 +80,9 @@ def run(args: argparse.Namespace) -> int:
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
-    sequence = load_sequence(args.sequence, parameters, args.rig) if args.sequence else BY_HAND
-    rig = args.rig or sequence.rig
+    rig = args.rig or rig_of(args.sequence)
     config = load_rig(rig, parse_settings(args.settings))
+    sequence = load_sequence(args.sequence, parameters, rig, config) if args.sequence else BY_HAND
     sequence.check_rig(config)
     parse_drop(args.drop, config.catalogue)
     recording = words(args)
@@ -104,6 +106,7 @@ def run(args: argparse.Namespace) -> int:
             )
     start_server()
     folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
+    ordered = Ordered(config, rig, sequence if args.sequence else None, args.seed, args.delay, plug)
     with unless_empty(folder), waiting(STARTING):
         Rig(config, args.seed).advance_samples(1)
     with unless_empty(folder), from_environment(args.keep_domain) as domain:
@@ -113,18 +116,13 @@ def run(args: argparse.Namespace) -> int:
         step_timeout, come_timeout = args.step_timeout
         order = Order(
             args.sequence,
-            rig,
-            args.seed,
-            args.settings,
-            args.drop,
-            args.speed,
-            step_timeout,
-            come_timeout,
-            plug,
-            args.parameters,
-            processes_of(config.structure.shifts),
-            args.delay,
-            recording,
+            drop=args.drop,
+            speed=args.speed,
+            step_timeout=step_timeout,
+            come_timeout=come_timeout,
+            processes=processes_of(config.structure.shifts),
+            recording=recording,
+            run=write_run(folder, ordered),
         )
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():

@@ -52,16 +52,19 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, write_report
     from ..base.errors import interrupted_code
+    from ..base.names import rig_of
     from ..controllers.load import embedded_line, level_line, load_controller
     from ..rig.configuration import load_rig
     from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
     from ..runs.rig import check_level
+    from ..runs.run_file import Ordered, write_run
     from ..runs.sequence import load_sequence
     from ..runs.simulate import check_controller, simulate
 
     args.controller = controller_of(args.controller, args.in_process)
-    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), args.rig)
-    config = load_rig(args.rig or sequence.rig, parse_settings(args.settings))
+    rig = args.rig or rig_of(args.sequence)
+    config = load_rig(rig, parse_settings(args.settings))
+    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), rig, config)
     sequence.check_rig(config)
     controller = None
     if args.controller or args.level or args.delay != 1:
@@ -87,6 +90,7 @@ def main(args: argparse.Namespace) -> int:
 
     with controller_log(folder), unless_empty(folder), starting:
         starting.enter_context(waiting(STARTING))
+        write_run(folder, Ordered(config, rig, sequence, args.seed, args.delay, args.controller))
         run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
     report = build_report(gather(folder, run), run)
     print(format_report(report))

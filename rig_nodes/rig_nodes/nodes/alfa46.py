@@ -29,6 +29,7 @@ from ..controllers import own_signals
 from ..controllers.alfa46.box import refusal
 from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
+from ..rig.configuration import check_gearbox
 from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT, SHIFT_ORDERED
 from ..runs.rig_base import RigStatus
 from .action_server import GoalServer, finish
@@ -36,7 +37,7 @@ from .alfa46_settings import BoxSettings
 from .device import own_nodes, publishers_of, sender
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
 from .matching import meet, silent
-from .process import RIG_OPTIONS, Process, gearbox_rig_config, run
+from .process import RIG_OPTIONS, Process, ordered, run
 from .qos import stream_profile
 from .realtime import MESSAGES, prefer, prefer_process, take_core
 from .settings import CHANGED
@@ -68,17 +69,18 @@ class Alfa46Node(Node):
     ----------
     config : RigConfig
         The rig's configuration.
+    controller : str or None
+        Specification of a plug, with @level where the level must be given; None for the Alfa46.
     process : Process
-        The process that the node runs in. Its ``arguments.controller`` is the specification of a plug, with @level where
-        the level must be given; None for the Alfa46.
+        The process that the node runs in.
     """
 
-    def __init__(self, config: RigConfig, process: Process) -> None:
+    def __init__(self, config: RigConfig, controller: str | None, process: Process) -> None:
         """Load the controller and create publishers, action server and parameters."""
         super().__init__("alfa46")
         self.config, self.transmission = config, config.transmission
         self.gears = self.transmission.names
-        self.box = load_controller(process.arguments.controller, config)
+        self.box = load_controller(controller, config)
         self._pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
         self.box.say = reporter(process, self.box)
         self._nothing = (0.0,) * len(self.box.rig_record.outputs)
@@ -525,9 +527,10 @@ def reporter(process: Process, plug: Plug) -> Callable[[str], None]:
 
 def work(process: Process) -> None:
     """Run the process: wait for the receivers, answer samples, end in order."""
-    config = gearbox_rig_config(process.arguments, "alfa46")
+    config, *_, controller = ordered(process.arguments)
+    check_gearbox(config, "alfa46")
     executor = process.start_ros()
-    node = Alfa46Node(config, process)
+    node = Alfa46Node(config, controller, process)
     process.log.info("%s", level_line(node.box))
     executor.add_node(node)
     process.take_parameters([node])

@@ -22,7 +22,7 @@ from ..base.errors import RigError
 from ..plant.engine.outside import OtherSide, Port, check_device
 from ..runs.cuts import topic_of
 from .message_class import message_class
-from .process import RIG_OPTIONS, Process, rig_config, run
+from .process import RIG_OPTIONS, Process, ordered, run
 from .qos import publisher_profile, recorder_profile
 from .realtime import MESSAGES, prefer_process
 
@@ -103,7 +103,7 @@ class CutDevice(Node):
 
 def work(process: Process, device: str) -> None:
     """Serve one rig after the other, and log which rig is there and which is missing."""
-    config = rig_config(process.arguments)
+    config = ordered(process.arguments).config
     check_device(config.structure, device)
     executor = process.start_ros()
     node = CutDevice(device, config)

@@ -35,9 +35,10 @@ from ..base.errors import RigError, printable
 from ..base.link import Link
 from ..base.names import DEFAULT_RIG, rig_of
 from ..controllers.ros.domain import use_own_transports
-from ..rig.configuration import RigConfig, load_gearbox_rig, load_rig
+from ..rig.configuration import load_rig
 from ..runs.folders import parse_parameters, parse_settings
-from ..runs.sequence import Sequence, load_sequence
+from ..runs.run_file import Ordered, read_run
+from ..runs.sequence import load_sequence
 from .executor import events_executor
 from .processes.tap import Tap
 from .ros_arguments import own_arguments, set_parameters
@@ -50,7 +51,9 @@ if TYPE_CHECKING:
 ORPHANED = "the process of rig run, which watches the run, has ended"
 PATIENCE = 20.0  # s between the order to end and the end by force
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+RUN_OPTION = ("--run", {"type": Path, "metavar": "FILE", "help": "run.json of a run, in place of all options that say what is run"})
 RIG_OPTIONS = [
+    RUN_OPTION,
     (
         "--rig",
         {
@@ -281,29 +284,22 @@ class Process:
         rclpy.shutdown()
 
 
-def rig_config(arguments: argparse.Namespace) -> RigConfig:
-    """Return the rig that RIG_OPTIONS name, by default that of --sequence."""
-    return load_rig(rig_name(arguments), parse_settings(arguments.settings))
+def ordered(arguments: argparse.Namespace) -> Ordered:
+    """Return what is run: what --run holds, or what the other options say; RigError when it is refused.
 
-
-def gearbox_rig_config(arguments: argparse.Namespace, name: str) -> RigConfig:
-    """Return the same for a process ``name`` that needs a rig with a shift controller; RigError for another rig."""
-    return load_gearbox_rig(rig_name(arguments), parse_settings(arguments.settings), name)
-
-
-def rig_name(arguments: argparse.Namespace) -> str:
-    """Return the name of the rig that RIG_OPTIONS name, by default that of --sequence."""
-    return arguments.rig or rig_of(vars(arguments).get("sequence"))
-
-
-def chosen_sequence(arguments: argparse.Namespace) -> Sequence | None:
-    """Return the sequence of --sequence with the parameters of --with; None without a sequence, RigError when refused."""
-    parameters = parse_parameters(arguments.parameters)
-    if arguments.sequence:
-        return load_sequence(arguments.sequence, parameters, arguments.rig)
-    if parameters:
+    The rig is by default that of --sequence. A process without an option has the default of what it says.
+    """
+    given = vars(arguments)
+    if given.get("run"):
+        return read_run(arguments.run)
+    rig, parameters = arguments.rig or rig_of(given.get("sequence")), parse_parameters(given.get("parameters", ()))
+    config = load_rig(rig, parse_settings(arguments.settings))
+    sequence = None
+    if given.get("sequence"):
+        sequence = load_sequence(arguments.sequence, parameters, rig, config)
+    elif parameters:
         raise RigError("--with gives values to a sequence's parameters; name the sequence with --sequence")
-    return None
+    return Ordered(config, rig, sequence, given.get("seed", 1), given.get("delay", 1), given.get("controller"))
 
 
 def run(main: Callable[[Callable[..., Process]], object]) -> int:

@@ -33,7 +33,7 @@ from ..rig.catalogue import Topic, installed_topics
 from .answering import answering
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
 from .other_topics import OtherTopics
-from .process import Process, rig_config, run
+from .process import RUN_OPTION, Process, ordered, run
 from .processes.recording_options import OPTIONS as RECORDING_OPTIONS
 from .processes.recording_options import TopicChoice, layout
 from .processes.tap import TapReader
@@ -63,6 +63,7 @@ OPTIONS = [
             "help": "number of this piece of the bag, where another recorder began it (default: 0)",
         },
     ),
+    RUN_OPTION,
     (
         "--rig",
         {
@@ -435,15 +436,15 @@ def topics_of(arguments: argparse.Namespace) -> tuple[dict[str, Topic], set[str]
     Returns
     -------
     topics : dict of str to Topic
-        Topics of the rig of --rig; without --rig, of all installed rigs.
+        Topics of the rig of --run or --rig; without them, of all installed rigs.
     wanted : set of str
         Names of those that this run may have.
     """
-    if arguments.rig is None:
+    if arguments.rig is None and arguments.run is None:
         topics = installed_topics()
         return topics, set(topics)
-    config = rig_config(arguments)
-    built_in = (arguments.controller or "alfa46").partition("@")[0] == "alfa46"
+    config, *_, controller = ordered(arguments)
+    built_in = (controller or "alfa46").partition("@")[0] == "alfa46"
     return config.catalogue.all_topics, set(config.catalogue.of_run(config.cut_out, not built_in))
 
 

@@ -33,7 +33,7 @@ from .device import DeviceNode, device_names, own_nodes, pace_of, sender
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import meet, silent
-from .process import ORPHANED, RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, run
+from .process import ORPHANED, RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, ordered, run
 from .processes.dropping import parse_drop
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
@@ -66,16 +66,16 @@ class Container:
     def __init__(self, process: Process) -> None:
         self.process = process
         arguments = process.arguments
-        config = rig_config(arguments)
+        config, _, sequence, seed, delay, _ = ordered(arguments)
+        sequence = sequence or BY_HAND
         self.dropped = parse_drop(arguments.drop, config.catalogue)
-        sequence = chosen_sequence(arguments) or BY_HAND
         sequence.check_rig(config)
-        record = run_record(config, sequence, arguments.seed, arguments.delay)
-        check_delay(arguments.delay, arguments.speed)
+        record = run_record(config, sequence, seed, delay)
+        check_delay(delay, arguments.speed)
         if arguments.status_fd is None:  # otherwise the supervisor has done this
             self._domain = from_environment(keep=True).lead(look=False)
         warm_up(config, record)
-        self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
+        self.rig = rig_on_the_graph(config, seed, delay=delay)
         self.outputs = Outputs(self.rig, record)
         self.commands = Commands(self.outputs, process.tell)
         if arguments.speed is None:

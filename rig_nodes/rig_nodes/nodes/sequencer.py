@@ -27,7 +27,7 @@ from .device import own_nodes, pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health
 from .matching import meet, silent
 from .message_class import message_class
-from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, rig_name, run
+from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, ordered, run
 from .qos import recorder_profile
 from .ros_bench import EVENTS, RosBench
 
@@ -48,9 +48,9 @@ OPTIONS = [
 class Sequencer(Node):
     """Publishes setpoints and /sequencer/events, and serves /sequencer/run."""
 
-    def __init__(self, config: RigConfig, process: Process) -> None:
+    def __init__(self, config: RigConfig, rig: str, process: Process) -> None:
         super().__init__("sequencer")
-        self.process, self._config, self._rig = process, config, rig_name(process.arguments)
+        self.process, self._config, self._rig = process, config, rig
         self.link = process.links().get("container")  # of a run in lockstep
         self.bench = RosBench(self, config, self.link is not None)
         self._samples = pace_of(config)
@@ -134,7 +134,7 @@ class Sequencer(Node):
         try:
             if self._runner is not None:
                 raise RigError(f"sequence refused: '{self._runner.sequence.name}' is still running")
-            self.start(load_sequence(goal.request.name, rig=self._rig))
+            self.start(load_sequence(goal.request.name, None, self._rig, self._config))
             self._goal = goal
         except RigError as error:
             self.process.tell(f"sequence '{goal.request.name}' was ordered: {error}", self.bench.stamp_ns * 1e-9)
@@ -233,10 +233,9 @@ def cancelled(runner: SequenceRunner) -> str:
 def work(process: Process) -> None:
     """Run the process: wait for the receivers, run the sequence, end in order."""
     arguments = process.arguments
-    config = rig_config(arguments)
-    sequence = chosen_sequence(arguments)
+    config, rig, sequence, *_ = ordered(arguments)
     executor = process.start_ros()
-    node = Sequencer(config, process)
+    node = Sequencer(config, rig, process)
     executor.add_node(node)
     process.take_parameters([node])
     if sequence is not None:

@@ -521,9 +521,14 @@ def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: s
         When the rig has no gears and no shift controller.
     """
     config = load_rig(name, overrides)
+    check_gearbox(config, what)
+    return config
+
+
+def check_gearbox(config: RigConfig, what: str) -> None:
+    """Raise RigError for a rig without gears and shift controller; ``what`` needs them, as the subject of the error."""
     if not config.structure.shifts:
         raise RigError(f"{what} is for a rig with gears and a shift controller; '{config.name}' has none")
-    return config
 
 
 def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool = True) -> RigConfig:

@@ -133,7 +133,9 @@ class Sequence:
 BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
 
 
-def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: str | Path | None = None) -> Sequence:
+def load_sequence(
+    name: str | Path, values: dict[str, str] | None = None, rig: str | Path | None = None, config: RigConfig | None = None
+) -> Sequence:
     """Read a sequence by its name, from a rig or from the installed ones, or from a file.
 
     Parameters
@@ -144,6 +146,8 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
         Values of its parameters in place of their defaults, e.g. {"speed": "1500 rpm"}.
     rig : str or Path, optional
         The rig on which it is to run; by default the one for which it is written.
+    config : RigConfig, optional
+        Its configuration, when it is known; otherwise it is read.
 
     Returns
     -------
@@ -161,7 +165,7 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
     own = rig is None and "rig" in node
     rig = beside(path, node["rig"]) if own else rig or rig_with(path)
     try:
-        config = _read_rig(str(rig), tuple((str(base), base.stat().st_mtime_ns) for base, _ in with_bases(rig)))
+        config = config or _read_rig(str(rig), tuple((str(base), base.stat().st_mtime_ns) for base, _ in with_bases(rig)))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}" if own else str(error)) from None
     parameters = _parameters(node, path, values or {})

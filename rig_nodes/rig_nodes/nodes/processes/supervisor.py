@@ -42,7 +42,11 @@ def processes_of(shifts: bool) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Order:
-    """What to run; with ``sequence`` None the rig runs until it is stopped and takes sequences over ROS."""
+    """What to run; with ``sequence`` None the rig runs until it is stopped and takes sequences over ROS.
+
+    ``run`` is the file that says what is run (runs.run_file). Without it, as in a launch file, each process reads rig and sequence
+    by their names: ``rig``, ``seed``, ``settings``, ``controller``, ``parameters`` and ``delay`` say so.
+    """
 
     sequence: str | None
     rig: str = DEFAULT_RIG
@@ -57,6 +61,7 @@ class Order:
     processes: tuple[str, ...] = tuple(MODULES)
     delay: int = 1  # samples from a measurement to the effect of the controller's answer
     recording: tuple[str, ...] = ()  # options of the recorder (nodes/processes/recording_options.py)
+    run: Path | None = None
 
     def arguments(self, name: str) -> list[str]:
         """Return the command line of one of the processes, without the options that all processes have."""
@@ -73,6 +78,8 @@ class Order:
             come = ["--come-timeout", str(self.come_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
+        if self.run is not None:
+            rig, sequence, plug, numbers = ["--run", str(self.run)], [], [], []
         return {
             "container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
             "alfa46": [*rig, *plug, *patience, *come],
