@@ -17,14 +17,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ....analysis.slip_tests import MODELS, cylinder_line, ring_area, slip_line, slip_tests, spring_line
-from ....plant.friction import bench
-from ....plant.friction.bench import PACKS
-from ....rig.configuration import load_rig
+from rig_nodes.analysis.slip_tests import MODELS, cylinder_line, ring_area, slip_line, slip_tests, spring_line
+from rig_nodes.plant.friction import bench
+from rig_nodes.plant.friction.bench import PACKS
+from rig_nodes.rig.configuration import load_rig
+
 from .records import Record
 
 if TYPE_CHECKING:
-    from ....runs.record import Run
+    from rig_nodes.runs.record import Run
 
 # friction [-] of the lined and the steel plates and of all splines; inferred from the thesis, not measured
 STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}

@@ -16,20 +16,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ....analysis.metrics import shift_metrics
-from ....bags.logged import Recording
-from ....base.clocks import ROW, SAMPLE
-from ....base.config import load_yaml
-from ....base.names import RIG_FILE
-from ....base.schema import check_keys
-from ....plant.parts.gear_loss import RPM
-from ....plant.parts.load_pump import relief_setting_for
-from ....rig.alfa46 import Alfa46Config
-from ....rig.configuration import RigConfig, load_rig
-from ....rig.transmission import NEUTRAL, Clutch, Transmission, transmission_of
-from ....runs.rig import Rig
-from ....studies.validation.calibrate import UNSHIFTED, Calibration, Miss, load_stages
-from ....studies.validation.rows import Target
+from rig_nodes.analysis.metrics import shift_metrics
+from rig_nodes.bags.logged import Recording
+from rig_nodes.base.clocks import ROW, SAMPLE
+from rig_nodes.base.config import load_yaml
+from rig_nodes.base.names import RIG_FILE
+from rig_nodes.base.schema import check_keys
+from rig_nodes.plant.parts.gear_loss import RPM
+from rig_nodes.plant.parts.load_pump import relief_setting_for
+from rig_nodes.rig.alfa46 import Alfa46Config
+from rig_nodes.rig.configuration import RigConfig, load_rig
+from rig_nodes.rig.transmission import NEUTRAL, Clutch, Transmission, transmission_of
+from rig_nodes.runs.rig import Rig
+from rig_nodes.studies.validation.calibrate import UNSHIFTED, Calibration, Miss, load_stages
+from rig_nodes.studies.validation.rows import Target
+
 from .derived import NO_DIP
 from .targets import load_targets
 

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from ....plant.friction import closed
-from ....plant.friction.bench import ALL, PACKS
+from rig_nodes.plant.friction import closed
+from rig_nodes.plant.friction.bench import ALL, PACKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ....plant.friction.geometry import Numbers
+    from rig_nodes.plant.friction.geometry import Numbers
 
 NEAR = 0.05  # own: meaning of "very close" for two lines, as a share of their slope
 

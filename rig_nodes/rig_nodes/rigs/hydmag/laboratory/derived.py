@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import itertools
 
-from ....analysis.engagement import HOLD_SHORTEST, engagement_ranks
+from rig_nodes.analysis.engagement import HOLD_SHORTEST, engagement_ranks
+
 from .records import Record, canonical, group
 
 NO_DIP = 0.95  # k, Annex A and 7.4.2.3

@@ -12,11 +12,12 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....base.config import load_yaml
-from ....base.errors import RigError, brief
-from ....base.schema import where_of
-from ....studies.validation.rows import INSIDE, NOT_COMPARED, OUTSIDE, Row, Target, listed
-from ....studies.validation.tables import accepted, counts, laboratory, of_rig, verdict_line
+from rig_nodes.base.config import load_yaml
+from rig_nodes.base.errors import RigError, brief
+from rig_nodes.base.schema import where_of
+from rig_nodes.studies.validation.rows import INSIDE, NOT_COMPARED, OUTSIDE, Row, Target, listed
+from rig_nodes.studies.validation.tables import accepted, counts, laboratory, of_rig, verdict_line
+
 from .programme import Result, summary
 from .score import HOLD, balanced_accuracy
 from .targets import load_targets

@@ -15,8 +15,9 @@ from math import pi
 
 import numpy as np
 
-from ....studies.validation.figures import Band, Figure, Series
-from ....studies.validation.rows import Target
+from rig_nodes.studies.validation.figures import Band, Figure, Series
+from rig_nodes.studies.validation.rows import Target
+
 from .evaluate import curve
 from .records import Record, group, shown
 from .targets import load_targets

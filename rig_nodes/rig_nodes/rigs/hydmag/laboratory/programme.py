@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
 
-from ....base.errors import RigError
-from ....base.names import unknown
-from ....rig.transmission import transmission_of
-from ....runs.campaign import Workers, run_campaign
-from ....runs.procedure import Series, load_procedure
-from ....runs.record import Run
-from ....studies.validation.rows import Row, Target, listed
-from ....studies.validation.tables import counts
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import unknown
+from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.runs.campaign import Workers, run_campaign
+from rig_nodes.runs.procedure import Series, load_procedure
+from rig_nodes.runs.record import Run
+from rig_nodes.studies.validation.rows import Row, Target, listed
+from rig_nodes.studies.validation.tables import counts
+
 from . import bench_records, readers
 from .derived import derive
 from .evaluate import evaluate

@@ -14,19 +14,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....analysis.coast_down import coast_down as fit_coast_down
-from ....analysis.edges import first_true, odd_width, ramp_start, running_mean
-from ....analysis.engagement import engagement_metrics
-from ....analysis.metrics import PRESSURE_MEAN, shifts
-from ....analysis.valve_response import valve_delay
-from ....bags.logged import Recording
-from ....base.clocks import SAMPLE
-from ....base.errors import RigError
-from ....rig.transmission import Clutch, transmission_of
+from rig_nodes.analysis.coast_down import coast_down as fit_coast_down
+from rig_nodes.analysis.edges import first_true, odd_width, ramp_start, running_mean
+from rig_nodes.analysis.engagement import engagement_metrics
+from rig_nodes.analysis.metrics import PRESSURE_MEAN, shifts
+from rig_nodes.analysis.valve_response import valve_delay
+from rig_nodes.bags.logged import Recording
+from rig_nodes.base.clocks import SAMPLE
+from rig_nodes.base.errors import RigError
+from rig_nodes.rig.transmission import Clutch, transmission_of
+
 from .records import Record
 
 if TYPE_CHECKING:
-    from ....runs.record import Run
+    from rig_nodes.runs.record import Run
 
 SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "e_loss_settled_j")
 SHIFT_VALUES = (*SHIFT_KEYS, "output_speed_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")

@@ -13,9 +13,10 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ....base.errors import RigError
-from ....base.units import SI, UNITS
-from ....studies.validation.rows import Span
+from rig_nodes.base.errors import RigError
+from rig_nodes.base.units import SI, UNITS
+from rig_nodes.studies.validation.rows import Span
+
 from .conditions import CONDITIONS
 
 if TYPE_CHECKING:

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....base.units import UNITS
-from ....studies.validation.rows import INSIDE, Row, Target, listed
+from rig_nodes.base.units import UNITS
+from rig_nodes.studies.validation.rows import INSIDE, Row, Target, listed
+
 from .derived import gaps
 from .evaluate import curve, evaluate
 from .records import SHARED, Record

@@ -15,13 +15,13 @@ from math import pi
 
 import numpy as np
 
-from ....analysis.edges import odd_width, running_mean
-from ....bags.logged import Recording
-from ....rig.transmission import transmission_of
-from ....runs.campaign import Workers
-from ....runs.procedure import load_procedure, run_repeat
-from ....runs.record import Run
-from ....studies.validation.figures import Figure, Series
+from rig_nodes.analysis.edges import odd_width, running_mean
+from rig_nodes.bags.logged import Recording
+from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.runs.procedure import load_procedure, run_repeat
+from rig_nodes.runs.record import Run
+from rig_nodes.studies.validation.figures import Figure, Series
 
 MEAN, STEP = 1e-3, 2e-3  # s: time over which a point is averaged, and time between two points
 BEFORE, AFTER = 0.1, 1.2  # s around the order

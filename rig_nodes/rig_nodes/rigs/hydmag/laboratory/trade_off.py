@@ -15,9 +15,10 @@ from functools import partial
 
 import numpy as np
 
-from ....rig.configuration import RigConfig
-from ....runs.campaign import Workers
-from ....studies.validation.calibrate import Miss, Parameter, at_shares, nearby, shares_of
+from rig_nodes.rig.configuration import RigConfig
+from rig_nodes.runs.campaign import Workers
+from rig_nodes.studies.validation.calibrate import Miss, Parameter, at_shares, nearby, shares_of
+
 from .calibration_rows import ROWS, calibration
 
 WEIGHTS = (16.0, 4.0, 1.0, 0.25, 0.0625)  # of the first row's squared miss relative to the second's
