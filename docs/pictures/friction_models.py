@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from rig_nodes.plant.friction import closed, drag
-from rig_nodes.plant.friction.bench import PACKS
 from rig_nodes.plant.friction.geometry import PackGeometry
+from rig_nodes.rigs.hydmag.laboratory.packs import PACKS
 
 HERE = Path(__file__).parent
 RING = PACKS["50x76"]  # the gearbox's plates

@@ -44,7 +44,7 @@ def test_the_results_are_those_of_the_run_in_one_process(run):
     report = json.loads((folder / "report.json").read_text())["bench"]
     logged = record(load_rig("clutch_bench"), load_sequence("clutch_bench", PARAMETERS)).recording
     same = logged.channels
-    assert [round(row["p_z_pa"] * 1e-6, 1) for row in report["slip_tests"]] == [1.0, 1.3, 1.5]
+    assert [round(row["cylinder_pa"] * 1e-6, 1) for row in report["slip_tests"]] == [1.0, 1.3, 1.5]
     # over DDS commands arrive some samples later, which does not change the torque at slip
     assert report["slip_tests"][-1]["m_eks_nm"] == pytest.approx(same["M_e"].max(), abs=1.0)
     assert report["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)

@@ -19,6 +19,7 @@ from rig_nodes.plant.friction.geometry import PackGeometry
 from rig_nodes.plant.parts import plates
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rigs.hydmag.laboratory import comparison
+from rig_nodes.rigs.hydmag.laboratory.packs import PACKS
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures" / "friction_models.py"
 GEARBOX = PackGeometry(12.0, 25e-3, 38e-3, 42e-3, 80e-3, 30.0)  # tab. 3.3
@@ -331,17 +332,17 @@ def test_clamp_force_of_the_bench():
 
 
 def test_packs_of_the_bench():
-    ratio = {name: pack.inner_diameter / pack.outer_diameter for name, pack in bench.PACKS.items()}
+    ratio = {name: pack.inner_diameter / pack.outer_diameter for name, pack in PACKS.items()}
     printed = {"80x115": 0.7, "80x101.9": 0.8, "65x115": 0.57, "46x88.9": 0.52, "50x76": 0.66}  # r_st, 8.3
     assert ratio == pytest.approx(printed, abs=0.02)
-    assert bench.PACKS["50x76"].geometry(12) == GEARBOX
+    assert PACKS["50x76"].geometry(12) == GEARBOX
     with pytest.raises(ValueError, match="46x88.9 was tested with 18, 16 surfaces, not 14"):
-        bench.PACKS["46x88.9"].geometry(14)
+        PACKS["46x88.9"].geometry(14)
 
 
 def test_slip_torques_of_every_pack():
     force = bench.clamp_force(np.array([1e6, 2e6, 3e6]), 1e-3)
-    for pack in bench.PACKS.values():
+    for pack in PACKS.values():
         for n in pack.surfaces:
             torques = bench.slip_torques(pack.geometry(n), force, 0.12, 0.058)
             assert all(t.shape == (3,) and np.all(np.diff(t) > 0) for t in torques.values())
@@ -355,7 +356,7 @@ def test_what_chapter_8_says_bounds_the_product_of_frictions():
     low, high = comparison.common_product(statements)
     assert (low, high) == pytest.approx((0.00688, 0.00755), abs=1e-5)
     for product in (low * 1.001, high * 0.999):
-        pack = bench.PACKS["46x88.9"].geometry(18)
+        pack = PACKS["46x88.9"].geometry(18)
         ratio = closed.thesis(pack, 1.0, 0.1, product / 0.1) / closed.osinski(pack, 1.0, 0.1, beyond_table=True)
         assert 1.505 / 0.955 <= ratio <= 1.515 / 0.945
         assert comparison.contradicted(0.12, product / 0.12, statements) == []

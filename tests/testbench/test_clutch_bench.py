@@ -10,12 +10,13 @@ from math import pi
 import numpy as np
 import pytest
 
+from rig_nodes.analysis.press_bench import of_press
 from rig_nodes.analysis.slip_tests import cylinder_line, slip_line, slip_tests, spring_line
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.plant.friction.bench import PACKS
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.hydmag.laboratory.packs import PACKS
 from rig_nodes.runs.procedure import load_procedure, prepare
 from rig_nodes.runs.record import record
 from rig_nodes.runs.rig import Rig
@@ -38,7 +39,8 @@ def slipped(settings, seed=1, pressures="1 MPa, 2 MPa, 3 MPa", rig="clutch_bench
 
 def found_line(config, run):
     plates = config.plate_pack
-    return slip_line(slip_tests(run.recording, plates), plates, plates.friction_static, plates.friction_spline)
+    tests = slip_tests(of_press(config.structure, run.recording), plates)
+    return slip_line(tests, plates, plates.friction_static, plates.friction_spline)
 
 
 # --- the bench's own procedure -----------------------------------------------------------------------
@@ -72,7 +74,7 @@ def test_k_kor_of_the_gearboxes_plates_comes_back_too():
 
 def test_the_torque_at_slip_is_that_of_hand_calculation():
     config, run = slipped({**TRUE, "clutch_pack.friction_model": "traditional"}, pressures="2 MPa")
-    (test,) = slip_tests(run.recording, config.plate_pack)
+    (test,) = slip_tests(of_press(config.structure, run.recording), config.plate_pack)
     # (8.2) at 2 MPa: 4 * 63.034 + 2 * 1251.7 - 123.7 = 2631.836 N; (8.1) at the travel that was measured
     s = test["s_m"] * 1e3
     spring = 2.9035 * s**6 - 38.063 * s**5 + 197.57 * s**4 - 515.09 * s**3 + 658.13 * s**2 - 38.596 * s + 9.8468
@@ -113,7 +115,7 @@ def test_too_little_torque_gives_no_slip_and_says_so():
     sequence = load_sequence("clutch_bench", {"pressures": "2 MPa", "wetting": "200 ms", "highest": "3 MPa"})
     run = record(config, sequence)
     assert run.end["state"] == "failed" and "n above 4 rpm" in run.end["reason"]
-    assert slip_tests(run.recording, config.plate_pack) == []
+    assert slip_tests(of_press(config.structure, run.recording), config.plate_pack) == []
     with pytest.raises(RigError, match="0 tests in which the pack slipped; a line needs at least 3"):
         found_line(config, run)
 
@@ -123,11 +125,12 @@ def test_too_little_torque_gives_no_slip_and_says_so():
 
 @cache
 def force_bench(name):
-    return record(load_rig(name), load_sequence(name))
+    config = load_rig(name)
+    return of_press(config.structure, record(config, load_sequence(name)).recording)
 
 
 def test_the_cylinder_bench_gives_8_2_back():
-    pressure, force = cylinder_line(force_bench("cylinder_bench").recording)
+    pressure, force = cylinder_line(force_bench("cylinder_bench"))
     assert len(pressure) == 3 * 8 and force.max() < 5000.0  # three series inside the transducer's range
     printed = 63.034 * (pressure * 1e-6) ** 2 + 1251.7 * pressure * 1e-6 - 123.7
     # class 0.25 of 25 MPa is 0.0625 MPa, at up to 1690 N/MPa; class 0.2 of 5 kN is 10 N
@@ -150,7 +153,7 @@ def test_the_spring_bench_gives_8_1_back():
     travels = np.array([0.5e-3, 1e-3, 2e-3, 3e-3, 4e-3])
     # (8.1) by hand with the minus that is missing in print
     printed = [101.7, 276.8, 573.5, 780.1, 913.9]
-    assert spring_line(force_bench("spring_bench").recording, travels) == pytest.approx(printed, abs=0.4)
+    assert spring_line(force_bench("spring_bench"), travels) == pytest.approx(printed, abs=0.4)
 
 
 # --- as a rig ----------------------------------------------------------------------------------------
@@ -246,7 +249,7 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     # only the spring bench has the command of the testing machine
     assert set(load_rig("clutch_bench").catalogue.topics) - set(bag.counts) == {"/testing_machine/command"}
     assert report["shifts"] == [] and report["run"]["configuration"]["name"] == "clutch_bench"
-    assert [round(row["p_z_pa"], -5) for row in report["bench"]["slip_tests"]] == [1e6, 1.5e6, 2e6]
+    assert [round(row["cylinder_pa"], -5) for row in report["bench"]["slip_tests"]] == [1e6, 1.5e6, 2e6]
     assert report["bench"]["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
     _, mode = bag.series("pack_mode")
     assert set(mode) == {0.0, 1.0, 2.0} and not bag.check()

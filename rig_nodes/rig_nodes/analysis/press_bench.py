@@ -35,6 +35,25 @@ def pressed_clutch(structure: Structure) -> tuple[Device, Device] | None:
     return None if press is None or clutch is None else (press, clutch)
 
 
+def of_press(structure: Structure, logged: Logged) -> Logged:
+    """Return a bench's channels by what they show: torque and speed of the clutch; pressure, travel and force of its press.
+
+    Raises
+    ------
+    RigError
+        When no clutch of the rig is pressed.
+    """
+    found = pressed_clutch(structure)
+    if found is None:
+        raise RigError("the rig has no press that clamps a clutch, so it gives no slip tests")
+    press, clutch = found
+    shows = {f"{press.name}.{what}": what for what in ("pressure", "travel", "force")}
+    shows[f"{clutch.wires['brakes']}.speed"] = "speed"
+    named = {one.name: "torque" if one.type == "torque" else shows.get(one.shows) for one in structure.transducers}
+    channels = {what: logged.channels[name] for name, what in named.items() if what and name in logged.channels}
+    return Logged(logged.t0, logged.period, channels)
+
+
 def bench_report(bag: Bag | Gathered, record: Mapping, problems: list[str]) -> dict:
     """Return the results of a run of a bench.
 
@@ -60,13 +79,13 @@ def bench_report(bag: Bag | Gathered, record: Mapping, problems: list[str]) -> d
     press, clutch = found
     try:
         logger = bag.logger(fill=True)
-        logged = Logged(logger.t0, logger.period, _as_chapter_8(structure, press, clutch, logger.channels))
+        logged = of_press(structure, Logged(logger.t0, logger.period, logger.channels))
         if record[press.name]["testing_machine"]:
-            travels = TRAVELS[np.max(logged.channels["s"]) + 30e-6 >= TRAVELS]
+            travels = TRAVELS[np.max(logged.channels["travel"]) + 30e-6 >= TRAVELS]
             forces = spring_line(logged, travels) if len(travels) else []
             return {"springs": [{"s_m": float(s), "f_s_n": float(f)} for s, f in zip(travels, forces)]}
         if record["instruments"]["force_fitted"]:
-            return {"cylinder": [{"p_z_pa": float(p), "f_p_n": float(f)} for p, f in zip(*cylinder_line(logged))]}
+            return {"cylinder": [{"cylinder_pa": float(p), "f_p_n": float(f)} for p, f in zip(*cylinder_line(logged))]}
         plates = record[clutch.wires["plates"]]
         pack = PackGeometry(**{name: plates[name] for name in PackGeometry.__dataclass_fields__})
         tests = slip_tests(logged, pack)
@@ -79,18 +98,6 @@ def bench_report(bag: Bag | Gathered, record: Mapping, problems: list[str]) -> d
         return {}
 
 
-def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels: Mapping) -> dict:
-    """Return the channels under the names of chapter 8 for the same quantities, which slip_tests uses."""
-    shows = {
-        f"{press.name}.pressure": "p_z",
-        f"{press.name}.travel": "s",
-        f"{press.name}.force": "F_ps",
-        f"{clutch.wires['brakes']}.speed": "n",
-    }
-    own = {one.name: shows.get(one.shows, "M_e" if one.type == "torque" else one.name) for one in structure.transducers}
-    return {own.get(name, name): values for name, values in channels.items()}
-
-
 def bench_numbers(found: Mapping) -> list[tuple[str, str, str, str, int, float]]:
     """Return the results of a bench as (key, name, place, unit, digits, value): k_kor of each model, the lines' numbers."""
     numbers = []
@@ -99,10 +106,9 @@ def bench_numbers(found: Mapping) -> list[tuple[str, str, str, str, int, float]]
         numbers.append(("slope_nm_per_pa", "slope of M_eks", OF_A_RUN, "Nm/MPa", 2, line["slope_nm_per_pa"] * 1e6))
         numbers.append(("m_rest_nm", "M_rest", OF_A_RUN, "Nm", 2, line["m_rest_nm"]))
         numbers.append(("r_squared", "R2 of the line", OF_A_RUN, "-", 4, line["r_squared"]))
-    numbers += [("f_s_n", "spring force", f"{row['s_m'] * 1e3:.1f} mm", "N", 1, row["f_s_n"]) for row in found.get("springs", ())]
-    return numbers + [
-        ("f_p_n", "cylinder force", f"{row['p_z_pa'] * 1e-6:.1f} MPa", "N", 1, row["f_p_n"]) for row in found.get("cylinder", ())
-    ]
+    springs, cylinder = found.get("springs", ()), found.get("cylinder", ())
+    numbers += [("f_s_n", "spring force", f"{row['s_m'] * 1e3:.1f} mm", "N", 1, row["f_s_n"]) for row in springs]
+    return numbers + [("f_p_n", "cylinder force", f"{row['cylinder_pa'] * 1e-6:.1f} MPa", "N", 1, row["f_p_n"]) for row in cylinder]
 
 
 def bench_lines(found: dict) -> list[str]:
@@ -110,15 +116,15 @@ def bench_lines(found: dict) -> list[str]:
     if "springs" in found:
         return ["s mm    F_s N"] + [f"{row['s_m'] * 1e3:4.1f} {row['f_s_n']:8.1f}" for row in found["springs"]]
     if "cylinder" in found:
-        return ["p_z MPa    F_p N"] + [f"{row['p_z_pa'] * 1e-6:7.3f} {row['f_p_n']:8.1f}" for row in found["cylinder"]]
+        return ["    MPa    F_p N"] + [f"{row['cylinder_pa'] * 1e-6:7.3f} {row['f_p_n']:8.1f}" for row in found["cylinder"]]
     if not found:
         return []  # the report's problems give the reason
     tests = found["slip_tests"]
     if not tests:
         return ["no pack was slipped"]
-    lines = ["   t s   p_z MPa    s mm    F_a N    p MPa  M_eks Nm"]
+    lines = ["   t s press MPa    s mm    F_a N    p MPa  M_eks Nm"]
     lines += [
-        f"{row['t_slip_s']:6.2f} {row['p_z_pa'] * 1e-6:9.3f} {row['s_m'] * 1e3:7.3f} {row['clamp_n']:8.1f} "
+        f"{row['t_slip_s']:6.2f} {row['cylinder_pa'] * 1e-6:9.3f} {row['s_m'] * 1e3:7.3f} {row['clamp_n']:8.1f} "
         f"{row['pressure_pa'] * 1e-6:8.3f} {row['m_eks_nm']:9.2f}"
         for row in tests
     ]

@@ -3,8 +3,8 @@
 
 """Evaluation of the clutch bench (thesis 8.1.6, 8.2.3, (8.3)-(8.6)): torque at slip, its line, k_kor and M_rest.
 
-analysis.report and the validation use it. It needs only the logger's channels, as the laboratory did. The
-evaluations of the spring and the cylinder bench (8.2.1, 8.2.2) are here, too.
+analysis.report and the validation use it. It needs only the logger's channels, as the laboratory did, named by what they show:
+press_bench.of_press. The evaluations of the spring and the cylinder bench (8.2.1, 8.2.2) are here, too.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from ..plant.friction import bench
 from ..plant.friction.geometry import PackGeometry
 from .edges import running_mean
 
-CLAMPED = 0.3e6  # Pa, p_z above which the pack counts as clamped
+NEEDED = ("torque", "speed", "pressure", "travel")
+CLAMPED = 0.3e6  # Pa in the cylinder, above which the pack counts as clamped
 SLIPS = 0.2  # rad/s, two steps of the speed sensor
 TORQUE_MEAN = 2e-3  # s; the laboratory's 20 samples (Annex A)
 PRESSURE_MEAN = 20e-3  # s
-BEFORE = 0.1  # s before the slip over which p_z and s are averaged
+BEFORE = 0.1  # s before the slip over which pressure and travel are averaged
 AFTER = 20e-3  # s, the speed sensor's gate: the torque peak may lie up to this time after the speed shows the slip
 MODELS = ("thesis", "osinski", "traditional")
 LEAST_TESTS = 3  # smallest number of tests for a line
@@ -35,31 +36,31 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
     Parameters
     ----------
     logged : Logged
-        The logger's channels.
+        The bench's channels.
     pack : PackGeometry
         The clutch pack.
 
     Returns
     -------
     list of dict
-        ``t_slip_s, p_z_pa, s_m, clamp_n, pressure_pa, m_eks_nm``. m_eks_nm: largest torque before the slip; clamp_n: F_p(p_z) -
-        F_s(s), (8.3), of the mean p_z and s of the 100 ms before it; pressure_pa: pressure on the friction ring.
+        ``t_slip_s, cylinder_pa, s_m, clamp_n, pressure_pa, m_eks_nm``. m_eks_nm: largest torque before the slip; clamp_n: F_p -
+        F_s, (8.3), of the cylinder's mean pressure and travel in the 100 ms before it; pressure_pa: pressure on the friction ring.
 
     Raises
     ------
     RigError
         When a channel is missing.
     """
-    lacking = [name for name in ("M_e", "n", "p_z", "s") if name not in logged.channels]
+    lacking = [name for name in NEEDED if name not in logged.channels]
     if lacking:
-        raise RigError(f"the recording has no channel {', '.join(lacking)}; slip tests need M_e, n, p_z and s")
+        raise RigError(f"the recording has no channel of {', '.join(lacking)}; slip tests need {', '.join(NEEDED)}")
     rows_in = {
         name: max(1, round(time / logged.period))
         for name, time in (("torque", TORQUE_MEAN), ("pressure", PRESSURE_MEAN), ("before", BEFORE), ("after", AFTER))
     }
-    torque = running_mean(logged.channels["M_e"], rows_in["torque"])
-    pressure = running_mean(logged.channels["p_z"], rows_in["pressure"])
-    speed, travel = logged.channels["n"], logged.channels["s"]
+    torque = running_mean(logged.channels["torque"], rows_in["torque"])
+    pressure = running_mean(logged.channels["pressure"], rows_in["pressure"])
+    speed, travel = logged.channels["speed"], logged.channels["travel"]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], pressure > CLAMPED, [False]]).astype(int)))
     out = []
     for first, end in edges.reshape(-1, 2):
@@ -68,12 +69,12 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
             continue  # clamped, but the torque did not reach the pack's capacity
         peak = first + int(np.argmax(torque[first : min(end, first + slipping[0] + rows_in["after"])]))
         before = slice(max(first, peak - rows_in["before"]), peak + 1)
-        p_z, s = float(np.mean(logged.channels["p_z"][before])), float(np.mean(travel[before]))
-        clamp = bench.clamp_force(p_z, min(max(s, 0.0), bench.SPRING_TRAVEL))
+        cylinder, s = float(np.mean(logged.channels["pressure"][before])), float(np.mean(travel[before]))
+        clamp = bench.clamp_force(cylinder, min(max(s, 0.0), bench.SPRING_TRAVEL))
         out.append(
             {
                 "t_slip_s": float(logged.t0 + peak * logged.period),
-                "p_z_pa": p_z,
+                "cylinder_pa": cylinder,
                 "s_m": s,
                 "clamp_n": float(clamp),
                 "pressure_pa": float(clamp) / ring_area(pack),
@@ -128,14 +129,14 @@ def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_s
 def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """Return pressure and force at the steps of a rising pressure of the cylinder bench, 8.2.2.
 
-    A step is a time of ``stay`` in which p_z stays within 0.02 MPa, beginning ``settle`` after p_z has reached it. Steps of a
+    A step is a time of ``stay`` in which the pressure stays within 0.02 MPa, beginning ``settle`` after it was reached. Steps of a
     falling pressure, where seals and guide rings hold in the other direction, are left out: (8.2) is read as the line of rising
     pressure.
 
     Parameters
     ----------
     logged : Logged
-        The logger's channels.
+        The bench's channels.
     settle : float
         Time between the change of pressure and the step [s].
     stay : float
@@ -143,20 +144,20 @@ def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tup
 
     Returns
     -------
-    p_z : (n,) array of float
-        Pressure [Pa].
+    pressure : (n,) array of float
+        Pressure in the cylinder [Pa].
     force : (n,) array of float
         F_p [N].
     """
     rows, wide = round(stay / logged.period), round(settle / logged.period)
-    pressure = running_mean(logged.channels["p_z"], max(1, round(PRESSURE_MEAN / logged.period)))
-    force = logged.channels["F_ps"]
+    pressure = running_mean(logged.channels["pressure"], max(1, round(PRESSURE_MEAN / logged.period)))
+    force = logged.channels["force"]
     found, at = [], 0
     while at + wide + rows <= len(pressure):
         window = pressure[at : at + wide + rows]
         if np.ptp(window) < 0.02e6:
             part = slice(at + wide, at + wide + rows)
-            found.append((float(np.mean(logged.channels["p_z"][part])), float(np.mean(force[part]))))
+            found.append((float(np.mean(logged.channels["pressure"][part])), float(np.mean(force[part]))))
             at += wide + rows
         else:
             at += rows // 10
@@ -170,7 +171,7 @@ def spring_line(logged: Logged, travels: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     logged : Logged
-        The logger's channels.
+        The bench's channels.
     travels : (n,) array of float
         Travels [m].
 
@@ -184,8 +185,8 @@ def spring_line(logged: Logged, travels: np.ndarray) -> np.ndarray:
     RigError
         When the springs were not pressed that far.
     """
-    s = running_mean(logged.channels["s"], max(1, round(PRESSURE_MEAN / logged.period)))
-    force = running_mean(logged.channels["F_ps"], max(1, round(PRESSURE_MEAN / logged.period)))
+    s = running_mean(logged.channels["travel"], max(1, round(PRESSURE_MEAN / logged.period)))
+    force = running_mean(logged.channels["force"], max(1, round(PRESSURE_MEAN / logged.period)))
     step = max(1, round(0.1 / logged.period))
     rising = np.zeros(len(s), bool)
     rising[:-step] = s[step:] > s[:-step] + 1e-6

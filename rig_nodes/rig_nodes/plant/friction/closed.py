@@ -3,7 +3,7 @@
 
 """Torque of plates in solid contact, (6.13)-(6.21) and (6.54)-(6.56) of the thesis.
 
-Used by plant.parts.plates (the thesis's model), friction.bench and friction.comparison. Each model gives the torque of the whole
+Used by plant.parts.plates (the thesis's model), friction.bench and the rigs. Each model gives the torque of the whole
 pack, static or kinetic by the friction that it receives; the torque is proportional to the clamp force. Forces and frictions are
 numbers or arrays that broadcast together.
 """

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
+from rig_nodes.analysis.press_bench import of_press
 from rig_nodes.analysis.slip_tests import MODELS, cylinder_line, ring_area, slip_line, slip_tests, spring_line
 from rig_nodes.plant.friction import bench
-from rig_nodes.plant.friction.bench import PACKS
-from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.configuration import RigConfig, load_rig
 
+from .packs import PACKS
 from .records import Record
 
 if TYPE_CHECKING:
@@ -58,9 +59,9 @@ def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
     """
     geometry = PACKS[conditions["ring"]].geometry(conditions["surfaces"])
     friction, area = friction_of(conditions["ring"]), ring_area(geometry)
-    tests = slip_tests(run.recording, geometry)
+    tests = slip_tests(of_press(_bench().structure, run.recording), geometry)
     line = slip_line(tests, geometry, friction, STATED["spline"])
-    force = np.array([set_force(round(test["p_z_pa"] / SETTINGS) * SETTINGS) for test in tests])
+    force = np.array([set_force(round(test["cylinder_pa"] / SETTINGS) * SETTINGS) for test in tests])
     pressure = force / area
     records = [
         Record("clutch_bench", {**conditions, "pressure": float(p)}, {"m_eks": test["m_eks_nm"]})
@@ -85,13 +86,14 @@ def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
 
 
 @cache
-def _cylinder() -> Any:
-    return load_rig("clutch_bench").cylinder
+def _bench() -> RigConfig:
+    """The bench with whose names the force benches record, too."""
+    return load_rig("clutch_bench")
 
 
 def set_force(pressure: float) -> float:
     """Return the clamp force [N] of the bench at a pressure p_z [Pa] by (8.3), with the travel by which the pack yields."""
-    cylinder = _cylinder()
+    cylinder: Any = _bench().cylinder
     return brentq(
         lambda force: force - bench.clamp_force(pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4
     )
@@ -139,15 +141,16 @@ def spring_bench(_conditions: dict, run: Run) -> list[list[Record]]:
     list of list of Record
         One repeat with its records.
     """
-    if np.max(run.recording.channels["p_z"]) < SETTINGS:
+    logged = of_press(_bench().structure, run.recording)
+    if np.max(logged.channels["pressure"]) < SETTINGS:
         travels = np.linspace(0.0, bench.SPRING_TRAVEL, 81)
         return [
             [
                 Record("spring_bench", {"s": float(s)}, {"spring_force_n": float(f)})
-                for s, f in zip(travels, spring_line(run.recording, travels))
+                for s, f in zip(travels, spring_line(logged, travels))
             ]
         ]
-    pressure, force = cylinder_line(run.recording)
+    pressure, force = cylinder_line(logged)
     records = [Record("spring_bench", {"pressure": float(p)}, {"cylinder_force_n": float(f)}) for p, f in zip(pressure, force)]
     begins = min(root for root in np.roots(np.polyfit(pressure, force, 2)).real if root > 0.0)
     return [[*records, Record("spring_bench", {}, {"cylinder_start_mpa": float(begins)})]]

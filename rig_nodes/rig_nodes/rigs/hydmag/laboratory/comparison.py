@@ -18,7 +18,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from rig_nodes.plant.friction import closed
-from rig_nodes.plant.friction.bench import ALL, PACKS
+
+from .packs import ALL, PACKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
