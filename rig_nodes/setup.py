@@ -38,7 +38,6 @@ setup(
             "rigs/**/*.py",
             "rigs/**/*.svg",
             "rig/template/**/*.yaml",
-            "bags/exchange/profiles/*.yaml",
             "controllers/include/*.h*",
             "controllers/examples/**/*.c*",
             "controllers/examples/**/*.h",

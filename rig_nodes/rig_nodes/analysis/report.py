@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..bags import limits
+from ..bags.exchange.orders import example_of_orders
 from ..bags.logged import Recording, orders_in
 from ..bags.messages import NOTHING
 from ..bags.reader import UNREADABLE, Bag
@@ -229,7 +230,8 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
         When the recording has no order.
     """
     if not recording.orders:
-        raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
+        example = example_of_orders(recording.transmission)
+        raise RigError(f"the recording holds no order of a gear; give them with --orders, e.g. '{example}'")
     problems: list[str] = []
     record = rig_record(record)
     instruments = instruments_of(record)
@@ -420,8 +422,9 @@ def no_shift(report: dict) -> str:
     run = report["run"]
     if run.get("imported"):
         return (
-            "no shift: the orders of gears are not given; import the file with --orders, e.g. '3.845:I-II', or with a column "
-            "of the ordered gear; 'rig compare' takes the orders of another run"
+            "no shift: the orders of gears are not given; import the file with --orders, e.g. "
+            f"'{example_of_orders(shown_transmission(report))}', or with a column of the ordered gear; 'rig compare' takes the "
+            "orders of another run"
         )
     if "measured" not in report:
         return "no shifts: there is nothing to look for them in"  # the report's problems give the reason

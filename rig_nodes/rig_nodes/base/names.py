@@ -186,14 +186,14 @@ def with_bases(name: str | Path) -> list[tuple[Path, Any]]:
 
 
 def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> Path:
-    """Return the path of a sequence or procedure by its name, or of a file.
+    """Return the path of a sequence, procedure or profile of a logger by its name, or of a file.
 
     The name is looked up in the rig and its bases, then in the default rig, then in the other installed rigs.
 
     Parameters
     ----------
     kind : str
-        "sequences" or "procedures".
+        "sequences", "procedures" or "profiles".
     name : str or Path
         The name, or a file.
     rig : str or Path, optional
@@ -221,12 +221,12 @@ def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> 
 
 
 def of_rigs(kind: str, rig: str | Path | None = None) -> list[str]:
-    """Return the names of the sequences or procedures that :func:`find_of_rigs` finds."""
+    """Return the names of the files of a kind that :func:`find_of_rigs` finds."""
     return sorted({path.stem for folder in _folders(rig) for path in (folder / kind).glob("*.yaml")})
 
 
 def _folders(rig: str | Path | None) -> list[Path]:
-    """The folders in which sequences and procedures are looked up, in this order."""
+    """The folders in which sequences, procedures and profiles are looked up, in this order."""
     own = [path.parent for path, _ in with_bases(rig)] if rig is not None else []
     return [*own, *(RIGS_DIR / name for name in (DEFAULT_RIG, *installed("rigs")))]
 

@@ -37,12 +37,10 @@ def add_profile_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--profile",
         metavar="P",
-        help="profile of the file: a .yaml file, or one of the project's (german, polish); without one a first one is written",
+        help="profile of the file: a .yaml file, or one of a rig's folder (german, polish); without one a first one is written",
     )
     parser.add_argument("--rig", metavar="NAME", help="rig whose inertias, ratios and instrument errors hold for the file")
-    parser.add_argument(
-        "--orders", metavar="LIST", help="when (s of the file) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'"
-    )
+    parser.add_argument("--orders", metavar="LIST", help="when (s of the file) which gear was ordered: 'TIME:FROM-TO, ...'")
     parser.add_argument("--period", metavar="TIME", help="time between rows of a file without times, e.g. '0.1 ms'")
 
 

@@ -13,6 +13,11 @@ from ...rig.transmission import Transmission, transmission_of
 _ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
 
 
+def example_of_orders(box: Transmission) -> str:
+    """Return an example of what :func:`parse_orders` takes, with the changes of a transmission."""
+    return ", ".join(f"{time:g}:{way}" for time, way in zip((3.845, 8.32), box.ways())) or "3.845:FROM-TO"
+
+
 def parse_orders(text: str, transmission: Transmission | None = None, where: str = "--orders") -> list[tuple[float, int, int]]:
     """Parse orders such as ``"3.845:I-II, 8.32:II-I"``.
 
@@ -36,8 +41,7 @@ def parse_orders(text: str, transmission: Transmission | None = None, where: str
         When the text is not in this form; the error shows an example.
     """
     box, orders = transmission or transmission_of(), []
-    first, second = list(box.ways())[:2]
-    example = f"'3.845:{first}, 8.32:{second}'"
+    example = f"'{example_of_orders(box)}'"
     for part in filter(str.strip, re.split(r"[,;]", text)):
         match = _ORDER.match(part)
         gears = [None] if match is None else [box.number(match[2]), box.number(match[3])]
@@ -47,9 +51,7 @@ def parse_orders(text: str, transmission: Transmission | None = None, where: str
             )
         order = float(match[1]), gears[0], gears[1]
         if order[1] == order[2]:
-            raise RigError(
-                f"{where}: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. '3.845:{first}'"
-            )
+            raise RigError(f"{where}: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. {example}")
         if any(order[0] == other[0] for other in orders):
             raise RigError(f"{where}: two orders at {order[0]:g} s; only one gear can be ordered at a time")
         orders.append(order)

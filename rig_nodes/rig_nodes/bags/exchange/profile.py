@@ -15,13 +15,12 @@ from typing import Any
 
 from ...base.config import load_yaml
 from ...base.errors import RigError, brief
-from ...base.names import unknown
+from ...base.names import find_of_rigs, unknown
 from ...base.units import quantity
 from ...base.yaml_file import Map, where_of
 from .cells import GROUPS, MISSING
 from .foreign import Form
 
-PROFILES = Path(__file__).parent / "profiles"
 BRIDGE = 2e-3  # s
 KEYS = (
     "rig",
@@ -110,18 +109,13 @@ class Profile:
     bridge: float = BRIDGE
 
 
-def shipped() -> list[str]:
-    """Return the names of the profiles that come with the project."""
-    return sorted(path.stem for path in PROFILES.glob("*.yaml"))
-
-
 def read_profile(name: str | Path) -> Profile:
     """Read a profile.
 
     Parameters
     ----------
     name : str or Path
-        Its file, or the name of one that comes with the project.
+        Its file, or the name of one in the folder of a rig.
 
     Returns
     -------
@@ -134,10 +128,8 @@ def read_profile(name: str | Path) -> Profile:
         When there is no such file or it contains something unknown; the error has file and line.
     """
     path = Path(name)
-    if not path.is_file() and str(name) in shipped():
-        path = PROFILES / f"{name}.yaml"
-    if not path.exists() and not path.suffix:
-        raise RigError(f"--profile: {unknown('profile', str(name), shipped())}; name a .yaml file or one of them")
+    if not path.is_file() and not path.suffix:
+        path = find_of_rigs("profiles", name)
     node = load_yaml(path)
     if not isinstance(node, Map):
         raise RigError(f"{path}: is no profile, expected a map with the keys {', '.join(KEYS)}")
