@@ -22,11 +22,12 @@ from rig_nodes.rig.configuration import load_rig
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
 INCLUDE, EXAMPLES = CONTROLLERS / "include", CONTROLLERS / "examples"
+RECORD = Path(__file__).parent  # has the rig_record.h of the rig hydmag
 ALFA46_C = EXAMPLES / "alfa46.c"
 SIMULINK_FOLDER = CONTROLLERS / "examples" / "simulink"
 SIMULINK = f"simulink:{SIMULINK_FOLDER}"
 PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
-STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", f"-I{EXAMPLES}")
+STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", f"-I{RECORD}")
 SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 C_FRAME = """
@@ -81,7 +82,7 @@ def build(tmp_path):
                 "-fPIC",
                 "-shared",
                 f"-I{INCLUDE}",
-                f"-I{EXAMPLES}",
+                f"-I{RECORD}",
                 *flags,
                 "-o",
                 stem.with_suffix(".so"),

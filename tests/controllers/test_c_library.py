@@ -13,7 +13,7 @@ import pytest
 from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 
-from .conftest import ALFA46_C, C_FRAME, EXAMPLES, INCLUDE, SANITIZE, SIMULINK_FOLDER, STRICT, ask
+from .conftest import ALFA46_C, C_FRAME, INCLUDE, RECORD, SANITIZE, SIMULINK_FOLDER, STRICT, ask
 
 
 def load(config, path, level=None):
@@ -167,7 +167,7 @@ def test_the_header_is_usable_from_cpp(tmp_path):
             "-Wextra",
             "-Werror",
             f"-I{INCLUDE}",
-            f"-I{EXAMPLES}",
+            f"-I{RECORD}",
             "-fPIC",
             "-shared",
             "-o",
@@ -264,7 +264,7 @@ def model(tmp_path, shim, period=""):
         "void small_step(void) { rtY.y = rtU.u; rtY.steps += 1; }\n"
     )
     (folder / "ert_main.c").write_text("int main(void) { return not_for_a_library; }\n")
-    shutil.copy(EXAMPLES / "rig_record.h", folder)
+    shutil.copy(RECORD / "rig_record.h", folder)
     (folder / "rig_shim.c").write_text(
         f'#include "small.h"\n#include "rig_record.h"\n#define RIG_MODEL small\n#define RIG_LEVELS RIG_LEVEL_DUTY\n{period}\n'
         '#include "rig_simulink.h"\n'
@@ -410,7 +410,7 @@ def generated_cpp(folder):
         "slprj/grt/_sharedutils/shared_utils.c": '#include "shared_utils.h"\n'
         "double shared_half(double class) { return class / 2.0; }\n",
     }
-    shutil.copy(EXAMPLES / "rig_record.h", folder)
+    shutil.copy(RECORD / "rig_record.h", folder)
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -461,7 +461,7 @@ def test_the_rt_model_form_of_the_page_is_taken(tmp_path, config):
     page = (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8")
     (shim,) = [block for block in re.findall(r"```c\n(.*?)```", page, re.S) if "RT_MODEL_your_model_T" in block]
     shim = shim.replace("your_model", "small")
-    shutil.copy(EXAMPLES / "rig_record.h", tmp_path)
+    shutil.copy(RECORD / "rig_record.h", tmp_path)
     (tmp_path / "small.h").write_text(RT_MODEL_H)
     (tmp_path / "small.c").write_text(RT_MODEL_C)
     (tmp_path / "rig_shim.c").write_text(shim)

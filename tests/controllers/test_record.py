@@ -19,7 +19,7 @@ from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.conformance import Desk
 
-from .conftest import C_FRAME, EXAMPLES, INCLUDE, ask
+from .conftest import C_FRAME, INCLUDE, RECORD, ask
 
 
 @pytest.fixture
@@ -140,9 +140,9 @@ def test_a_number_behind_the_outputs_of_the_rig_is_seen(build, config, beyond):
         ask(plug)
 
 
-def test_the_header_beside_the_examples_is_that_of_the_rig(config):
-    """When it differs, write it anew: ./rig export record -o rig_nodes/rig_nodes/controllers/examples/rig_record.h"""
-    assert (EXAMPLES / NAME).read_text(encoding="utf-8") == header_text(record_of(config))
+def test_the_header_of_these_tests_is_that_of_the_rig(config):
+    """When it differs, write it anew: ./rig export record -o tests/controllers/rig_record.h"""
+    assert (RECORD / NAME).read_text(encoding="utf-8") == header_text(record_of(config))
 
 
 def test_the_header_of_any_record_is_c_and_cpp(other, tmp_path):

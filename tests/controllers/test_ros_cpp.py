@@ -14,7 +14,7 @@ from rig_msgs.msg import ControllerReady
 from rig_nodes.controllers import load_controller
 from rig_nodes.rig.configuration import load_rig
 
-from .conftest import ALFA46_C, CONTROLLERS, EXAMPLES, INCLUDE
+from .conftest import ALFA46_C, CONTROLLERS, INCLUDE, RECORD
 from .test_parity import C
 
 STRICT = ("-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
@@ -116,7 +116,7 @@ def box(messages, tmp_path_factory):
     (folder / "main.cpp").write_text(MAIN)
     law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", "-c", ALFA46_C, "-o", folder / "law.o"]
     subprocess.run(law, check=True)
-    command = ["c++", *STRICT, f"-I{INCLUDE}", f"-I{EXAMPLES}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
+    command = ["c++", *STRICT, f"-I{INCLUDE}", f"-I{RECORD}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
     sanitized = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     if subprocess.run([*command, *sanitized, "-o", folder / "box"], capture_output=True).returncode:
         subprocess.run([*command, "-o", folder / "box"], check=True)

@@ -40,7 +40,7 @@ from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulate import advance_with, simulate
 
-from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, EXAMPLES, INCLUDE, SANITIZE, STRICT, ask
+from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, INCLUDE, RECORD, SANITIZE, STRICT, ask
 
 ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
@@ -560,7 +560,7 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
     refusing = C_FRAME.replace("(void)info;", 'strcpy(info->message, "no t12"); return RIG_ERROR;').replace("STEP", "")
     (tmp_path / "mine.c").write_text("#include <string.h>\n" + refusing)
     sources = [CONTROLLERS / "examples" / "udp_main.c", tmp_path / "mine.c"]
-    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", f"-I{EXAMPLES}", "-o", tmp_path / "mine", *sources], check=True)
+    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", f"-I{RECORD}", "-o", tmp_path / "mine", *sources], check=True)
     process = subprocess.Popen([tmp_path / "mine", "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
     with pytest.raises(RigError, match="one has come and is not used: it refuses: no t12"):
         plug.wait(20.0)

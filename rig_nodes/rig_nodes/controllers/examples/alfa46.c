@@ -10,7 +10,7 @@
  *
  * Built with these options it gives the same bits as the built-in controller, at both levels.
  */
-#include "rig_record.h"
+#include "rig_controller.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -18,7 +18,7 @@
 #include <string.h>
 
 enum { OFF, ON, FALLING };
-enum { OUTPUTS = RIG_OUTPUTS, POINTS = 6 };
+enum { OUTPUTS = 3, POINTS = 6 }; /* the box has three outputs at most */
 
 typedef struct {
   double time[POINTS], current[POINTS]; /* P1-P6 [s], [A] */
@@ -31,7 +31,7 @@ typedef struct {
 typedef struct {
   double period, t12, t21, t23, t32, supply_voltage, gain_p, gain_i, gain_d, derivative_time;
   output_t outputs[OUTPUTS];
-  uint32_t level, gear;
+  uint32_t count, level, gear;          /* count: outputs of the rig */
   double shift_end;                     /* sample */
 } alfa46_t;
 
@@ -137,17 +137,22 @@ const rig_controller_abi_info *rig_controller_abi(void) {
 int rig_controller_create(rig_controller_info *info, void **instance) {
   alfa46_t *box;
   if (info->size != sizeof *info) return RIG_ERROR;
+  if (info->output_count > OUTPUTS) {
+    snprintf(info->message, sizeof info->message, "the rig has %u outputs, this box three", (unsigned)info->output_count);
+    return RIG_ERROR;
+  }
   box = calloc(1, sizeof *box);
   if (!box) return RIG_ERROR;
   box->period = info->period;
   box->level = info->level;
+  box->count = info->output_count;
   int found = read_parameter(info, "t12", &box->t12) && read_parameter(info, "t21", &box->t21) &&
               read_parameter(info, "t23", &box->t23) && read_parameter(info, "t32", &box->t32) &&
               read_parameter(info, "supply_voltage", &box->supply_voltage) &&
               read_parameter(info, "gain_p", &box->gain_p) && read_parameter(info, "gain_i", &box->gain_i) &&
               read_parameter(info, "gain_d", &box->gain_d) &&
               read_parameter(info, "derivative_time", &box->derivative_time);
-  for (int k = 0; k < OUTPUTS && found; k++) found = read_output(info, k + 1, &box->outputs[k]);
+  for (uint32_t k = 0; k < box->count && found; k++) found = read_output(info, (int)k + 1, &box->outputs[k]);
   if (!found) {
     free(box);
     return RIG_ERROR;
@@ -160,12 +165,12 @@ int rig_controller_step(void *instance, const rig_controller_inputs *inputs, rig
   alfa46_t *box = instance;
   const double sample = (double)inputs->sample;
   if (inputs->size != sizeof *inputs || outputs->size != sizeof *outputs) return RIG_FATAL;
-  if (inputs->gear_request > OUTPUTS) {
+  if (inputs->gear_request > box->count) {
     snprintf(outputs->message, sizeof outputs->message, "there is no gear %u", (unsigned)inputs->gear_request);
     return RIG_ERROR;
   }
   if (inputs->gear_request != box->gear && sample >= box->shift_end) order_gear(box, inputs->gear_request, sample);
-  for (int k = 0; k < OUTPUTS; k++) {
+  for (uint32_t k = 0; k < box->count; k++) {
     output_t *output = &box->outputs[k];
     follow_profile(output, sample, box->period);
     close_loop(output, inputs->current[k], box);

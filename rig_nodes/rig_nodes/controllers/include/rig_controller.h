@@ -53,7 +53,7 @@ typedef struct rig_parameter {
 } rig_parameter;
 
 typedef struct rig_transducer {
-  const char *name;               /* e.g. "n_wej" */
+  const char *name;               /* as `./rig list signals` prints it */
   const char *unit;               /* e.g. "rad/s" */
 } rig_transducer;
 
@@ -130,7 +130,7 @@ RIG_EXPORT int rig_controller_step(void *instance, const rig_controller_inputs *
 /* Frees a controller that create made. */
 RIG_EXPORT void rig_controller_destroy(void *instance);
 
-/* Optional, both functions or none: further transducers. The first function returns their names (e.g. "M_wej", "p_p"; `./rig list
+/* Optional, both functions or none: further transducers. The first function returns their names (`./rig list
  * signals` prints all), with NULL behind the last; the pointers stay valid. Before each step the rig calls the second function with
  * their SI values, in the same order. */
 RIG_EXPORT const char *const *rig_controller_wants(void);

@@ -17,7 +17,8 @@
  *
  *   static void rig_inputs(const rig_controller_inputs *in) { rtU.gear_request = (uint8_T)in->gear_request; ... }
  *   static void rig_outputs(rig_controller_outputs *out) {
- *     out->command[0] = rtY.i_zr_p1; out->command[1] = rtY.i_zr_p2; out->gear = rtY.gear; out->shifting = rtY.shifting;
+ *     for (int k = 0; k < RIG_OUTPUTS; k++) out->command[k] = rtY.current[k];
+ *     out->gear = rtY.gear; out->shifting = rtY.shifting;
  *   }
  *   static void rig_parameters(void) { rtP.t12 = rig_setting("t12"); ... }
  *
@@ -29,7 +30,7 @@
  *                        arguments: then of a function of yours that calls them (docs/how_to/controllers.md). Defined
  *                        as nothing where the code has no such function.
  *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): NULL is no error.
- *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0]
+ *   RIG_WANTS            names of further transducers, "NAME", "NAME": rig_inputs finds their SI values in rig_wanted[0]
  *                        and rig_wanted[1]
  *   RIG_SIGNALS          names of the model's own signals that are to be recorded, e.g. "slip", "state"; then one more
  *                        function, static void rig_signals(double *values) { values[0] = rtDW.slip; ... }

@@ -5,7 +5,6 @@
 
 /* Connects the inputs, outputs and parameters of the rig with those of the model (rig_simulink.h). */
 #include "alfa46.h"
-#include "rig_record.h"
 
 #define RIG_MODEL alfa46
 #define RIG_LEVELS (RIG_LEVEL_DUTY | RIG_LEVEL_CURRENT)

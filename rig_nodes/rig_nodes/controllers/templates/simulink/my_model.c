@@ -41,8 +41,8 @@ void my_model_step(void) {
       wanted[rtY.gear - 1] = 0.74;
     }
   }
-  rtY.i_zr_p1 = wanted[0];
-  rtY.i_zr_p2 = wanted[1];
+  rtY.current_1 = wanted[0];
+  rtY.current_2 = wanted[1];
   rtY.shifting = (boolean_T)(elapsed < 1.5);
 }
 

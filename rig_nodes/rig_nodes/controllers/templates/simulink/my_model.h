@@ -12,12 +12,12 @@
 typedef struct {
   real_T time;         /* s */
   uint8_T gear_request;
-  real_T n_wej;        /* rad/s */
+  real_T speed;        /* rad/s */
 } ExtU;
 
 typedef struct {
-  real_T i_zr_p1;      /* A */
-  real_T i_zr_p2;      /* A */
+  real_T current_1;    /* A */
+  real_T current_2;    /* A */
   uint8_T gear;
   boolean_T shifting;
 } ExtY;

@@ -16,12 +16,12 @@
 static void rig_inputs(const rig_controller_inputs *in) {
   rtU.time = in->time;
   rtU.gear_request = (uint8_T)in->gear_request;
-  rtU.n_wej = rig_measured_of(in)->n_wej;
+  rtU.speed = in->measured[0]; /* by name: rig_measured_of(in)->..., see rig_record.h */
 }
 
 static void rig_outputs(rig_controller_outputs *out) {
-  out->command[0] = rtY.i_zr_p1;
-  out->command[1] = rtY.i_zr_p2;
+  out->command[0] = rtY.current_1;
+  out->command[1] = rtY.current_2;
   out->gear = rtY.gear;
   out->shifting = rtY.shifting;
 }
