@@ -3,7 +3,7 @@
 
 """The recipe of the laboratory's own program (thesis Annex A) for one shift, for comparison with the definitions of metrics.
 
-`rig report --annex-a` and the validation use it. Thresholds, search windows, factors and 3.14 are as printed,
+`rig report --annex-a` uses it. Thresholds, search windows, factors and 3.14 are as printed,
 including the misprints that change a result; docs/background/analysis.md lists them.
 """
 
@@ -76,7 +76,7 @@ def shift_metrics_annex_a(
     set_speed : float, optional
         The set input speed that the program asks for [rad/s]; by default the mean of 0.2 s before the order.
     a, b : float
-        Factors of the torque bands after II-I and I-II.
+        Factors of the torque bands after the downshift and the upshift.
     c : float
         Rise of the engaging pressure over its rest [bar].
 
@@ -122,7 +122,7 @@ class _Program:
         )
         self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6)) - recording.begin
         self.box, self.up, self.row, self.why = recording.transmission, order[2] > order[1], row, row["why"]
-        # the program's gears I and II, and the pressures of their clutches
+        # the program's two gears, and the pressures of their clutches
         self.first, self.second = sorted(self.box.ratios)
         moved = self.box.shift(order[1], order[2])
         self.old_name, self.new_name = moved.releasing[0].pressure, moved.engaging[0].pressure
@@ -130,7 +130,7 @@ class _Program:
         self.missing = what_is_missing({name: cut[name] for name in self.box.channels}, recording.t0, recording.period)
         into, output = self.box.input, self.box.output
         self.old_p, self.new_p = cut[self.old_name] / BAR, cut[self.new_name] / BAR
-        self.m_in, self.m_out = cut[into.torque], cut[output.torque]
+        self.torque_in, self.torque_out = cut[into.torque], cut[output.torque]
         self.n_in, self.n_out = cut[into.speed] * RPM, cut[output.speed] * RPM
         self.set_speed = None if set_speed is None else set_speed * RPM
 
@@ -144,7 +144,7 @@ class _Program:
         if self.missing:
             self.why.append(self.missing)
             return
-        row["input_speed_rpm"], row["output_torque_nm"] = float(np.mean(self.n_in[before])), float(np.mean(self.m_out[before]))
+        row["input_speed_rpm"], row["output_torque_nm"] = float(np.mean(self.n_in[before])), float(np.mean(self.torque_out[before]))
         if self.set_speed is None:
             self.set_speed = row["input_speed_rpm"]
         if self.set_speed < 10.0:
@@ -171,7 +171,7 @@ class _Program:
             return
         row["t_o_s"] = (settled - end) * PERIOD
         # the unaveraged torque, to the end of t_o; the program computes means of 20 samples but does not use them
-        row["input_torque_max_nm"] = float(self.m_in[start : settled + 1].max())
+        row["input_torque_max_nm"] = float(self.torque_in[start : settled + 1].max())
         # this sum increments its index before it reads a sample, so it begins one sample later than the other sum
         row["e_loss_settled_j"] = self.energy(start + 1, settled + 1)
 
@@ -231,18 +231,18 @@ class _Program:
     def settled(self, end: int, recovered: int, factor: float) -> int | None:
         """Return the first sample after which 999 samples of torque lie in the band with the engaging clutch above 20 bar."""
         late = recovered + SETTLED_AFTER
-        if late + SETTLED_FOR >= self.m_in.size:
+        if late + SETTLED_FOR >= self.torque_in.size:
             self.why.append(
                 "the recording ends, or the next order comes, before the 0.6 s that Annex A takes for the settled torque"
             )
             return None
         # 1001 samples divided by 1000, as printed
-        value = float(np.sum(self.m_in[late : late + SETTLED_FOR + 1])) / SETTLED_FOR
-        inside = (self.m_in < factor * value) & (self.m_in > (2.0 - factor) * value)
+        value = float(np.sum(self.torque_in[late : late + SETTLED_FOR + 1])) / SETTLED_FOR
+        inside = (self.torque_in < factor * value) & (self.torque_in > (2.0 - factor) * value)
         outside = np.concatenate(([0], np.cumsum(~inside)))
         at = np.arange(end, late + 1)
-        last = np.minimum(at + SETTLED_FOR, self.m_in.size)
-        met = (outside[last] - outside[at + 1] == 0) & (self.new_p[at] > CLAMPED) & (at + SETTLED_FOR <= self.m_in.size)
+        last = np.minimum(at + SETTLED_FOR, self.torque_in.size)
+        met = (outside[last] - outside[at + 1] == 0) & (self.new_p[at] > CLAMPED) & (at + SETTLED_FOR <= self.torque_in.size)
         hit = first_true(met)
         if hit is None:
             self.why.append(f"{self.box.input.torque} did not stay within {factor:g} of {value:.1f} Nm for 999 samples")
@@ -315,9 +315,9 @@ class _Program:
 
     def energy(self, first: int, last: int) -> float:
         """Return the program's sum from ``first`` to ``last`` [J]: J_od is divided by (41/40)^2, pi is 3.14."""
-        last = min(last, self.m_in.size - 1)
+        last = min(last, self.torque_in.size - 1)
         part, rate = slice(first, last + 1), 2.0 * PI / 60.0
-        work = rate * PERIOD * float(np.sum(self.m_in[part] * self.n_in[part] - self.m_out[part] * self.n_out[part]))
+        work = rate * PERIOD * float(np.sum(self.torque_in[part] * self.n_in[part] - self.torque_out[part] * self.n_out[part]))
         # the differences of squares from sample to sample add up to the difference between the ends
         grown_in, grown_out = (float(n[last] ** 2 - n[first - 1] ** 2) for n in (self.n_in, self.n_out))
         inertias = self.box.inertias

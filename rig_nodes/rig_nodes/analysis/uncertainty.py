@@ -88,9 +88,9 @@ def _default() -> dict[str, Instrument]:
     return instruments_of(load_rig().as_dict())
 
 
-def temperature_error(t_oil: float) -> float:
+def temperature_error(oil: float) -> float:
     """Return the largest error of the PT100 [K] at an oil temperature [degC], (7.2)."""
-    return 0.3 + 0.005 * abs(t_oil)
+    return 0.3 + 0.005 * abs(oil)
 
 
 def uncertainty(
@@ -218,8 +218,8 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
     needed = ("input_torque_max_nm", "t_dt_s", "output_torque_nm")
     if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
         return {}
-    w_out, m_in, m_out = w_in / abs(box.ratios[row["to_gear"]]), row["input_torque_max_nm"], row["output_torque_nm"]
-    rate = torque * (w_in + w_out) + speed * (m_in + abs(m_out))
+    w_out = w_in / abs(box.ratios[row["to_gear"]])
+    rate = torque * (w_in + w_out) + speed * (row["input_torque_max_nm"] + abs(row["output_torque_nm"]))
     ends = 2.0 * speed * (box.inertias.driving * w_in + box.inertias.on_output * w_out)
     found = {}
     for key, span, error in (

@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=RANGE",
         dest="limits",
-        help="judge a result, e.g. t_c='.. 700 ms' or I-II:k='0.95 ..' (may be repeated)",
+        help="judge a result, e.g. t_c='.. 700 ms' or FROM-TO:k='0.95 ..' (may be repeated)",
     )
     parser.add_argument("--limits", metavar="FILE", dest="limits_file", help="the same from a .yaml file")
     parser.add_argument(

@@ -26,7 +26,7 @@ HELP = "find valve profiles and delays for an operating range: a front of trade-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument(
-        "--ways", nargs="+", metavar="WAY", help="names of both gears, e.g. I-II (default: every shift to the next gear)"
+        "--ways", nargs="+", metavar="WAY", help="names of both gears, FROM-TO (default: every shift to the next gear)"
     )
     parser.add_argument(
         "--speeds",

@@ -25,21 +25,21 @@ class ShiftPhase:
         engaging = transmission.shift(old, new).engaging
         self._kisses = [(transmission.clutches.index(clutch), clutch.kiss_pressure) for clutch in engaging]
 
-    def slip(self, n_wej: float, n_wyj: float) -> float:
+    def slip(self, w_in: float, w_out: float) -> float:
         """Return the slip of the ordered gear as a share of the input speed; speeds [rad/s]; 0 in neutral and at standstill."""
-        return self._slip(self.new, n_wej, n_wyj)
+        return self._slip(self.new, w_in, w_out)
 
-    def _slip(self, gear: int, n_wej: float, n_wyj: float) -> float:
-        if gear not in self.transmission.ratios or n_wej < STANDSTILL:
+    def _slip(self, gear: int, w_in: float, w_out: float) -> float:
+        if gear not in self.transmission.ratios or w_in < STANDSTILL:
             return 0.0
-        return self.transmission.slip(gear, n_wej, n_wyj)
+        return self.transmission.slip(gear, w_in, w_out)
 
-    def name(self, n_wej: float, n_wyj: float, pressures: Sequence[float]) -> str:
+    def name(self, w_in: float, w_out: float, pressures: Sequence[float]) -> str:
         """Return the name of the phase: fill, torque phase, inertia phase, locked or release.
 
         Parameters
         ----------
-        n_wej, n_wyj : float
+        w_in, w_out : float
             Speeds of input and output shaft [rad/s].
         pressures : (clutches,) sequence of float
             Pressures of all clutches [Pa gauge].
@@ -53,6 +53,6 @@ class ShiftPhase:
             return "release"
         if any(pressures[k] < kiss for k, kiss in self._kisses):
             return "fill"
-        if self.old != NEUTRAL and abs(self._slip(self.old, n_wej, n_wyj)) < SYNCHRONOUS and n_wej > STANDSTILL:
+        if self.old != NEUTRAL and abs(self._slip(self.old, w_in, w_out)) < SYNCHRONOUS and w_in > STANDSTILL:
             return "torque phase"
-        return "inertia phase" if abs(self.slip(n_wej, n_wyj)) > SYNCHRONOUS else "locked"
+        return "inertia phase" if abs(self.slip(w_in, w_out)) > SYNCHRONOUS else "locked"
