@@ -204,7 +204,8 @@ int main(void) {
     snprintf(name, sizeof name, "output_%d.P%d.current", k, n); give(name, n < 4 ? 0.2 * n : 0.2 * (6 - n));
   }
   for (uint32_t level = RIG_LEVEL_DUTY; level <= RIG_LEVEL_CURRENT; level++) {
-    rig_controller_info info = {sizeof info, level, 1e-3, 1.0, given, count, "", RIG_CONTROLLER_RECORD, NULL, NULL, gears, 0, 0, 3};
+    rig_controller_info info = {sizeof info, level, 1e-3, 1.0, given, count, "", RIG_CONTROLLER_RECORD, NULL, NULL, gears,
+                                RIG_OUTPUTS, 0, 3};
     double current[RIG_OUTPUTS] = {0}, measured[RIG_TRANSDUCERS] = {0}, command[RIG_OUTPUTS], setpoint[RIG_OUTPUTS];
     rig_controller_inputs in = {sizeof in, 0, 0, 0, current, measured};
     void *box = NULL;
