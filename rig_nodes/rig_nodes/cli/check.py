@@ -9,7 +9,8 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.names import RIG_FILE, find_config
+from ..base.names import RIG_FILE, find_config, with_bases
+from ..base.yaml_file import where_of
 from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ def main(args: argparse.Namespace) -> int:
     """Check a rig and return 0 when a run can begin; an error is one sentence with file and line."""
     from ..base.atomic_write import atomic_write
     from ..base.errors import not_written
+    from ..rig.alfa46 import beyond_alfa46
     from ..rig.configuration import load_rig
     from ..rig.picture import driveline_svg
     from ..runs.plan import plan_of
@@ -46,6 +48,8 @@ def main(args: argparse.Namespace) -> int:
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
     print("\n".join([*_summary(config), *_short_ranges(config)]))
+    if config.structure.shifts and (why := beyond_alfa46(config.transmission)):
+        print(f"warning: {_last_output(args.rig, config)}: {why}")
     for path in _sequences(args.rig):
         sequence = load_sequence(path, None, args.rig)
         sequence.check_rig(config)
@@ -70,6 +74,13 @@ def _beside(rig: str) -> Path:
     """Return where the picture of a rig lies: in its folder, by the name of its file where that is not the folder's only one."""
     path = find_config("rigs", rig)
     return path.with_name(PICTURE) if path.name == RIG_FILE else path.with_suffix(".svg")
+
+
+def _last_output(rig: str, config: RigConfig) -> str:
+    """Return ``file:line`` of the highest output of the rig's valves, in its own file or in that of a base."""
+    last = max(config.structure.valves, key=lambda valve: valve.wires["output"]).name
+    places = ((path, (own.get("parts") or {}).get(last) or {}) for path, own in with_bases(rig))
+    return next(where_of(path, node, "output") for path, node in places if "output" in node)
 
 
 def _sequences(rig: str) -> list[Path]:
@@ -121,7 +132,8 @@ def _summary(config: RigConfig) -> Iterator[str]:
     if structure.gears:
         box = config.transmission
         for gear in box.gears[1:]:
-            held = (*gear.clutches, *(structure.device(one).called for one in structure.gears[gear.number - 1].freewheels))
+            by = structure.gears[gear.number - 1]
+            held = (*gear.clutches, *(structure.device(one).called for one in by.freewheels), *by.elements)
             yield f"gear {gear.name}: {', '.join(held)}, ratio {gear.ratio:.5g}"
         for clutch in box.clutches:
             by = f"{clutch.valve_name} on output {clutch.output + 1}" if clutch.valve else "no valve"

@@ -252,8 +252,8 @@ def record_of(config: RigConfig) -> ControllerRecord:
     signals, box = config.catalogue.signals, config.transmission
     first = box.clutches[0]
     by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []
-    for k, name in enumerate(OUTPUT_KEYS):
-        clutch = by_output.get(k)
+    for k in range(config.structure.outputs):
+        name, clutch = f"output_{k + 1}", by_output.get(k)
         outputs.append(
             Output(name, clutch.valve, signals[clutch.current], clutch.pressure)
             if clutch

@@ -17,7 +17,7 @@ from ..base.compiled import njit
 if TYPE_CHECKING:
     from ..base.arrays import Floats, Record
 
-OUTPUTS = 3  # the controller drives up to three valves
+OUTPUTS = 3  # the Alfa46 drives up to three valves; other controllers have as many outputs as the rig wires
 GEARS = 7  # number of combinations of outputs
 NEUTRAL, GEAR_I, GEAR_II, GEAR_III = 0, 1, 2, 3
 

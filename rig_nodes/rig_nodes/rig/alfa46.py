@@ -102,6 +102,19 @@ class Alfa46Config:
         return out
 
 
+def beyond_alfa46(box: Transmission) -> str:
+    """Return why the Alfa46 cannot drive a transmission, as one sentence; empty where it can."""
+    last = max(box.clutches, key=lambda clutch: clutch.output)
+    if last.output >= law.OUTPUTS:
+        return (
+            f"the Alfa46 has {law.OUTPUTS} outputs, and {last.valve_name} is on output {last.output + 1}; run this rig with a "
+            "controller of your own (--controller)"
+        )
+    if len(box.gears) - 1 > law.GEARS:
+        return f"the Alfa46 has {law.GEARS} gears; run a rig with {len(box.gears) - 1} with a controller of your own (--controller)"
+    return ""
+
+
 def read_profile(node: Any, path: str | Path, what: str, limit: float) -> np.ndarray:
     """Read the times and currents of P1-P6.
 

@@ -22,7 +22,7 @@ from .quantities import QUANTITIES
 from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
 from .sections import MeshConfig
 from .signals import TORQUES
-from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
+from .structure import MOST_OUTPUTS, Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
 from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
@@ -355,10 +355,8 @@ class _Reader:
         if to == parts.ONE_WAY:
             return list(self.two_bodies(value, where, what, ground=True))
         if to == parts.OUTPUT:
-            from ..plant.alfa46_law import OUTPUTS  # here, because it imports compiled code that most rigs do not need
-
-            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= OUTPUTS:
-                raise RigError(f"{where}: {what} is {brief(value)}, expected output 1 to {OUTPUTS} of the controller")
+            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= MOST_OUTPUTS:
+                raise RigError(f"{where}: {what} is {brief(value)}, expected output 1 to {MOST_OUTPUTS} of the controller")
             return value
         if to == parts.LINE:
             if not isinstance(value, str) or not value.isidentifier():
@@ -510,6 +508,8 @@ class _Reader:
         clutches, freewheels = (
             [name for name, part in self.part_of_device.items() if part.role == role] for role in (parts.CLUTCH, parts.FREEWHEEL)
         )
+        elements = [*self.map_of("clutches"), *self.map_of("brakes")]
+        known = [*clutches, *freewheels, *elements]
         for number, (key, held) in enumerate(nodes.items(), 1):
             name = str(key)
             where, what = self.at(nodes, key), f"gears.{name}"
@@ -521,17 +521,21 @@ class _Reader:
             if not isinstance(held, List) or not held:
                 raise RigError(f"{where}: {what} must be a list of the clutches that hold it, found {brief(held)}")
             for one in held:
-                if one not in (*clutches, *freewheels):
-                    raise RigError(f"{where}: {what} names the clutch {brief(one)}; {meant(one, [*clutches, *freewheels])}")
+                if one not in known:
+                    raise RigError(f"{where}: {what} names the clutch {brief(one)}; {meant(one, known)}")
             if len(set(held)) < len(held):
                 raise RigError(f"{where}: {what} names a clutch twice")
             ordered = tuple(one for one in held if one in clutches)
             if not ordered:
-                raise RigError(f"{where}: {what} is held by free-wheels alone; a gear is ordered by a clutch, so name one too")
+                raise RigError(
+                    f"{where}: {what} is held by {'elements' if set(held) & set(elements) else 'free-wheels'} alone; a gear is "
+                    "ordered by a clutch of the parts, so name one too"
+                )
             same = next((gear.name for gear in out if set(gear.clutches) == set(ordered)), None)
             if same:
                 raise RigError(f"{where}: {what} is held by the same clutches as {same}; each gear has its own")
-            out.append(GearHeld(name, ordered, tuple(one for one in held if one in freewheels)))
+            others = (tuple(one for one in held if one in names) for names in (freewheels, elements))
+            out.append(GearHeld(name, ordered, *others))
         return tuple(out)
 
     def signal_names(self) -> dict[str, str]:

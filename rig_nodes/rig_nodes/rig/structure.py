@@ -18,6 +18,10 @@ from ..base.errors import RigError
 from ..plant.parts import part as parts
 
 
+LEAST_OUTPUTS = 3  # a record has no fewer, so that frames, headers and bags of rigs with one or two valves stay as they are
+MOST_OUTPUTS = 8  # the flags of rig_msgs/ValveCommand and of the CAN frames have a bit for each
+
+
 def key_of(called: str) -> str:
     """Return the beginning of the names of signals of something with a name for people: "ZR-P1" gives zr_p1."""
     return called.lower().replace("-", "_").replace(" ", "_")
@@ -173,16 +177,20 @@ class Device:
 
 @dataclass(frozen=True)
 class GearHeld:
-    """A gear with the clutches that hold it, and the free-wheels that hold it under a driving torque."""
+    """A gear with what holds it: clutches, free-wheels under a driving torque, and elements such as dog clutches.
+
+    An element is a clutch or brake of the sections of this name: its capacity is set from outside, and no valve fills it.
+    """
 
     name: str
     clutches: tuple[str, ...]
     freewheels: tuple[str, ...] = ()
+    elements: tuple[str, ...] = ()
 
     @property
     def held(self) -> tuple[str, ...]:
-        """All clutches and free-wheels that hold it."""
-        return (*self.clutches, *self.freewheels)
+        """All clutches, free-wheels and elements that hold it."""
+        return (*self.clutches, *self.freewheels, *self.elements)
 
 
 @dataclass(frozen=True)
@@ -305,6 +313,11 @@ class Structure:
         """Valves that a controller drives."""
         return self.of_role(parts.VALVE)
 
+    @cached_property
+    def outputs(self) -> int:
+        """Number of the controller's outputs: the highest that has a valve, and LEAST_OUTPUTS where that is lower."""
+        return max([LEAST_OUTPUTS, *(valve.wires["output"] for valve in self.valves)])
+
     @property
     def shifts(self) -> bool:
         """True when there are gears, and valves with which a shift controller fills their clutches."""
@@ -329,7 +342,7 @@ class Structure:
             if not out[name]:
                 del out[name]
         for one in (*out["meshes"], *out["planetary_sets"], *out["shafts"], *out["gears"]):  # older bags and most rigs lack these
-            for name in ("name", "lossy", "table", "hysteresis", "freewheels"):
+            for name in ("name", "lossy", "table", "hysteresis", "freewheels", "elements"):
                 if name in one and not one[name]:
                     del one[name]
         return out

@@ -15,7 +15,6 @@ import numpy as np
 from ..base.errors import RigError
 from ..driveline import losses
 from ..driveline.system import System
-from ..plant import alfa46_law as law
 from ..plant.engine.plan import Instance, Meter, Plan
 from ..plant.parts import part as parts
 from ..plant.parts import plates
@@ -225,7 +224,7 @@ class _Planner:
                 self._loss_rows(),
                 channels,
                 encoders,
-                law.OUTPUTS,
+                structure.outputs,
                 currents,
                 untouched=len(structure.valves),
                 inputs=inputs_of(structure),

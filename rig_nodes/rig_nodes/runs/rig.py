@@ -27,7 +27,7 @@ from ..controllers.seam import LEVELS
 from ..plant import alfa46_law as law
 from ..plant.parts import part as parts
 from ..plant.parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
-from ..rig.alfa46 import Alfa46Config, check_gains
+from ..rig.alfa46 import Alfa46Config, beyond_alfa46, check_gains
 from ..rig.commands import Setpoint
 from ..rig.configuration import RigConfig
 from ..rig.settings import CONTROLLER, Setting
@@ -39,8 +39,6 @@ from .shown_state import ShownState, facts_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
-
-NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
 
 def _channel(setting: Setting) -> str:
@@ -94,7 +92,8 @@ class Rig(RigBase, ShownState):
     Raises
     ------
     RigError
-        When an argument is none of those above, or when ``level`` has no effect on this rig.
+        When an argument is none of those above, when ``level`` has no effect on this rig, or when the rig
+        has more outputs than the embedded Alfa46.
     """
 
     def __init__(
@@ -120,6 +119,8 @@ class Rig(RigBase, ShownState):
         self.config, self.seed, self.level = config, int(seed), level if self.shifts else None
         self.settings = config.settings
         self.embedded = controller == "embedded" and self.shifts
+        if self.embedded and (why := beyond_alfa46(config.transmission)):
+            raise RigError(why)
         self.count_steps(config.kernel.step, config.catalogue)
         self._build()
         self._wired = [self.channels.index(name) for name in record_of(config).names] if self.shifts else []
@@ -159,9 +160,10 @@ class Rig(RigBase, ShownState):
         if self.shifts:
             self._law_config = config.alfa46.law_config(config.transmission)
             self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it
-        self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
+        self._setpoint, self._gear, self._shifting, self._flags = np.zeros(structure.outputs), 0, False, 0
         self._silent, self._trouble = False, ""  # tripped for the age of the commands; what is known of why none comes
-        self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
+        self._duty, self._wiring = np.zeros(structure.outputs), list(config.wiring)
+        self._nothing = (0.0,) * structure.outputs  # a command that asks for no output
 
     # ---- time
 
@@ -329,9 +331,9 @@ class Rig(RigBase, ShownState):
             0 for duty, 1 for current.
         sample : int
             The controller sample that the command answers.
-        duty : (3,) collection of float
+        duty : (outputs,) collection of float
             Duty of each output of the controller, 0 to 1; it acts at level 0.
-        setpoint : (3,) collection of float
+        setpoint : (outputs,) collection of float
             Current setpoint of each output [A]; it acts at level 1.
         gear : int
             Number of the gear that the controller reports.
@@ -359,9 +361,9 @@ class Rig(RigBase, ShownState):
         ----------
         sample : int
             The controller sample that is answered.
-        duty : (3,) collection of float
+        duty : (outputs,) collection of float
             Duty of each output of the controller, 0 to 1.
-        setpoint : (3,) collection of float
+        setpoint : (outputs,) collection of float
             Current setpoint of each output [A], for the record.
         gear : int
             Number of the gear that the controller reports.
@@ -374,13 +376,13 @@ class Rig(RigBase, ShownState):
             When the command is refused.
         """
         values = self._answer("duty", sample, duty, setpoint)
-        duty, setpoint = values[: law.OUTPUTS], values[law.OUTPUTS :]
+        duty, setpoint = values[: len(self._duty)], values[len(self._duty) :]
         if not 0.0 <= min(duty) <= max(duty) <= 1.0:
             raise RigError(f"valve command for sample {sample} refused: duty must be 0 to 1, found {duty}")
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = duty, setpoint
         self._gear, self._shifting = int(gear), bool(shifting)
-        self._to_come.append((sample + self.delay, self._act_duty, duty if self._may_act("duty", values) else NOTHING))
+        self._to_come.append((sample + self.delay, self._act_duty, duty if self._may_act("duty", values) else self._nothing))
         self._act_due()
 
     def _act_duty(self, duty: list[float]) -> None:
@@ -397,7 +399,7 @@ class Rig(RigBase, ShownState):
         ----------
         sample : int
             The controller sample that is answered.
-        setpoint : (3,) collection of float
+        setpoint : (outputs,) collection of float
             Current setpoint of each output of the controller [A].
         gear : int
             Number of the gear that the controller reports.
@@ -418,7 +420,7 @@ class Rig(RigBase, ShownState):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        current, held = (values, int(flags)) if self._may_act("current", values) else (NOTHING, 0)
+        current, held = (values, int(flags)) if self._may_act("current", values) else (self._nothing, 0)
         self._to_come.append((sample + self.delay, self._act_current, current, held))
         self._act_due()
 
@@ -441,10 +443,10 @@ class Rig(RigBase, ShownState):
         if self.level is None:
             check_level(self.config, level)
         values = [float(value) for vector in vectors for value in vector]
-        if {law.OUTPUTS} != set(map(len, vectors)) or not all(map(math.isfinite, values)):
-            what = (
-                "duty and setpoint must be 3 finite numbers each" if level == "duty" else ("the setpoint must be 3 finite numbers")
-            )
+        outputs = len(self._nothing)
+        if {outputs} != set(map(len, vectors)) or not all(map(math.isfinite, values)):
+            numbers = f"must be {outputs} finite numbers"
+            what = f"duty and setpoint {numbers} each" if level == "duty" else f"the setpoint {numbers}"
             raise RigError(f"valve command for sample {sample} refused: {what}")
         if not self._last_command < sample <= self.sample:
             raise RigError(
@@ -571,7 +573,7 @@ class Rig(RigBase, ShownState):
 
     @property
     def duty(self) -> np.ndarray:
-        """Duty that the controller commands (3,), which acts from the next boundary on; 0 at level "current"."""
+        """Duty that the controller commands (outputs,), which acts from the next boundary on; 0 at level "current"."""
         return self._law_outputs["duty"] if self.embedded else self._duty
 
     @property
@@ -581,7 +583,7 @@ class Rig(RigBase, ShownState):
 
     @property
     def setpoint(self) -> np.ndarray:
-        """Current setpoints of the controller's outputs (3,) [A]."""
+        """Current setpoints of the controller's outputs (outputs,) [A]."""
         return self._law_outputs["setpoint"] if self.embedded else self._setpoint
 
     def coil_duty(self, name: str) -> float:
@@ -605,18 +607,18 @@ class Rig(RigBase, ShownState):
 
         Returns
         -------
-        currents : (3,) list of float
+        currents : (outputs,) list of float
             Measured coil current at each output of the controller [A].
         measured : (transducers,) list of float
             Values of the controller's transducers in the order of its record [SI].
         """
-        row, currents = self.row().tolist() if row is None else row, [0.0] * law.OUTPUTS
+        row, currents = self.row().tolist() if row is None else row, list(self._nothing)
         for column, output in self._currents:
             currents[output] = row[column]
         return currents, [row[column] for column in self._wired]
 
     def coil_currents(self) -> np.ndarray:
-        """Return the measured currents at the controller's outputs (3,) [A]."""
+        """Return the measured currents at the controller's outputs (outputs,) [A]."""
         return np.array(self.seen()[0])
 
     def number(self, place: int) -> float:

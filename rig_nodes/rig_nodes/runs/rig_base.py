@@ -117,8 +117,8 @@ class RigBase(ABC):
         self.v, self.mode = self.world.line["v"], self.world.line["mode"]
         self._by = BY_DUTY
         self._law_config, self._law_profiles = np.zeros(1, law.LAW_CONFIG), np.zeros((law.OUTPUTS, 6, 2))
-        self._law_outputs, self._law_state = np.zeros(law.OUTPUTS, law.LAW_OUTPUT), np.zeros(1, law.LAW_STATE)
-        self._commands = np.zeros((LOG_SAMPLES, loop.COMMAND))
+        self._law_outputs, self._law_state = np.zeros(plan.outputs, law.LAW_OUTPUT), np.zeros(1, law.LAW_STATE)
+        self._commands = np.zeros((LOG_SAMPLES, 2 + 2 * plan.outputs))
         self._moments = np.zeros((LOG_SAMPLES // TICK_SAMPLES, len(self.world.moved)), np.int64)
         self._capacities = np.zeros((len(self._moments), len(plan.system.elements)))
         self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
@@ -280,7 +280,7 @@ class RigBase(ABC):
 
         Returns
         -------
-        (count, plant.engine.loop.COMMAND) array of float
+        (count, 2 + 2 outputs) array of float
             Gear, 1 while it shifts, duty of each output, setpoint of each output [A].
         """
         return self._commands[(first + np.arange(count)) % LOG_SAMPLES]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...base.errors import RigError
 from ...plant import alfa46_law as law
-from ...rig.alfa46 import Alfa46Config
+from ...rig.alfa46 import Alfa46Config, beyond_alfa46
 from ...rig.transmission import Transmission
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> 
     """
     if gear not in box.names:
         return f"there is no gear {gear}; order {box.spoken}"
-    if gear and (gear > law.GEARS or not box.outputs(gear)):
-        return f"gear {box.names[gear]} has no output of the controller; the valves of its clutches have one of {law.OUTPUTS} each"
+    if gear and not box.outputs(gear):
+        return f"gear {box.names[gear]} has no output of the controller, because none of its clutches has a valve"
     if shifting:
         return f"a shift to {box.names[current_gear]} is still running; wait for its end"
     if gear == current_gear:
@@ -62,9 +62,16 @@ class Alfa46:
         The settings.
     transmission : Transmission
         The transmission whose gears can be ordered; each gear drives the outputs of the valves of its clutches.
+
+    Raises
+    ------
+    RigError
+        When the transmission has a valve on an output that the Alfa46 lacks.
     """
 
     def __init__(self, config: Alfa46Config, transmission: Transmission) -> None:
+        if why := beyond_alfa46(transmission):
+            raise RigError(why)
         self.config, self.transmission = config, transmission
         self._config = config.law_config(transmission)
         self._profiles = np.ascontiguousarray(config.profiles)

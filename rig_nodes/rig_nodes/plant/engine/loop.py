@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from ...base.clocks import TICK_SAMPLES
 from ...base.compiled import INLINED, INNER, njit
 from ...driveline.algebra import KIN1, N_CAPPED
-from ..alfa46_law import OFF, OUTPUTS, current_loop, law_step
+from ..alfa46_law import OFF, current_loop, law_step
 from ..instruments import transducers
 from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from ...base.arrays import Floats, Ints, Record
 
-COMMAND = 2 + 2 * OUTPUTS  # numbers of a row of the law's commands
 EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
 
 
@@ -231,7 +230,7 @@ def advance(
         Arrays of the gauges.
     law_config, law_profiles, law_outputs, law_state : arrays
         Arrays of the law.
-    commands : (samples, COMMAND) array of float
+    commands : (samples, 2 + 2 outputs) array of float
         Ring of the law's commands: :func:`put_command` writes the row of each sample that the law answers.
     moments, capacities : (ticks, count) array of int64, (ticks, elements) array of float
         Rings with ``moved`` at each tick of the graph, and with the capacities of the driveline's elements then.
