@@ -20,6 +20,12 @@ enum { RIG_OUTPUTS = 3, RIG_TRANSDUCERS = 4 };
 enum { RIG_OUTPUT_1 = 0, RIG_OUTPUT_2 = 1, RIG_OUTPUT_3 = 2 }; /* places in current, command and setpoint */
 enum { RIG_GEAR_NEUTRAL = 0, RIG_GEAR_I = 1, RIG_GEAR_II = 2 };
 
+/* Outputs that a gear needs, bit k for output k: those of the valves of its clutches. */
+static inline uint32_t rig_outputs_of(uint32_t gear) {
+  static const uint8_t outputs[] = {0x00, 0x01, 0x02};
+  return gear < sizeof outputs ? outputs[gear] : 0;
+}
+
 typedef struct rig_measured {
   double n_wej; /* Speed of the input shaft w0 [rad/s]; positive in the driving direction */
   double n_wyj; /* Speed of the output shaft wk [rad/s]; positive in the driving direction */

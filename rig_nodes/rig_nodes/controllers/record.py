@@ -66,12 +66,15 @@ class Gear:
         Input speed over output speed; None where no clutch holds.
     presses : tuple of (str, float)
         For each clutch that holds the gear: its pressure transducer, and the reading at which its plates touch [Pa, gauge].
+    outputs : tuple of int
+        Outputs of the valves of these clutches, counted from 0.
     """
 
     number: int
     name: str
     ratio: float | None = None
     presses: tuple[tuple[str, float], ...] = ()
+    outputs: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -265,6 +268,7 @@ def record_of(config: RigConfig) -> ControllerRecord:
             gear.name,
             gear.ratio,
             tuple((clutch.pressure, clutch.kiss_pressure) for clutch in box.engaged(gear.number)),
+            gear.outputs,
         )
         for gear in box.gears
     )

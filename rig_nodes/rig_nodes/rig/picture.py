@@ -112,9 +112,9 @@ def driveline_svg(config: Drawn) -> str:
         a, b = device.wires["joins"]
         if "ground" in (a, b):
             bodies[b if a == "ground" else a].one_way.append((device.called, "not backwards" if a == "ground" else "not forwards"))
+    called = {device.name: device.called for device in structure.devices}
     table = [
-        f"{gear.name}: {', '.join(structure.device(one).called for one in gear.held)}, ratio "
-        f"{config.transmission.ratios[number]:.4g}"
+        f"{gear.name}: {', '.join(called.get(one, one) for one in gear.held)}, ratio {config.transmission.ratios[number]:.4g}"
         for number, gear in enumerate(structure.gears, 1)
     ]
     return svg(

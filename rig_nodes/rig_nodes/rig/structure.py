@@ -17,7 +17,6 @@ from typing import Any
 from ..base.errors import RigError
 from ..plant.parts import part as parts
 
-
 LEAST_OUTPUTS = 3  # a record has no fewer, so that frames, headers and bags of rigs with one or two valves stay as they are
 MOST_OUTPUTS = 8  # the flags of rig_msgs/ValveCommand and of the CAN frames have a bit for each
 

@@ -18,6 +18,7 @@ NAME = "rig_record.h"
 def header_text(record: ControllerRecord) -> str:
     """Return the text of a record's header."""
     outputs = [f"{_word(output.name)} = {k}" for k, output in enumerate(record.outputs)]
+    bits = [f"0x{sum(1 << output for output in gear.outputs):02x}" for gear in record.gears]
     gears = [f"GEAR_{_word(gear.name)} = {gear.number}" for gear in record.gears]
     measured = [
         f"  double {signal.name}; /* {signal.text.rstrip('.')} [{signal.unit}]; {signal.sign} */" for signal in record.transducers
@@ -46,6 +47,12 @@ def header_text(record: ControllerRecord) -> str:
                 f"enum {{ RIG_OUTPUTS = {len(record.outputs)}, RIG_TRANSDUCERS = {len(record.transducers)} }};",
                 f"enum {{ {', '.join(f'RIG_{entry}' for entry in outputs)} }}; /* places in current, command and setpoint */",
                 f"enum {{ {', '.join(f'RIG_{entry}' for entry in gears)} }};",
+                "",
+                "/* Outputs that a gear needs, bit k for output k: those of the valves of its clutches. */",
+                "static inline uint32_t rig_outputs_of(uint32_t gear) {",
+                f"  static const uint8_t outputs[] = {{{', '.join(bits)}}};",
+                "  return gear < sizeof outputs ? outputs[gear] : 0;",
+                "}",
                 "",
                 "typedef struct rig_measured {",
                 *measured,

@@ -128,11 +128,15 @@ class CanBus(FreeRunning):
         record = self.rig_record
         by_name = {message.name: message for message in frames.database(record).messages}
         self._commands = commands(record, self.level)
-        command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
-        self._expected = {frames.FRAME_IDS[n]: by_name[n] for n in (frames.STATE, command)}
-        self._expected_groups = {frames.GROUPS[n]: by_name[n] for n in (frames.STATE, command)}
-        self._rig_frames = {frames.FRAME_IDS[n]: n for n in (frames.REQUEST, frames.MEASURED, frames.CURRENTS)}
+        self._last = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
+        self._parts = [name for name, _ in frames.split(self._last, self._commands)]  # frames of a command; the last completes it
+        expected = (frames.STATE, *self._parts)
+        self._expected = {frames.FRAME_IDS[n]: by_name[n] for n in expected}
+        self._expected_groups = {frames.GROUPS[n]: by_name[n] for n in expected}
+        sent = {m.name for m in by_name.values() if m.senders == [frames.RIG]} & frames.FRAME_IDS.keys()
+        self._rig_frames = {frames.FRAME_IDS[n]: n for n in sent}
         self._state: dict | None = None
+        self._raw: dict[str, dict] = {}  # frames of the command that is not complete yet
         self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> content of the first frame
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest ones
         self._node = None
@@ -252,12 +256,18 @@ class CanBus(FreeRunning):
         raw = message.decode_simple(bytes(frame.data), decode_choices=False, scaling=False)
         self._compare(message.name, raw)
         if message.name == frames.STATE:
-            self._state = raw
+            self._state, self._raw = raw, {}
             return
-        if self._state is None or self._state["sample"] != raw["sample"]:
-            self.ignored.add(f"frame {message.name} came without the {frames.STATE} of its sample before it")
+        self._raw[message.name] = raw
+        if message.name != self._last:
             return
-        command = [wire.decode(raw[wire.name]) for wire in self._commands]
+        before = {frames.STATE: self._state, **{name: self._raw.get(name) for name in self._parts}}
+        for name, one in before.items():
+            if one is None or one["sample"] != raw["sample"]:
+                self.ignored.add(f"frame {message.name} came without the {name} of its sample before it")
+                return
+        numbers = {key: value for one in self._raw.values() for key, value in one.items()}
+        command = [wire.decode(numbers[wire.name]) for wire in self._commands]
         state, self._state = self._state, None
         self.received(
             ControllerOutputs(
@@ -276,7 +286,7 @@ class CanBus(FreeRunning):
         first = self._answers.setdefault((name, raw["sample"]), raw)
         if len(self._answers) > REMEMBERED:
             del self._answers[next(iter(self._answers))]
-        keys = ("gear", "shifting") if name == frames.STATE else [wire.name for wire in self._commands]
+        keys = ("gear", "shifting") if name == frames.STATE else raw.keys() - {"sample"}
         if max(abs(raw[key] - first[key]) for key in keys) <= (0 if name == frames.STATE else FAR):
             return
         now = time.monotonic()

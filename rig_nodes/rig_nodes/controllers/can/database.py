@@ -36,8 +36,22 @@ AS_GROUP = "_J1939"  # follows the name of a controller's frame in its form as a
 CYCLES = {REQUEST: 10, MEASURED: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
 CYCLES |= {CLAIM: 0, ACKNOWLEDGE: 0}  # on request
 RIG, CONTROLLER = "RIG", "CONTROLLER"
-# what a frame of 8 bytes has room for (beside the sample's number); a rig with more cannot use CAN
-MOST_MEASURED, MOST_OUTPUTS = 4, 3
+# Numbers for which a frame of 8 bytes has room, in RIG_MEASURED or beside the sample's number; more of them are in frames _2 to _4.
+MEASURED_ROOM, ROOM, MOST_FRAMES = 4, 3, 4
+for _table, _step in ((FRAME_IDS, 0x10), (GROUPS, 0x10), (PRIORITIES, 0), (CYCLES, 0)):
+    for _name in (MEASURED, CURRENTS, COMMAND_CURRENT, COMMAND_DUTY):
+        if _name in _table:
+            _table |= {f"{_name}_{k + 1}": _table[_name] + k * _step for k in range(1, MOST_FRAMES)}
+
+
+def split(name: str, wires: list[Wire]) -> list[tuple[str, list[Wire]]]:
+    """Return the frames that carry these wires, each with its name and its wires, in the order in which they are sent.
+
+    The frame that is called ``name`` has the first wires and comes last.
+    """
+    room = MEASURED_ROOM if name == MEASURED else ROOM
+    places = range(0, len(wires), room)
+    return [(f"{name}_{k // room + 1}" if k else name, wires[k : k + room]) for k in reversed(places)]
 
 
 def need_can() -> ModuleType:
@@ -84,11 +98,10 @@ def database(record: ControllerRecord) -> Database:
         When cantools is not installed, or a frame has no room for the record.
     """
     need_cantools()
-    if len(record.outputs) > MOST_OUTPUTS or len(record.transducers) > MOST_MEASURED:
+    if len(record.transducers) > MOST_FRAMES * MEASURED_ROOM:
         raise RigError(
-            f"this rig's record has {len(record.outputs)} outputs and {len(record.transducers)} transducers, the "
-            f"CAN frames have room for {MOST_OUTPUTS} and {MOST_MEASURED}; bring the controller over UDP or as a "
-            "ROS 2 node"
+            f"this rig's record has {len(record.transducers)} transducers, the CAN frames have room for "
+            f"{MOST_FRAMES * MEASURED_ROOM}; bring the controller over UDP or as a ROS 2 node"
         )
     from cantools.database.can import Database, Node
 
@@ -194,17 +207,18 @@ def _rig_messages(record: ControllerRecord) -> list:
             ],
             "Every 10 ms and when the order changes.",
         ),
-        _message(
-            MEASURED,
-            RIG,
-            [_wire(wire, 16 * k) for k, wire in enumerate(measured(record))],
-            "What the controller's transducers show.",
+        *(
+            _message(name, RIG, [_wire(wire, 16 * k) for k, wire in enumerate(wires)], "What the controller's transducers show.")
+            for name, wires in reversed(split(MEASURED, measured(record)))
         ),
-        _message(
-            CURRENTS,
-            RIG,
-            [sample, *(_wire(wire, 16 * k) for k, wire in enumerate(currents(record), 1))],
-            "Coil currents; the last message of a sample.",
+        *(
+            _message(
+                name,
+                RIG,
+                [sample, *(_wire(wire, 16 * k) for k, wire in enumerate(wires, 1))],
+                "Coil currents; the last message of a sample." if name == CURRENTS else f"Coil currents; before {CURRENTS}.",
+            )
+            for name, wires in reversed(split(CURRENTS, currents(record)))
         ),
     ]
 
@@ -227,17 +241,18 @@ def _controller_messages(record: ControllerRecord, group: bool) -> list:
         j1939.NULL,
     )
     out = [state]
-    for name, level in ((COMMAND_CURRENT, "current"), (COMMAND_DUTY, "duty")):
-        out.append(
+    for last, level in ((COMMAND_CURRENT, "current"), (COMMAND_DUTY, "duty")):
+        out += [
             _message(
                 name,
                 CONTROLLER,
-                [_signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(commands(record, level), 1))],
-                f"Completes an answer at level {level}.",
+                [_signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(wires, 1))],
+                f"Completes an answer at level {level}." if name == last else f"Between {STATE} and {last}.",
                 group,
                 j1939.NULL,
             )
-        )
+            for name, wires in reversed(split(last, commands(record, level)))
+        ]
     return out
 
 

@@ -89,7 +89,13 @@ class RigFrames:
         self.gear, self.shifting = NEUTRAL, j1939.NOT_AVAILABLE
         self._record, self._level, self._put_frame, self._every, self._address = record, level, put, every, address
         self._by_name = {message.name: message for message in frames.database(record).messages}
-        self._measured, self._currents, self._commands = measured(record), currents(record), commands(record, level)
+        command = frames.COMMAND_CURRENT if level == "current" else frames.COMMAND_DUTY
+        self._measured, self._currents = measured(record), currents(record)
+        self._commands = commands(record, level)
+        wires = {frames.MEASURED: self._measured, frames.CURRENTS: self._currents, command: self._commands}
+        self._split = {
+            name: [(one, [wire.name for wire in some]) for one, some in frames.split(name, wires[name])] for name in wires
+        }
         self._gearbox, self._shown, self._requested = Gearbox(record), None, None
 
     def _put(self, name: str, values: dict) -> None:
@@ -99,6 +105,11 @@ class RigFrames:
         if message.is_extended_frame:
             number = number & ~0xFF | self._address
         self._put_frame(number, data, message.is_extended_frame)
+
+    def _put_all(self, name: str, values: dict, **head: int) -> None:
+        """Put the frames over which values are split, each with ``head``."""
+        for one, own in self._split[name]:
+            self._put(one, {**head, **{key: values[key] for key in own}})
 
     def take(self, inputs: ControllerInputs, shifting: bool, groups: bool) -> None:
         """Put the frames of a sample.
@@ -117,8 +128,8 @@ class RigFrames:
             self._requested = request
             self._put(frames.REQUEST, {"gear_request": request, "level": int(self._level == "current")})
         if sample % self._every == 0:
-            self._put(frames.MEASURED, _raw(self._measured, inputs.measured))
-            self._put(frames.CURRENTS, {"sample": sample & 0xFFFF, **_raw(self._currents, inputs.current)})
+            self._put_all(frames.MEASURED, _raw(self._measured, inputs.measured))
+            self._put_all(frames.CURRENTS, _raw(self._currents, inputs.current), sample=sample & 0xFFFF)
         self._gearbox.see(inputs, shifting)
         self._shown = inputs
         if groups and sample % frames.CYCLES[frames.ETC1] == 0:
@@ -183,7 +194,7 @@ class RigFrames:
         name = frames.COMMAND_CURRENT if self._level == "current" else frames.COMMAND_DUTY
         echo = sample & 0xFFFF
         self._put(frames.STATE, {"sample": echo, "gear": gear, "shifting": int(shifting), "flags": flags, "status": 0})
-        self._put(name, {"sample": echo, **_raw(self._commands, command)})
+        self._put_all(name, _raw(self._commands, command), sample=echo)
 
 
 def _raw(wires: list, values: Iterable[float]) -> dict[str, int]:

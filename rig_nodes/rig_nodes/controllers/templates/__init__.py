@@ -8,7 +8,7 @@ A template is a folder beside this file and, for plugs that need them, files of 
 
 from __future__ import annotations
 
-import shutil
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -63,7 +63,7 @@ KINDS = {
     ),
     "udp-python": Kind(
         "udp_python",
-        LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"},
+        LAW | {"rig_udp.py": HERE.parent / "udp" / "frames.py"},
         ("python3 {dir}/my_controller.py &", *tries("udp:9002 --level current"), END),
     ),
     "fmu": Kind(
@@ -85,7 +85,7 @@ KINDS = {
     "modbus": Kind("modbus", {}, (".venv/bin/python {dir}/my_plc.py &", *tries("modbus:5020"), END)),
     "ros-python": Kind(
         "ros_python",
-        LAW | {"rig_ros.py": HERE.parent / "ros_node.py"},
+        LAW | {"rig_ros.py": HERE.parent / "ros" / "node.py"},
         (".venv/bin/python {dir}/my_controller.py &", *tries("ros: --level current"), END),
     ),
     "ros-cpp": Kind(
@@ -105,6 +105,19 @@ KINDS = {
 }
 
 
+def _of_rig(text: str, record: ControllerRecord) -> str:
+    """Return a template in Python with what it has of a rig, in the lines of its constants, from the record of another one."""
+    table = ", ".join(f"{gear.number}: {gear.outputs}" for gear in record.gears)
+    outputs, read = len(record.outputs), 4 + len(record.outputs) + len(record.transducers)
+    for old, new in (
+        (r"OUTPUTS_OF = \{.*\}", f"OUTPUTS_OF = {{{table}}}"),
+        (r"OUTPUTS = \d+", f"OUTPUTS = {outputs}"),
+        (r"READ, OUTPUTS = \d+, \d+", f"READ, OUTPUTS = {read}, {outputs}"),
+    ):
+        text = re.sub(f"^{old}", new, text, flags=re.M)
+    return text
+
+
 def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[list[Path], list[str]]:
     """(files written, commands to try them) for one of KINDS and the record of a rig; RigError when the folder is not new or
     empty.
@@ -119,7 +132,8 @@ def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[li
     sources = {path.name: path for path in sorted((HERE / chosen.folder).iterdir()) if path.is_file()}
     written = []
     for name, source in (sources | chosen.files).items():
-        shutil.copyfile(source, target / name)
+        text = source.read_text(encoding="utf-8")
+        (target / name).write_text(_of_rig(text, record) if name.endswith(".py") else text, encoding="utf-8")
         written.append(target / name)
     if chosen.record:
         (target / NAME).write_text(header_text(record), encoding="utf-8")

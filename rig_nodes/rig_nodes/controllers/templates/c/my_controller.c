@@ -31,11 +31,11 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 }
 
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
-  double elapsed;
+  uint32_t k, on, off;
+  double elapsed, wanted;
   (void)instance;
-  if (in->gear_request > RIG_OUTPUTS) {
-    snprintf(out->message, sizeof out->message, "gear %u has no output in this law, which gives output k to gear k",
-             (unsigned)in->gear_request);
+  if (in->gear_request && !rig_outputs_of(in->gear_request)) {
+    snprintf(out->message, sizeof out->message, "gear %u has no output on this rig", (unsigned)in->gear_request);
     return RIG_ERROR;
   }
   if (in->gear_request != gear) {
@@ -44,10 +44,16 @@ int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_con
     since = in->time;
   }
   elapsed = in->time - since;
-  if (old && elapsed < OVERLAP + 0.2) out->command[old - 1] = elapsed < OVERLAP ? HELD : RELEASE;
-  if (gear) {
-    const double wanted = PLATEAU + (elapsed > FILL ? SLOPE * (elapsed - FILL) : 0.0);
-    out->command[gear - 1] = wanted < HELD ? wanted : HELD;
+  wanted = PLATEAU + (elapsed > FILL ? SLOPE * (elapsed - FILL) : 0.0);
+  if (wanted > HELD) wanted = HELD;
+  on = rig_outputs_of(gear);
+  off = rig_outputs_of(old);
+  for (k = 0; k < RIG_OUTPUTS; k++) {
+    if (on >> k & 1) {
+      out->command[k] = off >> k & 1 ? HELD : wanted; /* a clutch of both gears stays held */
+    } else if (off >> k & 1 && elapsed < OVERLAP + 0.2) {
+      out->command[k] = elapsed < OVERLAP ? HELD : RELEASE;
+    }
   }
   out->gear = gear;
   out->shifting = elapsed < 1.5;

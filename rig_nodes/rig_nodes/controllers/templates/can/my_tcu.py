@@ -19,7 +19,8 @@ from rig_nodes.controllers.can.loopback import LoopbackBus
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
-GEARS = 3  # number of the last gear; gear k has output k
+OUTPUTS = 3  # of the controller
+OUTPUTS_OF = {0: (), 1: (0,), 2: (1,)}  # outputs that each gear needs, from the rig
 
 DBC = Path(__file__).with_name("rig.dbc")
 if not DBC.is_file():
@@ -28,6 +29,8 @@ if not DBC.is_file():
 database = cantools.database.load_file(DBC)
 rig_request = database.get_message_by_name("RIG_REQUEST")
 rig_currents = database.get_message_by_name("RIG_CURRENTS")
+# a rig with more than three outputs has further frames of commands, CONTROL_COMMAND_CURRENT_2 and on; the first one comes last
+commands = [m for m in database.messages if m.name.startswith("CONTROL_COMMAND_CURRENT") and not m.is_extended_frame][::-1]
 
 
 class Law:
@@ -41,11 +44,13 @@ class Law:
         if request != self.gear:
             self.old, self.gear, self.since = self.gear, request, time
         elapsed = time - self.since
-        command = [0.0, 0.0, 0.0]
-        if self.old and elapsed < OVERLAP + 0.2:
-            command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
-        if self.gear:
-            command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
+        command = [0.0] * OUTPUTS
+        if elapsed < OVERLAP + 0.2:
+            for k in OUTPUTS_OF[self.old]:
+                command[k] = HELD if elapsed < OVERLAP else RELEASE
+        for k in OUTPUTS_OF[self.gear]:
+            kept = k in OUTPUTS_OF[self.old]  # a clutch of both gears
+            command[k] = HELD if kept else min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
         return command, elapsed < 1.5
 
 
@@ -90,17 +95,15 @@ def answer(bus: can.BusABC) -> None:
         if law is None or ahead > 1000:  # the counter jumped back: a new run, and the law begins anew
             law, time, ahead = Law(), 0.0, 0
         last, time = sample, time + 0.001 * ahead
-        if request > GEARS:  # this law has no output for such a gear: the rig trips with status 2, an error
+        if request and not OUTPUTS_OF.get(request):  # a gear without an output: the rig trips with status 2, an error
             send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": 0, "flags": 0, "status": 2})
-            command = [0.0, 0.0, 0.0]
+            command = [0.0] * OUTPUTS
         else:
             command, shifting = law.step(time, request)
             send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": int(shifting), "flags": 0, "status": 0})
-        send(
-            bus,
-            "CONTROL_COMMAND_CURRENT",
-            {"sample": sample, "command_1": command[0], "command_2": command[1], "command_3": command[2]},
-        )
+        values = {"sample": sample, **{f"command_{k}": value for k, value in enumerate(command, 1)}}
+        for message in commands:
+            send(bus, message.name, {one.name: values[one.name] for one in message.signals})
 
 
 if __name__ == "__main__":

@@ -25,8 +25,15 @@ class MyController {
       since_ = in.time;
     }
     const double elapsed = in.time - since_;
-    if (old_ && elapsed < kOverlap + 0.2) out.command[old_ - 1] = elapsed < kOverlap ? held_ : kRelease;
-    if (gear_) out.command[gear_ - 1] = std::min(kPlateau + kSlope * std::max(0.0, elapsed - kFill), held_);
+    const double wanted = std::min(kPlateau + kSlope * std::max(0.0, elapsed - kFill), held_);
+    const uint32_t on = rig_outputs_of(gear_), off = rig_outputs_of(old_);
+    for (uint32_t k = 0; k < RIG_OUTPUTS; k++) {
+      if (on >> k & 1) {
+        out.command[k] = off >> k & 1 ? held_ : wanted;  // a clutch of both gears stays held
+      } else if (off >> k & 1 && elapsed < kOverlap + 0.2) {
+        out.command[k] = elapsed < kOverlap ? held_ : kRelease;
+      }
+    }
     out.gear = gear_;
     out.shifting = elapsed < 1.5;
   }
@@ -52,9 +59,8 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 
 // No exception may leave this function, because its caller is written in C.
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
-  if (in->gear_request > RIG_OUTPUTS) {
-    std::snprintf(out->message, sizeof out->message, "gear %u has no output in this law, which gives output k to gear k",
-                  (unsigned)in->gear_request);
+  if (in->gear_request && !rig_outputs_of(in->gear_request)) {
+    std::snprintf(out->message, sizeof out->message, "gear %u has no output on this rig", (unsigned)in->gear_request);
     return RIG_ERROR;
   }
   try {

@@ -15,7 +15,8 @@ from pymodbus.exceptions import ModbusException
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.35, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
-READ, GEARS = 11, 3  # registers that the rig has to read; number of the last gear, where gear k has output k
+READ, OUTPUTS = 11, 3  # registers that the rig has to read; outputs of the controller
+OUTPUTS_OF = {0: (), 1: (0,), 2: (1,)}  # outputs that each gear needs, from the rig
 
 
 class Law:
@@ -29,17 +30,19 @@ class Law:
         if request != self.gear:
             self.old, self.gear, self.since = self.gear, request, now
         elapsed = now - self.since
-        command = [0.0, 0.0, 0.0]
-        if self.old and elapsed < OVERLAP + 0.2:
-            command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
-        if self.gear:
-            command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
+        command = [0.0] * OUTPUTS
+        if elapsed < OVERLAP + 0.2:
+            for k in OUTPUTS_OF[self.old]:
+                command[k] = HELD if elapsed < OVERLAP else RELEASE
+        for k in OUTPUTS_OF[self.gear]:
+            kept = k in OUTPUTS_OF[self.old]  # a clutch of both gears
+            command[k] = HELD if kept else min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
         return command, elapsed < 1.5
 
 
 def serve(client: ModbusTcpClient) -> None:
     """Until the rig goes, read a sample and write the answer to the one before with each request."""
-    law, heartbeat, command, shifting, status = Law(), 0, [0.0, 0.0, 0.0], False, 0
+    law, heartbeat, command, shifting, status = Law(), 0, [0.0] * OUTPUTS, False, 0
     while True:
         heartbeat = heartbeat % 65535 + 1
         written = [heartbeat, *(round(ma / 0.02) for ma in command), law.gear, int(shifting), 0, status]
@@ -47,8 +50,8 @@ def serve(client: ModbusTcpClient) -> None:
         if answer.isError() or len(answer.registers) != READ:
             return
         sample, request = answer.registers[0] << 16 | answer.registers[1], answer.registers[2]
-        status = 0 if request <= GEARS else 2  # of a gear without an output: an error, with which the rig trips
-        command, shifting = law.step(0.001 * sample, request) if status == 0 else ([0.0, 0.0, 0.0], False)
+        status = 2 if request and not OUTPUTS_OF.get(request) else 0  # of a gear without an output: an error; the rig trips
+        command, shifting = law.step(0.001 * sample, request) if status == 0 else ([0.0] * OUTPUTS, False)
         time.sleep(0.001)
 
 

@@ -14,35 +14,37 @@
 ExtU rtU;
 ExtY rtY;
 
-static uint8_T old;
+static uint8_T on, off; /* outputs of the gear and of the one before */
 static real_T since;
 
 void my_model_initialize(void) {
   rtY.gear = 0U;
-  old = 0U;
+  on = off = 0U;
   since = -10.0; /* no shift is running */
 }
 
 void my_model_step(void) {
-  real_T wanted[2] = {0.0, 0.0};
-  real_T elapsed;
-  if (rtU.gear_request <= 2U && rtU.gear_request != rtY.gear) { /* this model has outputs for two gears */
-    old = rtY.gear;
+  real_T elapsed, wanted;
+  int k;
+  if (rtU.gear_request != rtY.gear) {
+    off = on;
+    on = rtU.outputs;
     rtY.gear = rtU.gear_request;
     since = rtU.time;
   }
   elapsed = rtU.time - since;
-  if (old > 0U && elapsed < 0.55) {
-    wanted[old - 1] = elapsed < 0.35 ? 0.74 : 0.13;
+  wanted = elapsed < 0.3 ? 0.22 : 0.22 + 1.2 * (elapsed - 0.3);
+  if (wanted > 0.74) {
+    wanted = 0.74;
   }
-  if (rtY.gear > 0U) {
-    wanted[rtY.gear - 1] = elapsed < 0.3 ? 0.22 : 0.22 + 1.2 * (elapsed - 0.3);
-    if (wanted[rtY.gear - 1] > 0.74) {
-      wanted[rtY.gear - 1] = 0.74;
+  for (k = 0; k < 8; k++) {
+    rtY.current[k] = 0.0;
+    if (on >> k & 1) {
+      rtY.current[k] = off >> k & 1 ? 0.74 : wanted; /* a clutch of both gears stays held */
+    } else if (off >> k & 1 && elapsed < 0.55) {
+      rtY.current[k] = elapsed < 0.35 ? 0.74 : 0.13;
     }
   }
-  rtY.current_1 = wanted[0];
-  rtY.current_2 = wanted[1];
   rtY.shifting = (boolean_T)(elapsed < 1.5);
 }
 

@@ -12,12 +12,12 @@
 typedef struct {
   real_T time;         /* s */
   uint8_T gear_request;
-  real_T speed;        /* rad/s */
+  uint8_T outputs;     /* those that the ordered gear needs, bit k for output k */
+  real_T n_in;         /* rad/s */
 } ExtU;
 
 typedef struct {
-  real_T current_1;    /* A */
-  real_T current_2;    /* A */
+  real_T current[8];   /* A */
   uint8_T gear;
   boolean_T shifting;
 } ExtY;

@@ -11,17 +11,18 @@
 
 #define RIG_MODEL my_model
 #define RIG_LEVELS RIG_LEVEL_CURRENT
+#define RIG_ERROR_STATUS (rtU.gear_request && !rtU.outputs ? "the ordered gear has no output on this rig" : NULL)
 #include "rig_simulink.h"
 
 static void rig_inputs(const rig_controller_inputs *in) {
   rtU.time = in->time;
   rtU.gear_request = (uint8_T)in->gear_request;
-  rtU.speed = in->measured[0]; /* by name: rig_measured_of(in)->..., see rig_record.h */
+  rtU.outputs = (uint8_T)rig_outputs_of(in->gear_request);
+  rtU.n_in = in->measured[0];
 }
 
 static void rig_outputs(rig_controller_outputs *out) {
-  out->command[0] = rtY.current_1;
-  out->command[1] = rtY.current_2;
+  for (int k = 0; k < RIG_OUTPUTS; k++) out->command[k] = rtY.current[k];
   out->gear = rtY.gear;
   out->shifting = rtY.shifting;
 }
