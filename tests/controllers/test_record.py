@@ -76,8 +76,8 @@ def test_a_transducer_that_would_hide_another_part_of_a_sample_is_refused(config
 
 
 def test_a_wire_without_room_for_the_record_is_refused_in_one_sentence(other):
-    with pytest.raises(RigError, match="4 outputs and 2 transducers, the CAN frames have room for 3 and 4; bring"):
-        database(other)
+    with pytest.raises(RigError, match="has 18 transducers, the CAN frames have room for 16; bring"):
+        database(replace(other, transducers=other.transducers * 9))
     rows = register_map(other)
     assert [row.name for row in rows if row.access == "read"][4:] == [*(f"current_{k}" for k in range(1, 5)), "T_oil", "p_p"]
     assert [row.address for row in rows if row.access == "write"] == [*range(32, 41)]

@@ -142,8 +142,8 @@ def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, mon
         assert main(["controller", "new", "simulink", "mine"]) == 0
         parameter = "typedef struct { real_T t12; } P;\nextern P rtP;\nextern ExtU rtU;"
         for old, new in (
-            ("n_wej; ", "n_in_rpm; "),
-            ("i_zr_p", "i_valve_"),
+            ("n_in; ", "n_in_rpm; "),
+            ("current[", "i_valve["),
             ("extern ExtU rtU;", parameter),
             ("ExtU rtU;\nExtY", "P rtP;\nExtU rtU;\nExtY"),
             ("my_model.h", "your_model.h"),
