@@ -8,9 +8,11 @@ import pytest
 
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import find_config
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.alfa46.box import Alfa46
 from rig_nodes.plant import alfa46_law as law
+from rig_nodes.rig.alfa46 import read_alfa46
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.record import record
 from rig_nodes.runs.rig import Rig
@@ -133,6 +135,14 @@ def test_a_gear_of_clutches_without_valves_is_refused(config):
     without = type(box)(box.input, box.output, box.clutches, gears, box.inertias)
     with pytest.raises(RigError, match="gear 1 has no output of the controller, because none of its clutches has a valve"):
         Alfa46(config.alfa46, without).order(1)
+
+
+def test_a_profile_of_a_fourth_output_is_refused(tmp_path):
+    text = find_config("controllers", "alfa46").read_text()
+    (tmp_path / "mine.yaml").write_text(text + text[text.index("  output_3:") :].replace("output_3", "output_4"))
+    line = 1 + text.count("\n")
+    with pytest.raises(RigError, match=f"mine.yaml:{line}: alfa46.profiles has output_4; the Alfa46 has 3 outputs$"):
+        read_alfa46(tmp_path / "mine.yaml")
 
 
 def test_crossed_wires_are_crossed_behind_the_box():

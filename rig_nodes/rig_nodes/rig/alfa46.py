@@ -251,6 +251,11 @@ def read_alfa46(path: str | Path, node: Any = None) -> Alfa46Config:
     values = build(Alfa46Values, node, path, "alfa46", others=("profiles",))
     check_keys(path, node, node, ("profiles",), "alfa46")
     profiles = node["profiles"]
+    more = (
+        [key for key in profiles if str(key).startswith("output_") and key not in OUTPUT_KEYS] if isinstance(profiles, dict) else []
+    )
+    if more:
+        raise RigError(f"{where_of(path, profiles, more[0])}: alfa46.profiles has {more[0]}; the Alfa46 has {law.OUTPUTS} outputs")
     check_keys(path, profiles, OUTPUT_KEYS, OUTPUT_KEYS, "alfa46.profiles")
     table = [read_profile(profiles[key], path, f"alfa46.profiles.{key}", values.current_limit) for key in OUTPUT_KEYS]
     return Alfa46Config(values, np.array(table))
