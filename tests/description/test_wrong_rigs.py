@@ -78,7 +78,7 @@ WRONG = {
     ),
     "a clutch without a valve": ("    feeds: clutch_2\n", "    feeds: motor\n", "names 'motor', expected a clutch"),
     "two valves on an output": ("output: 2", "output: 1", "the output of the controller 1 has the valve valve_b1 already"),
-    "an output that is not there": ("output: 3", "output: 4", "expected output 1 to 3 of the controller"),
+    "an output that is not there": ("output: 3", "output: 9", "expected output 1 to 8 of the controller"),
     "a gear of no clutch": ("  2: [clutch_2]", "  2: []", "gears.2 must be a list of the clutches that hold it"),
     "a gear of an unknown clutch": ("  2: [clutch_2]", "  2: [clutch_4]", "names the clutch 'clutch_4'; did you mean"),
     "a gear that locks": (

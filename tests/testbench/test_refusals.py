@@ -89,7 +89,7 @@ def test_controller_settings_are_refused(tmp_path, old, new, sentence):
         ("    speed_gain: [", "    speed_gian: [", r"rig\.yaml:\d+: unknown key 'speed_gian'"),
         ("torque_limit: [500 Nm", "torque_limit: [500 kW", "is a power, expected a torque"),
         ("    output: 2", "    output: 1", "the output of the controller 1 has the valve valve_zr_p1 already"),
-        ("    output: 2", "    output: 4", "expected output 1 to 3"),
+        ("    output: 2", "    output: 9", "expected output 1 to 8"),
         ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
         ("inertia: [0.709 kg m2", "inertia: [0.709 kg", "is a mass, expected an inertia"),
     ],
