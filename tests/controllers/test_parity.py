@@ -29,8 +29,8 @@ steps:
 PYTHON = """
 import sys
 from types import SimpleNamespace
-sys.path.insert(0, "FOLDER")
-from udp_frames import serve
+sys.path.insert(0, "FOLDER/udp")
+from frames import serve
 
 class Mine:
     levels = ("current",)

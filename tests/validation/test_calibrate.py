@@ -86,7 +86,7 @@ def test_losses_are_found_again(config):
     parameters = rows.calibration().stages["losses"]
     off = c.with_values(config, parameters, {"loss_at_470": 4.2, "loss_out_constant": 14.0})
     before = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(off, TARGETS)}
-    values = c.search(off, parameters, rows.loss_misses, generations=0, jobs=1, seed=1)
+    values = c.search(off, parameters, rows.ROWS["losses"], generations=0, jobs=1, seed=1)
     after = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(c.with_values(off, parameters, values), TARGETS)}
     assert before["coast_down_torque"] > 3.0 > 1.0 > after["coast_down_torque"]
     assert sum(x * x for x in after.values()) < 0.2 * sum(x * x for x in before.values())
@@ -97,7 +97,9 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
     shutil.copytree(CONFIG_DIR / "controllers", tmp_path / "controllers")
     rig, controller = tmp_path / "hydmag" / "rig.yaml", tmp_path / "controllers" / "alfa46.yaml"
     lines = len(rig.read_text().splitlines())
-    c.write_values({"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "clutches.clearance_s2": 5.25e-3}, rig, controller)
+    found = {"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "clutches.clearance_s2": 5.25e-3}
+    parameters = rows.calibration().parameters
+    c.write_values(found, parameters, rig, controller)
     read = load_rig(rig, {})
     assert read.loss_in.at_470 == 6.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
     assert read.loss_out.drag == 2.5 and read.loss_out.at_470 == read.loss_in.drag == 0.0, "those of the other loss stay"
@@ -106,7 +108,7 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
     assert len(rig.read_text().splitlines()) == lines
     rig.write_text(rig.read_text().replace("    at_470: [6.25", "    at_47: [6.25"))
     with pytest.raises(RigError, match="no line 'at_470.* in loss_in"):
-        c.write_values({"losses.loss_at_470": 6.25}, rig, controller)
+        c.write_values({"losses.loss_at_470": 6.25}, parameters, rig, controller)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +124,7 @@ def test_wrong_arguments_are_refused(capsys, arguments, sentence):
     assert sentence in capsys.readouterr().err
 
 
-def made_up(config, targets):
+def made_up(config):
     """Returns two rows that a constant loss of the driven side of 2 Nm and of 6 Nm would meet, and one independent of this loss."""
     loss = config.loss_out.drag
     return [rows.Miss("low", loss, loss - 2.0), rows.Miss("high", loss, (loss - 6.0) / 2.0), rows.Miss("far", 0.0, 3.0)]
@@ -147,7 +149,7 @@ def test_of_two_rows_that_exclude_each_other_one_is_met(config):
 def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
     """For a curve that 2.8 Nm meet best: (3 d + 1)^2 + (1 - 3 d)^2 = 2 + 18 d^2 is 1 more at d = 0.2357 Nm."""
 
-    def curve(config, targets):
+    def curve(config):
         parts = tuple(way * 3.0 * (config.loss_out.drag - 2.8) + 1.0 for way in (1.0, -1.0))
         return [rows.Miss("curve", 0.0, float(np.hypot(*parts)), parts)]
 
@@ -160,7 +162,7 @@ def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
 def test_a_parameter_that_another_can_replace_is_less_determined_than_its_slope_says(config):
     """Rows 3 x + 4 y and 3 x: with y held, x is determined to 1 / sqrt(18); with y fitted again, by the second row alone."""
 
-    def both(config, targets):
+    def both(config):
         x, y = config.loss_in.at_rest, config.loss_out.drag
         return [rows.Miss("sum", 0.0, 3.0 * x + 4.0 * y), rows.Miss("one", 0.0, 3.0 * x)]
 
@@ -189,7 +191,7 @@ def test_random_places_are_no_worse_than_the_one_at_hand(config):
 def test_a_trade_off_runs_from_one_row_to_the_other(config, monkeypatch):
     """With weight w on the one row the misses are least at (w 2 + 6 / (4 w)) / (w + 1 / (4 w))."""
     monkeypatch.setitem(rows.ROWS, "losses", made_up)
-    after = {"losses": made_up(c.with_values(config, rows.calibration().stages["losses"], {"loss_out_constant": 2.8}), {})}
+    after = {"losses": made_up(c.with_values(config, rows.calibration().stages["losses"], {"loss_out_constant": 2.8}))}
     sensitivities = {"losses.loss_out_constant": {"low": 1.5, "high": 0.75, "far": 0.0}}
     (curve,) = trade_off.trade_offs(config, after, sensitivities, jobs=1)
     assert curve.rows == ("low", "high")
@@ -231,7 +233,7 @@ def test_an_upshift_that_is_not_measured_counts_in_every_row(config, monkeypatch
 def test_values_at_which_the_rig_trips_are_left_again(config):
     """From 2.4 Nm the slope points to 4.9 Nm, and this rig trips above 3.5 Nm."""
 
-    def flat(config, targets):
+    def flat(config):
         loss = config.loss_out.drag
         if loss > 3.5:
             raise Tripped("the rig tripped")

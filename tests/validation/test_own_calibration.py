@@ -103,7 +103,7 @@ def test_a_rig_without_a_calibration_says_what_it_lacks(folder, capsys):
     assert main(["calibrate", "--rig", "clutch_bench"]) == 2
     assert "the rig 'clutch_bench' has no validation.yaml" in capsys.readouterr().err
     assert main(["calibrate", "--rig", "chapter9"]) == 2
-    assert "the rows of 'chapter9' are the laboratory's; ./rig calibrate without --rig searches on these" in capsys.readouterr().err
+    assert "the rows of 'chapter9' are those of 'hydmag'; ./rig calibrate --rig hydmag searches on these" in capsys.readouterr().err
     assert main(["calibrate", "--rig", str(folder), "--stages", "loses"]) == 2
     assert "there is no stage 'loses'; did you mean 'losses'" in capsys.readouterr().err
     assert main(["calibrate", "--rig", str(folder), "--trade-offs"]) == 2

@@ -157,7 +157,7 @@ def test_what_cannot_be_taken_is_not_compared_with_the_reason(folder):
             "there is no value of motor 'ramb'; did you mean 'ramp'",
         ),
         (ROW, ROW + ROW.removeprefix("rows:\n"), "there is a row 'ratio' already"),
-        (ROW, "programme: school\n", "expected laboratory, or rows in its place"),
+        (ROW, "programme: laboratory\n", "programme is 'laboratory', expected rows in its place"),
         (ROW, "rows: []\n", "rows must be a list"),
     ],
 )

@@ -81,8 +81,12 @@ def main(args: argparse.Namespace) -> int:
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
-    config = load_rig(args.rig)
-    calibration, programme = calibration_of(args.rig, config), programme_of(rows_file(args.rig))
+    config, rows = load_rig(args.rig), rows_file(args.rig)
+    programme = programme_of(rows)
+    if programme is not None and rows.parent != find_config("rigs", args.rig).parent:
+        base = rows.parent.name
+        raise RigError(f"the rows of '{args.rig}' are those of '{base}'; ./rig calibrate --rig {base} searches on these")
+    calibration = calibration_of(args.rig, config)
     stages, parameters = calibration.stages, calibration.parameters
     if args.trade_offs and programme is None:
         raise RigError(f"--trade-offs belongs to the laboratory's rows; those of '{args.rig}' are its own")
@@ -143,6 +147,6 @@ def main(args: argparse.Namespace) -> int:
         file = find_config("rigs", args.rig)
         node = load_yaml(file)
         controller = find_config("controllers", beside(file, node["controller"])) if "controller" in node else file
-        c.write_values(found.values, file, controller, stages)
+        c.write_values(found.values, parameters, file, controller)
         print("written to the rig's configuration")
     return 0

@@ -3,7 +3,7 @@
 
 """The guard of a controller's own process: a program that hosted.py starts, and that imports nothing of the rig.
 
-It forks a child that loads a host (c_host.py, python_host.py, fmu_process.py) and serves the rig with it. The guard ends in the
+It forks a child that loads a host (c/host.py, python/host.py, fmi/process.py) and serves the rig with it. The guard ends in the
 same way as the child and ends all processes that the child started; it also does so when the rig ends, or asks for it by END_ALL.
 """
 

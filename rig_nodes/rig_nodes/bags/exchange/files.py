@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ...base.arrays import Floats
     from ..reader import Bag
 
-# endings by what is exported of a run; can_log.py writes the last three
+# endings by what is exported of a run; runs/can_log.py writes the last three
 KINDS = {
     "csv": (".csv",),
     "parquet": (".parquet",),

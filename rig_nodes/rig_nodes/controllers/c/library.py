@@ -3,7 +3,7 @@
 
 """The plug for a C shared library that exports what include/rig_controller.h declares, or for one C file.
 
-load.py makes it. The library runs in a process of its own (hosted.py, c_host.py): a crash, an exit() or an endless loop in it is a
+load.py makes it. The library runs in a process of its own (hosted.py, host.py): a crash, an exit() or an endless loop in it is a
 fatal status here. What can be checked before the library is called is checked before.
 """
 

@@ -3,7 +3,7 @@
 
 """The plug for a controller on a CAN bus: ``can:CHANNEL?interface=virtual`` (udp_multicast, socketcan ...).
 
-load.py makes it; python-can and cantools are imported only then. The messages are those of can_database.py; can_frames.py makes
+load.py makes it; python-can and cantools are imported only then. The messages are those of database.py; frames.py makes
 the rig's.
 """
 
@@ -40,7 +40,7 @@ CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s show two controller
 
 
 def open_bus(channel: str, interface: str, name: str, **options: int) -> can.BusABC:
-    """Open python-can's bus for classic CAN; udp_multicast stays on loopback (can_loopback.py).
+    """Open python-can's bus for classic CAN; udp_multicast stays on loopback (loopback.py).
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 
 """The CAN database of a rig, made from its record: the messages that the plug sends and takes, and J1939 ETC1 / ETC2.
 
-It is used by the plug (can_bus.py), by `rig export dbc` and by the example controller. cantools is imported only when
+It is used by the plug (bus.py), by `rig export dbc` and by the example controller. cantools is imported only when
 it is needed.
 """
 

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Makes the frames of a run on a CAN bus, from samples and answers: those of the CAN plug (can_bus.py) and of exported CAN logs.
+"""Makes the frames of a run on a CAN bus, from samples and answers: those of the CAN plug (bus.py) and of exported CAN logs.
 
-The messages are those of can_database.py.
+The messages are those of database.py.
 """
 
 from __future__ import annotations

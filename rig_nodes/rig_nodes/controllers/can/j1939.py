@@ -3,7 +3,7 @@
 
 """The duties of a J1939 node: identifiers (J1939-21), NAME and address claim (J1939-81), requests.
 
-The CAN plug (can_bus.py) uses it. Numbers with a fixed meaning are those of the standard's documents.
+The CAN plug (bus.py) uses it. Numbers with a fixed meaning are those of the standard's documents.
 """
 
 from __future__ import annotations

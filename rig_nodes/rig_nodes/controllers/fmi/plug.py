@@ -3,7 +3,7 @@
 
 """The plug for a controller as an FMU (2.0 or 3.0 co-simulation): ``fmu:FILE.fmu``.
 
-load.py makes it. The FMU runs in a process of its own (hosted.py, fmu_process.py), so that its crash is a fatal status and does not
+load.py makes it. The FMU runs in a process of its own (hosted.py, process.py), so that its crash is a fatal status and does not
 end the rig.
 """
 

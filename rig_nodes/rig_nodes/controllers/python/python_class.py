@@ -34,7 +34,7 @@ PYTHON = Hosting(
 
 
 class PythonClass(Plug):
-    """An instance of a user's class, in a process of its own (hosted.py, python_host.py)."""
+    """An instance of a user's class, in a process of its own (hosted.py, host.py)."""
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         """Load the class; ``rest`` is FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point."""

@@ -3,7 +3,7 @@
 
 """A user's Python class with initialize / step / terminate, from a file or an importable module: loading it and calling it.
 
-python_host.py uses it in the class's own process, python_class.py in the rig's. An error in user code becomes a sentence with file
+host.py uses it in the class's own process, python_class.py in the rig's. An error in user code becomes a sentence with file
 and line.
 """
 

@@ -3,7 +3,7 @@
 
 """The plugs for a controller that is a ROS 2 node: in lockstep, or by its own clock (docs/how_to/ros_controller.md).
 
-load.py makes them. The topics are in ros_topics.py; the node may start before or after the rig and serves many runs.
+load.py makes them. The topics are in topics.py; the node may start before or after the rig and serves many runs.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 """The frames of the UDP lockstep protocol (docs/how_to/udp.md), and the controller's side of it; standard library only.
 
-udp.py uses it, and it is copied unchanged to where a controller runs: ``serve(controller)`` answers until it is stopped.
+plug.py uses it, and it is copied unchanged to where a controller runs: ``serve(controller)`` answers until it is stopped.
 include/rig_udp.h is the same for C.
 """
 

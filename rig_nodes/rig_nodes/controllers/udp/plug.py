@@ -76,7 +76,7 @@ class Udp(Plug):
             ) from None
         self._socket.setsockopt(socket.IPPROTO_IP, IP_RECVERR, 1)
         info = self.info
-        self._name_lists = (  # value, name, unit; the rig's lists in the order of udp_frames
+        self._name_lists = (  # value, name, unit; the rig's lists in the order of frames.py
             [(value, key, "") for key, value in info.parameters.items()],
             [(0.0, key, "") for key in info.outputs],
             [(0.0, key, unit) for key, unit in info.transducers.items()],
