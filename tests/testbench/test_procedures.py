@@ -235,6 +235,19 @@ def test_a_wrong_procedure_is_refused(small, old, new, sentence):
         load_procedure(small)
 
 
+def test_the_conditions_of_another_gearbox_have_its_own_names(small, tmp_path, capsys):
+    (tmp_path / "small.yaml").write_text("rig: three_speed\n" + SMALL_SEQUENCE)
+    text = SMALL.replace("valve: ZR-P1, series: 3", "shift: 2-3, clutch: C3, valve: V-C3")
+    small.write_text(text)
+    assert main(["procedure", str(small), "--rig", "three_speed", "--series", "10Nm", "--out", str(tmp_path / "out")]) == 0
+    (series,) = json.loads((tmp_path / "out" / "procedure.json").read_text())["series"]
+    assert series["conditions"] == {"m_wyj": 10.0, "shift": "2-3", "clutch": "C3", "valve": "V-C3"}
+    capsys.readouterr()
+    small.write_text(text.replace("2-3", "I-II"))
+    assert main(["procedure", str(small), "--rig", "three_speed"]) == 2
+    assert "loads.yaml:8: shift is 'I-II', expected 1-2, 2-1, 2-3, 3-2" in capsys.readouterr().err
+
+
 def test_a_setting_that_the_series_set_themselves_is_refused(small):
     series = load_procedure(small).series()[0]
     with pytest.raises(RigError, match="setting alfa46.t12: series '10Nm' of 'loads' sets it itself"):

@@ -262,6 +262,33 @@ def test_sampled_rigs_keep_to_spreads_and_bounds(config):
     assert [rig.valve_zr_p2.supply_bore_area for rig in again] == orifices
 
 
+OWN_CALIBRATION = {
+    "rig.yaml": "description: as three_speed\nbase: three_speed\nparts: {loss_in: {drag: [3.3 Nm, assumed]}}\n",
+    "calibration.yaml": "stages: {losses: {drag: {of: [loss_in.drag], low: 0 Nm, high: 10 Nm, why: assumed}}}\n",
+    "validation.yaml": """\
+rows:
+  - {id: drag, text: torque that turns the free input, source: assumed, role: calibrate, sequence: free, from: 700 ms, to: 800 ms,
+     value: M_in, low: 2 Nm, high: 6 Nm}
+""",
+    "sequences/free.yaml": "description: free\nsteps:\n  - motor: {speed: 300 rpm}\n  - wait: {for: 800 ms}\n",
+}
+
+
+def test_a_rig_is_sampled_on_the_calibration_of_its_own_folder(tmp_path):
+    (tmp_path / "sequences").mkdir()
+    for name, text in OWN_CALIBRATION.items():
+        (tmp_path / name).write_text(text)
+    config = load_rig(tmp_path)
+    calibration = uncertainty.calibration_for(tmp_path, config)
+    assert uncertainty.values_now(config, calibration) == {"losses.drag": pytest.approx(3.3)}
+    with Workers(1) as workers:
+        (spread,) = uncertainty.spreads_of(config, calibration, workers).values()
+    assert spread == pytest.approx(2.0, rel=0.1), "half of what the row accepts, as the drag is all that the row shows"
+    rigs = uncertainty.sampled_rigs(config, calibration, {"losses.drag": 1.0}, (20.0, 60.0), 2, 5)
+    assert 2.3 <= min(rig.loss_in.drag for rig in rigs) < 3.3 < max(rig.loss_in.drag for rig in rigs) <= 4.3
+    assert uncertainty.calibration_for("clutch_bench", load_rig("clutch_bench")).parameters == {}, "it was never calibrated"
+
+
 def test_spreads_from_a_file(tmp_path, config):
     calibration = uncertainty.calibration_for("hydmag", config)
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 1e-8}, "values": {}}))
@@ -522,6 +549,6 @@ def test_another_gearbox_has_ways_and_delays_of_its_own():
     assert space.delay_of(rig.transmission, "2-3") == "t23"
     assert read_beginnings("three_speed", rig.transmission) == {}, "it begins at the settings of its controller"
     calibration = uncertainty.calibration_for("three_speed", rig)
-    assert calibration.parameters == {}, "nothing of it was calibrated"
+    assert set(calibration.parameters) == {"delays.t12"}, "as its calibration.yaml says"
     cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, calibration, {}, (20.0, 60.0), 2, 5))
     assert 20.0 <= min(cold, warm) < max(cold, warm) <= 60.0

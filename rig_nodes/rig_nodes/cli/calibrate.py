@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Search, print the result and, on request, write it; RigError when the search is not possible."""
     from ..base.config import load_yaml
-    from ..base.errors import RigError, ended_by
+    from ..base.errors import RigError, ended_by, quoted
     from ..base.names import beside, find_config, unknown
     from ..base.units import SI
     from ..rig.configuration import load_rig
@@ -85,7 +85,7 @@ def main(args: argparse.Namespace) -> int:
     programme = programme_of(rows)
     if programme is not None and rows.parent != find_config("rigs", args.rig).parent:
         base = rows.parent.name
-        raise RigError(f"the rows of '{args.rig}' are those of '{base}'; ./rig calibrate --rig {base} searches on these")
+        raise RigError(f"the rows of '{args.rig}' are those of '{base}'; ./rig calibrate --rig {quoted(base)} searches on these")
     calibration = calibration_of(args.rig, config)
     stages, parameters = calibration.stages, calibration.parameters
     if args.trade_offs and programme is None:
