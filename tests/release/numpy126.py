@@ -34,7 +34,7 @@ PYARROW = """pyarrow==25.0.1 \\
 LAST = {"numpy": NUMPY, "pyarrow": PYARROW}  # pyarrow 26 needs numpy 2
 PYTHONS = ((3, 11), (3, 12))  # numpy 1.26.4 has no wheels for later versions, and the rig needs at least the first one
 VIEWER = "rerun-sdk"  # needs numpy 2
-TESTS = ("plant", "alfa46", "testbench", "bags", "analysis", "controllers")
+TESTS = ("plant", "alfa46", "runs", "bags", "analysis", "controllers")
 GRAPH_TESTS = ("graph/test_live_graph.py",)
 
 
