@@ -11,6 +11,7 @@ import os
 import signal
 import socket
 import threading
+import time
 
 import pytest
 
@@ -50,6 +51,19 @@ def pytest_configure(config):
 
 def pytest_unconfigure(config):
     os.close(config.stderr_of_all)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session):
+    began = time.monotonic()
+    try:
+        return (yield)
+    finally:
+        session.config.collecting = time.monotonic() - began
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    terminalreporter.write_line(f"collection took {config.collecting:.1f} s")  # `rig test` adds these up
 
 
 def _too_long(*_):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of
+from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of, slowest
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"
 PLAIN = "tests/plant/test_models.py::test_something"
@@ -60,6 +60,18 @@ def test_the_failures_are_those_that_pytest_noted(tmp_path):
     assert failed_tests(tmp_path) == [CLOCK, PLAIN] and failed_tests(tmp_path, "clock") == [CLOCK]
 
 
+def test_the_slowest_tests_of_all_parts_are_named_once(monkeypatch):
+    monkeypatch.setattr("rig_nodes.cli.test.SLOWEST", 2)
+    text = "..\n=== slowest 20 durations ===\n{}s call     tests/{}.py::test_it[a b]\n\n(3 durations < 0.005s hidden.)\n"
+    parts = [text.format(*one) + "collection took 1.5 s\n" for one in (("3.50", "a"), ("12.25", "b"), ("0.01", "c"))]
+    lines = slowest("".join(parts)).splitlines()
+    assert [line.split(maxsplit=2) for line in lines[1:3]] == [
+        ["12.2", "s", "tests/b.py::test_it[a b]"],
+        ["3.5", "s", "tests/a.py::test_it[a b]"],
+    ]
+    assert lines[-1] == "rig: the parts took 4 s to collect their tests" and len(lines) == 4
+
+
 def test_every_file_is_in_exactly_one_part_and_what_has_a_clock_is_found():
     first, beside, clock = parts_of(ROOT)
     assert {"tests/graph/test_cut.py", "tests/view/test_live_view.py"} <= set(clock) and "controllers-1" in first
@@ -95,7 +107,9 @@ def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
     notes.parent.mkdir(parents=True)
     notes.write_text(json.dumps({"tests/plant/test_one.py::test_renamed": True}))
     done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 1 and "rig: 1 failed, 3 passed in" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 1 and "rig: 1 failed, 3 passed in" in done.stdout and "slowest durations" not in done.stdout, (
+        done.stdout + done.stderr
+    )
     assert failed_tests(tmp_path) == ["tests/bags/test_one.py::test_b"], "no test against the clock: no second chance"
     assert "once more" not in done.stdout
 

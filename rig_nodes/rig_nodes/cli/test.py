@@ -40,18 +40,26 @@ FIRST = {"controllers": 2, "graph": 1, "fmu": 1}
 # tests against the clock, at the lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should
 # not run last, and those whose processes have time limits too should not run first. Short folders form one part with
 # others, because to start a part costs two seconds.
-BESIDE = ("plant", "testbench", "rigs", "the rest", "description", "view", "tune", "validation")
+BESIDE = ("plant", "runs", "rigs", "the rest", "rig", "view", "tune", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
+# Folders of `rig test --quick`: no ROS, and no more compiling than HydmAG needs.
+QUICK = ("house", "alfa46", "bags", "exchange", "benchmark", "validation")
+SLOWEST = 20  # tests that are named at the end
+# what pytest (--durations) and tests/conftest.py say of times
+TIMES = re.compile(
+    r"=+ slowest \d+ durations|\(\d+ durations? <| *([\d.]+)s (?:call|setup|teardown) +(.+)|collection took ([\d.]+) s"
+)
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.usage = "rig test [pytest arguments]"
+    parser.usage = "rig test [--quick] [pytest arguments]"
     parser.epilog = (
         "Without a path all of tests/ runs, apart from what is marked 'campaign'. "
         "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
+        f"--quick runs {', '.join(QUICK)}: two minutes, without ROS. "
         "Without arguments, folders run side by side on this machine's cores, and after some of them what "
         "runs against the clock; files that failed against the clock, up to 8, are tried up to twice more and named."
     )
@@ -80,12 +88,17 @@ def main(args: argparse.Namespace) -> int:
     print("rig: " + " ".join(["ROS_PYTHON_CHECK_FIELDS=1", "pytest", *args.passed_on]), flush=True)
     # Message setters do not check types by default and send garbage; in tests a wrong type must be an error.
     env = dict(os.environ, ROS_PYTHON_CHECK_FIELDS="1")
+    words = args.passed_on
     try:
-        if args.passed_on:
+        if "--quick" in words:
+            quick = [f"--durations={SLOWEST}", "-m", f"not campaign and not {AGAINST_THE_CLOCK}"]
+            words = [*quick, *(f"tests/{name}" for name in QUICK), *(word for word in words if word != "--quick")]
+            return subprocess.run([*command, *words], env=env, cwd=root).returncode
+        if words:
             # Given paths count from the caller's folder; without any, pytest.ini's testpaths count from the checkout.
-            paths = [a.split("::")[0] for a in args.passed_on if not a.startswith("-")]
+            paths = [a.split("::")[0] for a in words if not a.startswith("-")]
             given = any((Path.cwd() / p).exists() for p in paths)
-            return subprocess.run([*command, *args.passed_on], env=env, cwd=None if given else root).returncode
+            return subprocess.run([*command, *words], env=env, cwd=None if given else root).returncode
         return _all(root, command, env)
     except KeyboardInterrupt as stop:
         return ended_by(stop)[1]
@@ -93,7 +106,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     """Run every test: some folders in parallel, then those against the clock, the others beside both; then failed files again."""
-    began, counts, codes = time.monotonic(), Counter(), []
+    began, counts, codes, times = time.monotonic(), Counter(), [], ""
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep failed tests that have another name now
     subprocess.run(
         [sys.executable, "-m", "rig_nodes.runs.preloaded"], env=env, cwd=root
@@ -109,7 +122,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
         # with one cache folder for all parts, their notes would overwrite each other
-        own = ["--no-header", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]
+        own = ["--no-header", f"--durations={SLOWEST}", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]
         return subprocess.Popen(
             [*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
@@ -122,7 +135,10 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         return output, process.returncode
 
     def show(name: str, output: str, code: int) -> None:
-        print(f"rig: {name}\n{output}", end="", flush=True)
+        nonlocal times
+        kept = [line for line in output.splitlines(keepends=True) if not TIMES.match(line)]
+        print(f"rig: {name}\n{''.join(kept)}", end="", flush=True)
+        times += output
         counts.update(counted(output))
         codes.append(code)
 
@@ -141,7 +157,10 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
                 print("rig: against the clock", flush=True)
                 process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
                 for line in process.stdout or ():
-                    print(line, end="", flush=True)
+                    if TIMES.match(line):
+                        times += line
+                    else:
+                        print(line, end="", flush=True)
                 counts += counted(line)
                 codes.append(process.wait())
             others.update({name: after.submit(run, name, True) for name, part in others.items() if part.cancel()})
@@ -153,6 +172,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
             raise
     failed = failed_tests(root)
     note_failed(root, failed)
+    print(slowest(times), flush=True)
     total = ", ".join(f"{counts[what]} {what}" for what in ("failed", "error", "passed", "skipped") if counts[what])
     print(f"rig: {total} in {time.monotonic() - began:.0f} s", flush=True)
     code = next((code for code in codes if code not in (PASSED, FAILED, NOTHING_THERE)), int(FAILED in codes))
@@ -193,7 +213,7 @@ def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], li
         Files with tests that run against the clock.
     """
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
-    # in reverse order, so that the kernels of the rigs in description/ are compiled beside the graph's tests
+    # in reverse order, so that the kernels of the rigs in tests/rig/ are compiled beside the graph's tests
     clock = [file for file in reversed(files) if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
     folders: dict[str, list[str]] = {}
     for file in files:
@@ -214,6 +234,15 @@ def counted(output: str) -> Counter:
     """Return the counts in pytest's last line, e.g. "2 failed, 30 passed in 3.10s"."""
     last = output.strip().rpartition("\n")[2]
     return Counter({what: int(number) for number, what in re.findall(r"(\d+) (failed|passed|skipped|error)s?\b", last)})
+
+
+def slowest(output: str) -> str:
+    """Return lines that name the slowest tests, and the time of all collections, from what the parts printed."""
+    found = [match for line in output.splitlines() if (match := TIMES.match(line))]
+    tests = sorted(((float(match[1]), match[2]) for match in found if match[1]), reverse=True)[:SLOWEST]
+    collecting = sum(float(match[3]) for match in found if match[3])
+    lines = [f"rig: the {len(tests)} slowest tests:", *(f"{seconds:8.1f} s  {test}" for seconds, test in tests)]
+    return "\n".join([*lines, f"rig: the parts took {collecting:.0f} s to collect their tests"])
 
 
 def failed_tests(root: Path, part: str = "*") -> list[str]:
