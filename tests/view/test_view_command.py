@@ -168,7 +168,7 @@ def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(
         run = {"configuration": load_rig().as_dict(), "parameters": {"speed": "500 rpm"}}
         write_report(tmp_path / f"{t12}", {"run": run, "shifts": [row]})
         conditions = {"series": len(series) + 1, "t12": t12, "n_wej": 52.36}
-        series.append({"label": f"{t12}", "conditions": conditions, "runs": [f"{t12}"]})
+        series.append({"label": f"{t12}", "conditions": conditions, "units": {"t12": "s", "n_wej": "rad/s"}, "runs": [f"{t12}"]})
     write_procedure(tmp_path, {"procedure": "x"}, series, [Member(one["label"], one["label"], []) for one in series])
     found = read_campaign(tmp_path)
     names = ["-0.12", "-0.22"]
