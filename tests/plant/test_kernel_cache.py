@@ -25,7 +25,7 @@ import rig_nodes.base.compiled
 )
 def test_every_way_in_leads_to_the_keyed_folder(first):
     code = (
-        f"import {first}; from rig_nodes.plant.engine import loop; from rig_nodes.controllers.alfa46 import law; "
+        f"import {first}; from rig_nodes.plant.engine import loop; from rig_nodes.plant import alfa46_law as law; "
         "print(loop.advance._cache.cache_path); print(law.law_step._cache.cache_path)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
