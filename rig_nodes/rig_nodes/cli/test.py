@@ -42,8 +42,11 @@ FIRST = {"controllers": 2, "graph": 1, "fmu": 1}
 # others, because to start a part costs two seconds.
 BESIDE = ("plant", "runs", "rigs", "the rest", "rig", "view", "tune", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
-# Folders of `rig test --quick`: no ROS, and no more compiling than HydmAG needs.
-QUICK = ("house", "alfa46", "bags", "exchange", "benchmark", "validation")
+# What `rig test --quick` runs: no ROS, and no more compiling than HydmAG needs.
+QUICK = (
+    *("house", "bags", "exchange", "alfa46/test_alfa46.py", "rig/test_wrong_rigs.py", "runs/test_names.py"),
+    *("validation/test_evaluate.py", "validation/test_score.py", "validation/test_targets.py"),
+)
 SLOWEST = 20  # tests that are named at the end
 # what pytest (--durations) and tests/conftest.py say of times
 TIMES = re.compile(
@@ -59,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "Without a path all of tests/ runs, apart from what is marked 'campaign'. "
         "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-        f"--quick runs {', '.join(QUICK)}: two minutes, without ROS. "
+        "--quick runs what needs no ROS and at most one rig's compiled code, in less than two minutes. "
         "Without arguments, folders run side by side on this machine's cores, and after some of them what "
         "runs against the clock; files that failed against the clock, up to 8, are tried up to twice more and named."
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Physics of the rig: driveline, clutches, valves, oil, motor and load, without ROS; used by testbench and tests.
+"""Physics of the rig: driveline, clutches, valves, oil, motor and load, without ROS; used by the rigs, the runs and tests.
 
 Importing it sets the folder of numba's cache before numba is loaded.
 """

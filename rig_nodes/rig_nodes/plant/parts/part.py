@@ -3,7 +3,7 @@
 
 """Definition of a type of device for the engine: its configuration, the numbers in its record, and its compiled stages.
 
-Every file of parts/ that is a type of device ends with ``PART = Part(...)``; plant.engine.world finds it by its name.
+Every file of this folder that is a type of device ends with ``PART = Part(...)``; plant.engine.world finds it by its name.
 """
 
 from __future__ import annotations
