@@ -68,7 +68,7 @@ def upshift(temperature: float) -> tuple[float | None, float]:
         pieces.append(rig.rows_at(1e-4, 10 * rig.sample - 9999, 10000))
     rows = np.concatenate(pieces)
     channels = {name: rows[:, k] for k, name in enumerate(rig.channels)}
-    recording = Recording((order - 150) * 1e-3, 1e-4, channels, transmission=transmission_of(rig.config))
+    recording = Recording((order - 150) * 1e-3, 1e-4, channels, [], transmission_of(rig.config))
     found = shift_metrics(recording, (order * 1e-3, 1, 2))["t_dt_s"]
     return None if found is None else 1e3 * found, abs(drag)
 

@@ -133,7 +133,7 @@ def stop(node: Node) -> EmitEvent:
 
 def ordered(given: dict[str, str]) -> Order:
     """The run that the launch arguments describe; RigError for a controller where there is nothing to control."""
-    rig = given["rig"] or rig_of(given["sequence"])
+    rig = given["rig"] or (rig_of(given["sequence"], DEFAULT_RIG) if given["sequence"] else DEFAULT_RIG)
     processes = processes_of(has_controller(rig))
     if "alfa46" not in processes and (given["controller"] or given["delay"] != "1"):
         raise RigError(f"the rig '{rig}' has no valves for a shift controller; leave out controller and delay")

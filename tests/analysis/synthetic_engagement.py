@@ -11,6 +11,7 @@ import numpy as np
 from synthetic_shift import I1, PERIOD, RPM, noisy
 
 from rig_nodes.bags.logged import Recording
+from rig_nodes.rig.configuration import load_rig
 
 ORDER = 0.5  # s
 
@@ -64,4 +65,4 @@ class Engagement:
         if noise_seed is not None:
             channels = noisy(channels, noise_seed)
         channels["p1"] = channels["p1"] + hum * np.sin(2 * np.pi * 50.0 * np.arange(channels["p1"].size) * PERIOD)
-        return Recording(0.0, PERIOD, channels, [(ORDER, 0, 1)])
+        return Recording(0.0, PERIOD, channels, [(ORDER, 0, 1)], load_rig("hydmag").transmission)

@@ -12,10 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 
 from rig_nodes.bags.logged import Recording
-from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.base.errors import BagError
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.structure import structure_of
 from rig_nodes.rig.transmission import transmission_of
+
+BOX = load_rig("hydmag").transmission
 
 I1, I2 = 47 / 34, 41 / 40
 RPM = 30 / pi
@@ -43,7 +45,7 @@ class Shift:
     @property
     def overlap(self) -> float:
         """Time for which both clutches have a tenth of their closed capacity; negative for one in which neither has."""
-        kiss_old, _ = (clutch.kiss_pressure for clutch in transmission_of().clutches[:: 1 if self.up else -1])
+        kiss_old, _ = (clutch.kiss_pressure for clutch in BOX.clutches[:: 1 if self.up else -1])
         bend = self.fall + (2.3e6 - 0.8e6) / self.fall_rate
         return self.release - 0.1 * (2.3e6 - kiss_old) / (0.8e6 - kiss_old) * (self.release - bend) - (self.engage + 0.03)
 
@@ -61,7 +63,7 @@ class Shift:
         m_wej = np.interp(
             t, [self.fall, self.end - 1e-2, self.end - 5e-3, self.end, self.settle], [65.0, self.peak, self.peak, 150.0, 88.0]
         )
-        kiss_old, kiss_new = (clutch.kiss_pressure for clutch in transmission_of().clutches[:: 1 if self.up else -1])
+        kiss_old, kiss_new = (clutch.kiss_pressure for clutch in BOX.clutches[:: 1 if self.up else -1])
         bend = self.fall + (2.3e6 - 0.8e6) / self.fall_rate
         old_p = np.interp(t, [self.fall, bend, self.release, self.release + 0.06], [2.3e6, 0.8e6, kiss_old, 0.0])
         new_p = np.interp(t, [self.engage - 0.1, self.engage, self.engage + 0.3], [0.0, kiss_new, 2.3e6])
@@ -72,7 +74,7 @@ class Shift:
         channels = self.channels() | replace
         if noise_seed is not None:
             channels = noisy(channels, noise_seed)
-        return Recording(0.0, PERIOD, channels, [(1.0, 1, 2) if self.up else (1.0, 2, 1)])
+        return Recording(0.0, PERIOD, channels, [(1.0, 1, 2) if self.up else (1.0, 2, 1)], BOX)
 
 
 def noisy(channels: dict[str, np.ndarray], seed: int) -> dict[str, np.ndarray]:
@@ -93,8 +95,8 @@ class FakeBag:
 
     began = True
     recorded_from = 0.0
-    types = {}
-    record = rig_record(None)
+    types = {name: topic.ros_type for name, topic in load_rig("hydmag").catalogue.topics.items()}
+    record = load_rig("hydmag").as_dict()
     structure = structure_of(record["structure"])
     transmission = transmission_of(record)
 

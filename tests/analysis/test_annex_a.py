@@ -13,7 +13,9 @@ from rig_nodes.analysis.annex_a import shift_metrics_annex_a, shifts_annex_a
 from rig_nodes.analysis.metrics import KEYS, shift_metrics, shifts
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
-from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
+
+BOX = load_rig("hydmag").transmission
 
 UP = (1.0, 1, 2)
 DOWN = (1.0, 2, 1)
@@ -84,7 +86,7 @@ def test_energy_is_the_printed_sum():
 def test_plain_and_annex_agree_where_the_recipe_is_sound():
     recording = Shift().recording(2)
     speeds = {name: Shift().channels()[name] for name in ("n_wej", "n_wyj")}
-    recording = Recording(0.0, PERIOD, recording.channels | speeds, recording.orders)
+    recording = Recording(0.0, PERIOD, recording.channels | speeds, recording.orders, BOX)
     (mine,), (annex,) = shifts(recording), shifts_annex_a(recording)
     assert annex["t_dt_s"] == pytest.approx(mine["t_dt_s"], abs=10e-3)
     assert annex["t_p_s"] == pytest.approx(mine["t_p_s"], abs=5e-3)
@@ -93,7 +95,7 @@ def test_plain_and_annex_agree_where_the_recipe_is_sound():
 
 def test_factors_are_settings():
     assert up(b=1.5)["t_o_s"] < up(b=1.05)["t_o_s"]
-    rate = transmission_of().clutches[1].kiss_pressure / 1e5 / 0.1  # rate of the fill [bar/s]
+    rate = BOX.clutches[1].kiss_pressure / 1e5 / 0.1  # rate of the fill [bar/s]
     assert up(c=2.0)["t_c_s"] == pytest.approx(up(c=0.5)["t_c_s"] - 1.5 / rate, abs=1e-3)
     assert up(set_speed=1520 / RPM)["why"] == ["n_wej did not come back to its set speed"]
     with pytest.raises(RigError, match="upper edge of a band"):
@@ -104,13 +106,13 @@ def test_thresholds_in_bar_are_those_of_the_laboratory():
     """A rig whose clutches hold at 1.9 MPa never reaches 20 bar."""
     recording = Shift().recording()
     low = dict(recording.channels, p1=recording.channels["p1"] * 1.9 / 2.3)
-    row = shift_metrics_annex_a(Recording(0.0, PERIOD, low, recording.orders), UP)
+    row = shift_metrics_annex_a(Recording(0.0, PERIOD, low, recording.orders, BOX), UP)
     assert row["t_dt_s"] is None and "20 bar" in row["why"][0]
 
 
 def test_what_the_recipe_cannot_answer_has_its_reason():
     down = Shift(up=False).recording()
-    rests = Recording(0.0, PERIOD, down.channels | {"p1": down.channels["p1"] + 0.1e6}, down.orders)
+    rests = Recording(0.0, PERIOD, down.channels | {"p1": down.channels["p1"] + 0.1e6}, down.orders, BOX)
     row = shift_metrics_annex_a(rests, DOWN)
     assert row["t_c_s"] is None and len(row["why"]) == 1
     assert "p1 was not at zero 1 s before p2 fell" in row["why"][0]
@@ -120,12 +122,12 @@ def test_what_the_recipe_cannot_answer_has_its_reason():
     short = up(Shift(length=2.2))
     assert short["t_o_s"] is None and "0.6 s" in short["why"][-1]
     with pytest.raises(RigError, match="10 kHz"):
-        shift_metrics_annex_a(Recording(0.0, 1e-3, Shift().channels(), [UP]), UP)
+        shift_metrics_annex_a(Recording(0.0, 1e-3, Shift().channels(), [UP], BOX), UP)
 
 
 def test_rows_come_for_the_same_orders_as_the_plain_ones():
     recording = Shift().recording()
     channels = {name: np.concatenate([values, values]) for name, values in recording.channels.items()}
-    twice = Recording(0.0, PERIOD, channels, [(1.0, 1, 2), (2.9, 2, 0), (4.0, 1, 2)])
+    twice = Recording(0.0, PERIOD, channels, [(1.0, 1, 2), (2.9, 2, 0), (4.0, 1, 2)], BOX)
     for rows in (shifts(twice), shifts_annex_a(twice)):
         assert [row["t_order_s"] for row in rows] == [1.0, 4.0]

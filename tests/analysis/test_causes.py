@@ -16,9 +16,9 @@ from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.report import recording_of
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
 
-BOX = transmission_of()
+BOX = load_rig("hydmag").transmission
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,11 @@ from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
 from rig_nodes.bags.logged import Recording
-from rig_nodes.rig.catalogue import catalogue
-from rig_nodes.rig.transmission import Gear, transmission_of
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import Gear
+
+HYDMAG = load_rig("hydmag")
+BOX = HYDMAG.transmission
 
 ORDERS = [(0.0, "/controller/events", "shift_ordered", "", 1.0), (1.0, "/controller/events", "shift_ordered", "", 2.0)]
 UP = Shift(peak=250.0)
@@ -23,7 +26,7 @@ UP = Shift(peak=250.0)
 
 def measured(ranges, box=None, **changed):
     """Returns the row of a shift whose channels are limited to ranges, as a transducer limits them, and its verdict."""
-    box = dataclasses.replace(box or transmission_of(), ranges=ranges)
+    box = dataclasses.replace(box or BOX, ranges=ranges)
     channels = UP.channels() | changed
     channels |= {name: np.clip(channels[name], *ends) for name, ends in ranges.items()}
     (row,) = shifts(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)], box))
@@ -32,7 +35,7 @@ def measured(ranges, box=None, **changed):
 
 def backwards():
     """Returns the laboratory's transmission with a first gear that turns the output backwards, and the speed of its output."""
-    box = transmission_of()
+    box = BOX
     gears = tuple(dataclasses.replace(one, ratio=-2.0) if one.name == "I" else one for one in box.gears)
     t = np.arange(int(UP.length / PERIOD)) * PERIOD - 1.0
     n_wyj = np.interp(t, [UP.depart, UP.end], [-750.0, 1500.0 / 1.025]) / RPM
@@ -86,7 +89,7 @@ def test_a_change_of_direction_passes_standstill_by_intent():
 
 
 def test_a_shift_between_two_gears_that_turn_backwards_has_its_k_and_no_standstill():
-    box = transmission_of()
+    box = BOX
     gears = tuple(dataclasses.replace(one, ratio=-one.ratio) if isinstance(one, Gear) and one.ratio else one for one in box.gears)
     mirrored = {name: -UP.channels()[name] for name in ("n_wyj", "M_wyj")}
     ahead, _ = measured({})
@@ -103,11 +106,11 @@ def test_rest_at_zero_and_a_signal_of_another_transducer_are_not_at_an_end():
 
 def test_every_signal_of_a_run_that_was_at_the_end_of_its_range_is_named():
     channels = UP.channels() | {"M_wyj": np.full(30_000, 500.0)}
-    report = build_report(FakeBag(Recording(0.0, PERIOD, channels, []), events=ORDERS), {})
+    report = build_report(FakeBag(Recording(0.0, PERIOD, channels, [], BOX), events=ORDERS), {})
     sentence = "M_wyj was at the end of its range, 500 Nm, for 3 s: its true values there lie beyond"
     assert sentence in report["run"]["problems"] and f"problem: {sentence}" in format_report(report)
     pieces = Clipping({"p1": (-0.1e6, 2.3e6)})
     for _ in range(2):
         pieces.add({"p1": np.array([0.0, 2.3e6, np.nan, 2.3e6])}, 0.1)
-    (said,) = pieces.sentences(catalogue().signals)
+    (said,) = pieces.sentences(HYDMAG.catalogue.signals)
     assert said.startswith("p1 was at the end of its range, 2.3 MPa, for 0.4 s")

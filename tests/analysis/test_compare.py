@@ -35,7 +35,7 @@ def recording():
 @pytest.fixture(scope="module")
 def demo():
     """Two shifts under load."""
-    return record(load_rig(), load_sequence("demo")).recording
+    return record(load_rig("hydmag"), load_sequence("demo", rig="hydmag")).recording
 
 
 def on_other_clock(recording, noise=0.0, orders=True):

@@ -60,7 +60,7 @@ def test_k_is_withheld_where_the_input_outran_its_old_speed():
     channels = case.channels()
     (row,) = shifts(case.recording(n_wej=channels["n_wej"] * faster, n_wyj=channels["n_wyj"] * faster))
     assert row["k"] is None and "n_wej rose" in row["undefined"]["k"]
-    (line,) = undefined_lines(["shift 1", "shift 2"], [row, {}], columns_of(load_rig().transmission))[:1]
+    (line,) = undefined_lines(["shift 1", "shift 2"], [row, {}], columns_of(load_rig("hydmag").transmission))[:1]
     assert line.startswith("shift 1: no k: ")
 
 

@@ -13,12 +13,16 @@ from synthetic_engagement import ORDER, Engagement
 from synthetic_shift import ENCODER, PERIOD
 
 from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
+from rig_nodes.analysis.uncertainty import instruments_of
+from rig_nodes.rig.configuration import load_rig
+
+INSTRUMENTS = instruments_of(load_rig("hydmag").as_dict())
 
 ORDERED = (ORDER, 0, 1)
 
 
 def metrics(engagement=Engagement(), seed=None, hum=0.0):
-    return engagement_metrics(engagement.recording(seed, hum), ORDERED)
+    return engagement_metrics(engagement.recording(seed, hum), ORDERED, INSTRUMENTS)
 
 
 def test_times_torques_and_kiss_pressure_of_a_clean_engagement():
@@ -81,7 +85,9 @@ def test_encoder_step_decides_when_slip_is_taken_as_gone():
     channels = dict(recording.channels)
     for name in ("n_wej", "n_wyj"):
         channels[name] = np.round(channels[name] / ENCODER) * ENCODER
-    coarse = engagement_metrics(type(recording)(0.0, PERIOD, channels, recording.orders), ORDERED)
+    coarse = engagement_metrics(
+        type(recording)(0.0, PERIOD, channels, recording.orders, recording.transmission), ORDERED, INSTRUMENTS
+    )
     assert 0.4575 <= coarse["slip_end_s"] <= 0.4605
 
 
@@ -120,7 +126,7 @@ def test_what_is_missing_is_said(change, reason):
 
 
 def test_an_order_that_is_no_engagement_is_said():
-    row = engagement_metrics(Engagement().recording(), (ORDER, 1, 2))
+    row = engagement_metrics(Engagement().recording(), (ORDER, 1, 2), INSTRUMENTS)
     assert row["why"] == ["an engagement goes from neutral (0) to gear 1 or 2, not from 1 to 2"]
 
 

@@ -54,7 +54,7 @@ def runs(tmp_path_factory):
             writer.finish()
         return root / name
 
-    simulate(load_rig(), load_sequence("engagement"), root / "no change of gear")
+    simulate(load_rig("hydmag"), load_sequence("engagement"), root / "no change of gear")
     return {
         "a shift": SAMPLE,
         "no change of gear": root / "no change of gear",

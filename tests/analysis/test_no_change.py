@@ -13,6 +13,9 @@ from synthetic_shift import PERIOD, FakeBag, Shift
 from rig_nodes.analysis.report import build_report, format_report
 from rig_nodes.bags.logged import Recording
 from rig_nodes.cli.main import main
+from rig_nodes.rig.configuration import load_rig
+
+BOX = load_rig("hydmag").transmission
 
 
 def simulated(tmp_path, capsys, sequence):
@@ -54,9 +57,9 @@ def test_a_drive_that_is_switched_off_with_a_clutch_closed_is_no_coast_down():
         "p2": nothing,
     }
     off = {"/motor/command": [(int(at * 1e9), SimpleNamespace(enable=on)) for at, on in ((0.0, True), (2.0, False))]}
-    found = build_report(FakeBag(Recording(0.0, PERIOD, channels), off), {})["measured"]["coast_down"]
+    found = build_report(FakeBag(Recording(0.0, PERIOD, channels, [], BOX), off), {})["measured"]["coast_down"]
     assert found["inertia"] == pytest.approx(0.5, rel=0.01)  # 10 Nm slow it down by 20 rad/s2
-    closed = Recording(0.0, PERIOD, channels | {"p1": nothing + 2.3e6})
+    closed = Recording(0.0, PERIOD, channels | {"p1": nothing + 2.3e6}, [], BOX)
     assert build_report(FakeBag(closed, off), {})["measured"]["coast_down"] is None
 
 

@@ -13,10 +13,13 @@ import pytest
 
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.analysis.engagement import engagement_metrics
+from rig_nodes.analysis.uncertainty import instruments_of
 from rig_nodes.bags.logged import Recording
 from rig_nodes.plant.parts.load_pump import relief_setting_for
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
+
+HYDMAG = load_rig("hydmag")
 
 BASE = load_rig("hydmag")
 
@@ -70,7 +73,9 @@ def test_an_engagement_whose_current_stays_level_has_a_hold_phase():
     ordered = rig.time
     rig.order_gear(1)
     bench.advance(1.5)
-    row = engagement_metrics(Recording(0.0, 1e-4, bench.channels()), (ordered, 0, 1))
+    row = engagement_metrics(
+        Recording(0.0, 1e-4, bench.channels(), [], HYDMAG.transmission), (ordered, 0, 1), instruments_of(HYDMAG.as_dict())
+    )
     assert row["valid"], row["why"]
     assert row["hold"] == "hold" and 0.05 < row["hold_s"] < 0.35
     # between fill and end pressure; the valve's friction may let it exceed the pressure of 250 mA

@@ -16,6 +16,9 @@ from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.report import build_report, format_report
 from rig_nodes.bags.reader import Bag
+from rig_nodes.rig.configuration import load_rig
+
+BOX = load_rig("hydmag").transmission
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 ROW = dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_dt_s": 0.3, "t_c_s": 0.6, "t_o_s": 0.1}
@@ -44,7 +47,7 @@ def states():
 
 
 def test_metrics_by_hand():
-    truth = metrics_of_states(states(), ROW)
+    truth = metrics_of_states(states(), ROW, BOX)
     assert truth["t_lock_s"] == pytest.approx(0.6)
     assert truth["input_torque_max_nm"] == pytest.approx(250.0)
     assert truth["k"] == pytest.approx(0.9)
@@ -58,15 +61,15 @@ def test_metrics_by_hand():
 def test_a_clutch_that_is_still_locked_when_it_is_ordered_has_not_engaged_by_that():
     held = states()
     held["/clutch_s2/state"]["mode"][:210] = 2.0  # until 1.05 s
-    assert metrics_of_states(held, ROW)["t_lock_s"] == pytest.approx(0.6)
+    assert metrics_of_states(held, ROW, BOX)["t_lock_s"] == pytest.approx(0.6)
 
 
 def test_no_lock_no_states_no_truth():
-    assert metrics_of_states(states(), ROW, next_order_time=1.5) is None
-    assert metrics_of_states(states(), ROW | {"t_order_s": 0.0}) is None
-    assert states_of(FakeBag(Shift().recording())) is None
+    assert metrics_of_states(states(), ROW, BOX, next_order_time=1.5) is None
+    assert metrics_of_states(states(), ROW | {"t_order_s": 0.0}, BOX) is None
+    assert states_of(FakeBag(Shift().recording()), BOX) is None
     only_gearbox = {"/gearbox/state": [(0, SimpleNamespace(torque_in=1.0, speed_in=1.0, speed_out=1.0))]}
-    assert states_of(FakeBag(Shift().recording(), only_gearbox)) is None
+    assert states_of(FakeBag(Shift().recording(), only_gearbox), BOX) is None
 
 
 def test_on_the_sample_bag_truth_and_transducers_agree():

@@ -11,7 +11,7 @@ from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, phases_of, times_of
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
-from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ ORDERS = [(0.0, "/controller/events", "shift_ordered", "", 1.0), (1.0, "/control
 
 
 def grade(row, **changes):
-    return quality_of(row | changes, transmission_of())
+    return quality_of(row | changes, load_rig("hydmag").transmission)
 
 
 def test_a_shift_in_time_without_dip_and_peak_is_good(row):

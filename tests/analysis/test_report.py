@@ -19,9 +19,11 @@ from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.report import build_report, columns_of, format_report, read_report, write_report
 from rig_nodes.analysis.results import name_and_unit, results_of
 from rig_nodes.base.errors import BagError, RigError
-from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.document import report_document
 from rig_nodes.view.report_page import Facts, report_page
+
+BOX = load_rig("hydmag").transmission
 
 REPOSITORY = Path(__file__).parents[2]
 RUN = {
@@ -146,7 +148,7 @@ def test_the_page_and_the_section_that_the_report_names_explain_its_symbols_and_
     glossary, page = (REPOSITORY / name for name in re.findall(r"docs/\S+\.md", line))
     assert line.endswith("section Quality of a shift") and "## Quality of a shift" in page.read_text()
     symbols = glossary.read_text() + page.read_text()
-    for heading, *_ in columns_of(transmission_of()):
+    for heading, *_ in columns_of(BOX):
         assert name_and_unit(heading)[0].split()[0] in symbols, heading
 
 
@@ -157,7 +159,7 @@ def test_a_number_that_rounds_to_zero_has_no_sign():
     account |= {"residual_j": -1e-4, "residual_of_heat": -1e-7}
     text = format_report(report) + report_document(report, []) + report_page(report, Facts(), None)
     assert not re.search(r"[-\u2212]0(\.0*)?(?![0-9.])", text)
-    assert results_of(report)[len(columns_of(transmission_of())) + 1].text.startswith("<1.0")
+    assert results_of(report)[len(columns_of(BOX)) + 1].text.startswith("<1.0")
 
 
 def test_errors_stand_under_a_key_of_their_own():

@@ -15,7 +15,10 @@ from rig_nodes.analysis.metrics import DETAILS, KEYS, shift_metrics, shifts
 from rig_nodes.analysis.quality import quality_of
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
-from rig_nodes.rig.transmission import Inertias, transmission_of
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import Inertias
+
+BOX = load_rig("hydmag").transmission
 
 UP = Shift()
 DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)
@@ -142,7 +145,7 @@ def test_undithered_encoders_do_not_hide_a_locked_clutch():
         for name in ("n_wej", "n_wyj"):
             channels[name] = np.round(channels[name] / ENCODER) * ENCODER
         rounded_worst = max(rounded_worst, abs(1 - channels["n_wyj"][-1] * I2 / channels["n_wej"][-1]))
-        row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+        row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)], BOX))
         assert row["valid"], row["why"]
         assert row["t_c_s"] == pytest.approx(0.70, abs=1e-3)
     assert rounded_worst > 0.0009
@@ -152,7 +155,7 @@ def test_half_a_percent_of_slip_is_no_lock():
     channels = UP.channels()
     after = np.arange(channels["p1"].size) * PERIOD - 1.0 > 0.65
     channels["n_wyj"] = np.where(after, np.minimum(channels["n_wyj"], 0.995 * channels["n_wej"] / I2), channels["n_wyj"])
-    row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+    row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)], BOX))
     assert not row["valid"]
     assert row["t_dt_s"] is None and row["e_loss_j"] is None
     assert "never settled on the ratio of gear II" in row["why"][0]
@@ -163,12 +166,12 @@ def test_no_supply_pressure():
     n = 60000
     channels = dict.fromkeys(("M_wyj", "n_wyj", "p1", "p2"), np.zeros(n))
     channels |= {"M_wej": np.full(n, 5.0), "n_wej": np.full(n, 157.0)}
-    rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 0, 1), (3.0, 1, 2)]))
+    rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 0, 1), (3.0, 1, 2)], BOX))
     assert [row["valid"] for row in rows] == [False, False]
     assert any("p1 did not rise" in reason for reason in rows[0]["why"])
     reasons = " / ".join(rows[1]["why"])
     assert "gear I was not in" in reasons and "p1 was not up" in reasons and "p2 never rose" in reasons
-    verdict = quality_of(rows[1], transmission_of())
+    verdict = quality_of(rows[1], BOX)
     assert verdict is not None and verdict["reasons"] == [
         "gear II was not reached"
     ]  # a drive that was not there was not interrupted
@@ -177,7 +180,7 @@ def test_no_supply_pressure():
 def test_swapped_valves():
     """The gearbox is in II where the order states I, and shifts in the opposite direction."""
     channels = DOWN.channels()
-    rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+    rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)], BOX))
     assert not rows[0]["valid"]
     assert any("gear I was not in when II was ordered" in reason for reason in rows[0]["why"])
 
@@ -194,7 +197,7 @@ def test_engagement_from_neutral_counts_from_the_pressure():
         "p1": np.interp(t, [0.2, 0.3, 0.6], [0.0, 0.17e6, 2.3e6]),
         "p2": np.zeros(n),
     }
-    row = only(Recording(0.0, PERIOD, channels, [(1.0, 0, 1)]))
+    row = only(Recording(0.0, PERIOD, channels, [(1.0, 0, 1)], BOX))
     assert row["valid"], row["why"]
     assert row["t_dt_s"] == pytest.approx(0.3, abs=2e-3)
     assert row["t_p_s"] == pytest.approx(0.2, abs=2e-3)
@@ -231,33 +234,33 @@ def test_two_shifts_do_not_see_each_other():
     up, down = UP.channels(), DOWN.channels()
     channels = {name: np.concatenate([up[name], down[name]]) for name in up}
     channels["M_wej"][30001:] = np.maximum(channels["M_wej"][30001:], 88.0)
-    rows = shifts(Recording(5.0, PERIOD, channels, [(9.0, 2, 1), (6.0, 1, 2)]))
+    rows = shifts(Recording(5.0, PERIOD, channels, [(9.0, 2, 1), (6.0, 1, 2)], BOX))
     assert [row["t_order_s"] for row in rows] == [6.0, 9.0]
     assert [row["valid"] for row in rows] == [True, True]
     assert rows[0]["t_c_s"] == pytest.approx(0.70, abs=1e-3)
     assert rows[1]["t_c_s"] == pytest.approx(0.42, abs=1e-3)
-    assert shifts(Recording(5.0, PERIOD, channels, [(6.0, 1, 2), (9.0, 2, 0)]))[0]["valid"]
+    assert shifts(Recording(5.0, PERIOD, channels, [(6.0, 1, 2), (9.0, 2, 0)], BOX))[0]["valid"]
 
 
 def test_recording_that_ends_too_soon_names_what_is_missing():
     full = UP.channels()
     cut = {name: values[:17050] for name, values in full.items()}  # 5 ms after lock-up
-    row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
+    row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)], BOX))
     assert not row["valid"] and row["t_c_s"] is None and row["input_speed_rpm"] == pytest.approx(1500.0)
     cut = {name: values[:17600] for name, values in full.items()}
-    row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
+    row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)], BOX))
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1e-3) and row["t_o_s"] is None
     assert row["why"] == ["M_wej had no time to settle: the recording ends at 1.760 s"]
     cut = {name: values[:9000] for name, values in full.items()}
-    assert "does not cover the order" in only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))["why"][0]
+    assert "does not cover the order" in only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)], BOX))["why"][0]
     empty = {name: values[:0] for name, values in full.items()}
-    assert not only(Recording(0.0, PERIOD, empty, [(1.0, 1, 2)]))["valid"]
+    assert not only(Recording(0.0, PERIOD, empty, [(1.0, 1, 2)], BOX))["valid"]
 
 
 def test_nan_is_a_reason_not_a_crash():
     channels = UP.channels()
     channels["M_wej"][12000] = np.nan
-    row = shift_metrics(Recording(0.0, PERIOD, channels), (1.0, 1, 2))
+    row = shift_metrics(Recording(0.0, PERIOD, channels, [], BOX), (1.0, 1, 2))
     assert not row["valid"] and row["why"] == ["M_wej has no values for 0.1 ms at 1.20 s"]
 
 
@@ -265,7 +268,7 @@ def test_missing_rows_are_named_with_their_place_and_the_longest_of_several_gaps
     channels = {name: values.copy() for name, values in UP.channels().items()}
     for values in channels.values():
         values[12000:12350] = values[14000:14010] = np.nan
-    row = shift_metrics(Recording(0.0, PERIOD, channels), (1.0, 1, 2))
+    row = shift_metrics(Recording(0.0, PERIOD, channels, [], BOX), (1.0, 1, 2))
     assert row["why"] == ["the file has no rows for in 2 gaps, the longest 35 ms at 1.20 s"]
 
 
@@ -273,11 +276,11 @@ def test_missing_channel_is_one_sentence():
     channels = UP.channels()
     del channels["p1"], channels["M_wyj"]
     with pytest.raises(RigError, match="no channel M_wyj, p1; shift metrics need M_wej"):
-        Recording(0.0, PERIOD, channels)
+        Recording(0.0, PERIOD, channels, [], BOX)
     channels = UP.channels()
     channels["p2"] = channels["p2"][:-1]
     with pytest.raises(RigError, match="1-D of one length"):
-        Recording(0.0, PERIOD, channels)
+        Recording(0.0, PERIOD, channels, [], BOX)
 
 
 def test_a_fall_that_slows_down_starts_where_it_starts():
@@ -288,7 +291,9 @@ def test_a_fall_that_slows_down_starts_where_it_starts():
     fall = [shift.fall, shift.fall + 8e-3, shift.fall + 40e-3, shift.fall + 0.14, shift.release, shift.release + 0.06]
     p1 = np.interp(t, fall, [2.3e6, 2.15e6, 2.05e6, 0.8e6, 0.17e6, 0.0])
     p1 = p1 + np.random.default_rng(1).normal(0.0, 5e3, t.size)
-    row = shift_metrics(Recording(0.0, recording.period, recording.channels | {"p1": p1}, recording.orders), recording.orders[0])
+    row = shift_metrics(
+        Recording(0.0, recording.period, recording.channels | {"p1": p1}, recording.orders, BOX), recording.orders[0]
+    )
     assert row["t_dt_s"] == pytest.approx(shift.end - shift.fall, abs=2.5e-3)
 
 
@@ -317,11 +322,11 @@ def test_a_clutch_that_cannot_carry_the_torque_is_said_to_slip_with_what_it_carr
     late = slice(-2000, None)
     channels["n_wyj"][late] = 50.0  # steady at the end, while gear II would give 153.2 rad/s
     channels["M_wyj"] = np.where(np.arange(channels["M_wyj"].size) < 12000, 240.0, 171.0)
-    row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+    row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)], BOX))
     slip = 1500.0 - I2 * 50.0 * RPM
     assert row["why"][-1] == (
         f"clutch S2 still slips at the end by {slip:.0f} rpm of the input: it carries 171 Nm to the "
         "output at 2.30 MPa, 240 Nm were asked before the order"
     )
-    open_clutch = only(Recording(0.0, PERIOD, channels | {"p2": np.zeros_like(channels["p2"])}, [(1.0, 1, 2)]))
+    open_clutch = only(Recording(0.0, PERIOD, channels | {"p2": np.zeros_like(channels["p2"])}, [(1.0, 1, 2)], BOX))
     assert not any("slips" in reason for reason in open_clutch["why"])

@@ -39,7 +39,7 @@ steps:
   - shift: {to: II, timeout: 3 s}
   - wait: {for: 500 ms}
 """
-BOX = load_rig().transmission
+BOX = load_rig("hydmag").transmission
 DIFFERENT = r"shifts I -> II began in different states: travel of the piston of S2 0\.0 mm in .*, \d\.\d mm in .*pause longer"
 
 
@@ -65,7 +65,7 @@ def test_a_shift_after_a_short_pause_says_that_the_piston_had_not_returned(folde
     t, piston = bag.series("s2_piston")
     assert first["piston_m"] == 0.0
     assert last["piston_m"] == pytest.approx(np.interp(rows[2]["t_order_s"], t, piston), abs=2e-6) and last["piston_m"] > 1e-3
-    clutch = load_rig().values("clutch_s2")
+    clutch = load_rig("hydmag").values("clutch_s2")
     assert last["fill_done"] == pytest.approx(last["piston_m"] / clutch.clearance)
     assert last["filled_m3"] == pytest.approx(last["piston_m"] * clutch.piston_area)
     assert last["plates_degc"] > rows[2]["at_order"]["oil_degc"] > 30.0
@@ -126,7 +126,7 @@ def test_a_sweep_has_the_states_in_its_results_and_names_what_differs(folder, ca
 
 
 def test_the_temperature_of_the_plates_by_their_heat_is_that_of_the_plant():
-    run = record(load_rig(), load_sequence("demo"), plant_states=("s2_mode",))
+    run = record(load_rig("hydmag"), load_sequence("demo", rig="hydmag"), plant_states=("s2_mode",))
     (order,) = [t for t, _, gear in run.recording.orders if gear == 1 and t > 1.0]
     warm = run.at_orders[order]
     assert warm.plates["S2"] > warm.oil
@@ -166,7 +166,7 @@ def test_only_what_results_show_beyond_their_error_is_named():
 
 def test_the_tuner_names_points_in_which_a_piston_had_not_returned(monkeypatch):
     points = [Point("I-II", speed, 40.0) for speed in (90.0, 100.0)]
-    assert held(load_rig(), points)[1] == []
+    assert held(load_rig("hydmag"), points)[1] == []
     monkeypatch.setattr("rig_nodes.studies.tune.bench.Bench.started", lambda _, point: made(1e-3 if point.speed > 95.0 else 0.0))
-    (note,) = held(load_rig(), points)[1]
+    (note,) = held(load_rig("hydmag"), points)[1]
     assert "began in different states: travel of the piston of S2 0.0 mm in I-II 859 rpm 40 Nm" in note

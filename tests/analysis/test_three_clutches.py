@@ -16,7 +16,8 @@ from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
-from rig_nodes.analysis.uncertainty import Instrument, uncertainty
+from rig_nodes.analysis.report import shown_transmission
+from rig_nodes.analysis.uncertainty import Instrument, instruments_of, uncertainty
 from rig_nodes.bags.exchange.orders import parse_orders
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
@@ -99,7 +100,7 @@ def test_an_engagement_from_neutral_begins_with_the_first_pressure_and_needs_all
 
 def test_two_clutches_at_once_are_no_engagement_of_one():
     case = ThreeSpeedShift(0, 1)
-    row = engagement_metrics(case.recording(), (1.0, 0, 1))
+    row = engagement_metrics(case.recording(), (1.0, 0, 1), instruments_of(load_rig("hydmag").as_dict()))
     assert row["why"] == ["gear 1. engages C1 and B1, and this is about an engagement of one clutch"]
 
 
@@ -127,7 +128,7 @@ def test_the_plants_states_are_read_of_every_clutch():
         None, {topic: [(round(now * 1e9), SimpleNamespace(**one)) for now, one in zip(t, ones)] for topic, ones in messages.items()}
     )
     row = only(ThreeSpeedShift(1, 2).recording()) | {"t_o_s": None}
-    truth = metrics_of_states(states_of(bag, BOX), row, None, BOX)
+    truth = metrics_of_states(states_of(bag, BOX), row, BOX)
     assert truth["t_lock_s"] == pytest.approx(0.6, abs=0.006), "C1, which stays, does not count"
     assert truth["heat_c2_j"] == pytest.approx(60.0, abs=1.0) and truth["heat_c1_j"] == truth["heat_b1_j"] == 0.0
 
@@ -146,7 +147,7 @@ def test_the_energy_balance_has_the_heat_of_all_clutches():
         }[topic]
         return t, [values[name] for name in names]
 
-    account = balance(energies_of(SimpleNamespace(fields=fields, structure=load_rig().structure), BOX), 0.0, 1.0, BOX)
+    account = balance(energies_of(SimpleNamespace(fields=fields, structure=load_rig("hydmag").structure), BOX), 0.0, 1.0, BOX)
     assert clutch_heat(account, BOX) == pytest.approx(60.0)
     assert account["residual_j"] == pytest.approx(0.0, abs=1e-9)
 
@@ -155,3 +156,16 @@ def test_orders_are_given_by_the_names_and_numbers_of_its_gears():
     assert parse_orders("1.0:1-2, 2:2-N", BOX) == [(1.0, 1, 2), (2.0, 2, 0)]
     with pytest.raises(RigError, match="'1:2-4' is no order"):
         parse_orders("1:2-4", BOX)
+
+
+def test_a_report_whose_record_is_damaged_is_refused_and_has_not_another_rigs_gears():
+    report = {"run": {"configuration": load_rig("three_speed").as_dict()}, "shifts": [{}]}
+    assert list(shown_transmission(report).numbers) == ["neutral", "1", "2", "3"]
+    del report["run"]["configuration"]["structure"]["gears"]
+    with pytest.raises(RigError, match="the configuration of the run does not name its rig"):
+        shown_transmission(report)
+
+
+def test_a_report_of_a_bag_without_a_record_has_the_gears_of_the_rig_that_it_took():
+    report = {"run": {"configuration": None}, "shifts": [{}], "basis": {"taken": True, "rig": "three_speed"}}
+    assert list(shown_transmission(report).numbers) == ["neutral", "1", "2", "3"]

@@ -25,6 +25,10 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.record import record
 from rig_nodes.runs.sequence import load_sequence
 
+HYDMAG = load_rig("hydmag")
+INSTRUMENTS = instruments_of(HYDMAG.as_dict())
+BOX = HYDMAG.transmission
+
 ROW = dict.fromkeys(KEYS) | {
     "from_gear": 1,
     "to_gear": 2,
@@ -44,7 +48,7 @@ ROW = dict.fromkeys(KEYS) | {
 
 
 def test_table_7_1():
-    errors = {name: instrument.error for name, instrument in instruments_of(None).items()}
+    errors = {name: instrument.error for name, instrument in INSTRUMENTS.items()}
     assert errors["torque"] == pytest.approx(1.01)
     assert errors["p1"] == pytest.approx(0.1e6)
     assert errors["p2"] == pytest.approx(0.0625e6)  # printed 0.063
@@ -53,7 +57,7 @@ def test_table_7_1():
 
 
 def test_metrics_by_hand():
-    found = uncertainty(ROW)
+    found = uncertainty(ROW, INSTRUMENTS, BOX)
     assert found["output_torque_nm"] == pytest.approx(1.01)
     assert found["output_speed_min_rpm"] == pytest.approx(1.0)
     assert found["k"] == pytest.approx(0.852 * (1.0 / 925 + 1.0 / 1500), rel=1e-3)
@@ -75,8 +79,8 @@ def test_metrics_by_hand():
 
 
 def test_better_instruments_give_smaller_errors_only_where_they_count():
-    fine = {**instruments_of(None), "torque": Instrument(500.0, 0.02)}
-    plain, better = uncertainty(ROW), uncertainty(ROW, fine)
+    fine = {**INSTRUMENTS, "torque": Instrument(500.0, 0.02)}
+    plain, better = (uncertainty(ROW, INSTRUMENTS, BOX), uncertainty(ROW, fine, BOX))
     assert better["output_torque_nm"] == pytest.approx(0.1)
     assert better["e_loss_j"] < plain["e_loss_j"]
     assert better["k"] == plain["k"] and better["t_p_s"] == plain["t_p_s"]
@@ -88,10 +92,10 @@ def test_errors_are_those_of_the_rigs_own_instruments():
     assert of_the_rig["torque"] == pytest.approx(1.01) and of_the_rig["p2"] == pytest.approx(0.0625e6)
     assert of_the_rig["speed"] == pytest.approx(2 * math.pi / 60)  # 1 rpm, which the table rounds to 0.017 rev/s
     coarse = load_rig("hydmag", {"instruments.torque_class": "2 %", "instruments.speed_step": "3 rpm"}).as_dict()
-    found = uncertainty(ROW, instruments_of(coarse))
+    found = uncertainty(ROW, instruments_of(coarse), BOX)
     assert found["output_torque_nm"] == pytest.approx(10.01) and found["input_speed_rpm"] == pytest.approx(3.0)
     # with true values only a sample and half the filter remain, at each end
-    true = uncertainty(ROW, instruments_of(load_rig("hydmag", {"effects.transducers": "off"}).as_dict()))
+    true = uncertainty(ROW, instruments_of(load_rig("hydmag", {"effects.transducers": "off"}).as_dict()), BOX)
     assert true["output_torque_nm"] == true["k"] == 0.0
     assert true["t_dt_s"] == pytest.approx(2.2e-3) and true["t_c_s"] == pytest.approx(1.1e-3)
 
@@ -111,28 +115,30 @@ def test_of_two_torque_meters_with_errors_of_their_own_the_worse_counts(tmp_path
 
 def test_a_pressure_that_reads_wrong_by_all_that_it_may_moves_the_overlap_by_no_more_than_is_said():
     run = record(load_rig("hydmag", {"effects.transducers": "off"}), load_sequence("grid_point")).recording
-    true, used = shifts(run), instruments_of(None)
+    true, used = shifts(run), INSTRUMENTS
     for name, sign in product(("p1", "p2"), (1.0, -1.0)):
         channels = run.channels | {name: run.channels[name] + sign * used[name].error}
         for row, read in zip(true, shifts(dataclasses.replace(run, channels=channels)), strict=True):
-            assert abs(read["overlap_s"] - row["overlap_s"]) < uncertainty(row)["overlap_s"]
+            assert abs(read["overlap_s"] - row["overlap_s"]) < uncertainty(row, INSTRUMENTS, BOX)["overlap_s"]
 
 
 def test_a_sample_of_a_slower_logger_counts_as_such():
-    by_default, slow = uncertainty(ROW), uncertainty(ROW, period=10e-3)
+    by_default, slow = (uncertainty(ROW, INSTRUMENTS, BOX), uncertainty(ROW, INSTRUMENTS, BOX, period=10e-3))
     assert slow["t_c_s"] - by_default["t_c_s"] == pytest.approx(9.9e-3)
     assert slow["t_p_s"] - by_default["t_p_s"] == pytest.approx(19.8e-3)
     assert slow["input_torque_max_nm"] == pytest.approx(1.01 + 264 * 5 / 45)  # half a sample of a rise in 45 ms
 
 
 def test_what_is_missing_has_no_error():
-    assert uncertainty(dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2}) == {}
-    half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None})
+    assert uncertainty(dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2}, INSTRUMENTS, BOX) == {}
+    half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None}, INSTRUMENTS, BOX)
     assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
     assert half["input_torque_max_nm"] > 1.01
     # for an output at rest, the error of n_wyj / n_wej is the encoder's 1 rpm, times i1
-    assert uncertainty(ROW | {"output_speed_min_rpm": 0.0, "k": 0.0})["k"] == pytest.approx(47 / 34 * 1.0 / 1500, rel=1e-3)
-    neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None})
+    assert uncertainty(ROW | {"output_speed_min_rpm": 0.0, "k": 0.0}, INSTRUMENTS, BOX)["k"] == pytest.approx(
+        47 / 34 * 1.0 / 1500, rel=1e-3
+    )
+    neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None}, INSTRUMENTS, BOX)
     assert "k" not in neutral and neutral["t_dt_s"] > 0.0
     assert all(math.isfinite(value) for value in neutral.values())
 
@@ -145,7 +151,7 @@ def test_the_printed_coast_down():
         "inertia": 0.709,
         "coefficients": [0.5735, -11.736, 49.274],
     }
-    found = coast_down_uncertainty(printed)
+    found = coast_down_uncertainty(printed, INSTRUMENTS)
     assert found["coast_down_torque_nm"] == pytest.approx(1.01)
     assert found["coast_down_tangent_s"] == pytest.approx(4.198 * 0.20944 / 11.736, rel=1e-3)
     assert found["inertia"] == pytest.approx(0.709 * (1.01 / 8.32 + 0.0182), rel=1e-2)
@@ -165,11 +171,11 @@ def test_an_engagement_by_hand():
         "growth_contact": 0.5e6,
         "hold_s": 0.08,
     }
-    found = engagement_uncertainty(row)
+    found = engagement_uncertainty(row, INSTRUMENTS, BOX)
     assert found["p_end"] == pytest.approx(0.1e6) and found["input_torque_mean_nm"] == pytest.approx(1.01)
     assert found["p_kiss"] == pytest.approx(0.1e6 + 0.5e6 * 1.01 / 10.0)
     assert found["engagement_peak_nm"] == pytest.approx(1.01 + 90.0 / 45.0)
     slip = 0.10472 * (1 + 47 / 34) / 52.36 * 0.26
     assert found["engagement_s"] == pytest.approx(2.2e-3 + 0.1 / 1.622 + slip, rel=1e-3)
     assert found["hold_s"] == pytest.approx(2.2e-3) and "hold_pressure" not in found
-    assert set(engagement_uncertainty(dict.fromkeys(ENGAGEMENT_KEYS) | {"gear": 2})) == set()
+    assert set(engagement_uncertainty(dict.fromkeys(ENGAGEMENT_KEYS) | {"gear": 2}, INSTRUMENTS, BOX)) == set()

@@ -11,7 +11,9 @@ import pytest
 
 from rig_nodes.bags.cdr import encode_any, encoder
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 sys.path.insert(0, str(Path(__file__).parent))  # for crafted.py
 
@@ -28,7 +30,7 @@ STATES = {
 
 def _messages(seconds, start_seq):
     """Returns (topic, time [ns], bytes) of a run of that length [s]: the catalogue's topics at their rates."""
-    topics = catalogue().topics
+    topics = CATALOGUE.topics
     seqs = dict(start_seq)
     noise = np.random.default_rng(7)
 
@@ -37,7 +39,7 @@ def _messages(seconds, start_seq):
         seqs[topic] = seq + 1
         return topic, ns, encoder(topics[topic].ros_type).encode(ns, seq, *values)
 
-    columns = catalogue().logger_channels()
+    columns = CATALOGUE.logger_channels()
     yield one("/rig/run_info", 0, '{"seed": 7, "rig": "hydmag"}')
     yield one(
         "/instruments/controller_record",
@@ -96,7 +98,7 @@ def write_run(messages):
     """write_run(folder, seconds=0.35, drop=None) writes it; ``drop(topic, number)`` keeps a message out."""
 
     def write(folder, seconds=0.35, drop=None):
-        topics, numbers = catalogue().topics, {}
+        topics, numbers = CATALOGUE.topics, {}
         with BagWriter(folder, "run") as writer:
             for topic, ns, data in messages(seconds):
                 number = numbers[topic] = numbers.get(topic, -1) + 1

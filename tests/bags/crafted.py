@@ -273,7 +273,7 @@ def try_out(folder):
     from rig_nodes.rig.configuration import load_rig
     from rig_nodes.view import convert, viewer  # noqa: F401
 
-    load_rig()  # loaded here, so that its modules and compiled code do not count as memory of a bag
+    load_rig("hydmag")  # loaded here, so that its modules and compiled code do not count as memory of a bag
     # the limit stops a reader that takes far too much memory before it affects the machine
     resource.setrlimit(resource.RLIMIT_DATA, (2 << 30, 2 << 30))
     for path in sorted(Path(folder).glob("*/bag.mcap"), key=lambda path: int(path.parent.name)):

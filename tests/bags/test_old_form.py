@@ -15,6 +15,7 @@ from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
+from rig_nodes.rig.configuration import load_rig
 
 # old fields that have another name or another place today
 OLD_NAMES = {"stamp", "n_wej", "n_wyj", "p1", "p2", "w_wej", "w_wyj", "m_wej", "m_wyj", "__msgtype__"}
@@ -81,7 +82,7 @@ def test_an_old_bag_has_todays_types_so_that_it_can_be_replayed_and_compared():
         for _, (topic, data) in index.timeline(["/controller/command", "/instruments/controller"]):
             message = cdr.decode(bag.types[topic], data)
             assert len(message.duty if topic == "/controller/command" else message.current) == 3
-    time, setpoint = bag.series("I_set_zr_p1")
+    time, setpoint = bag.series(load_rig("hydmag").catalogue.signal("I_set_zr_p1"))
     assert setpoint.max() > 0.3 and len(time) == len(as_written("/alfa46/command"))
 
 
@@ -102,7 +103,7 @@ def test_a_users_message_with_a_frame_is_read_like_one_without(tmp_path):
         for k, data in enumerate(own):
             writer.write("/controller/command", ros_type, data, 10**6 * k)
     bag = Bag(tmp_path / "run")
-    time, setpoint = bag.series("I_set_zr_p1")
+    time, setpoint = bag.series(load_rig("hydmag").catalogue.signal("I_set_zr_p1"))
     assert time.tolist() == pytest.approx([0.0, 0.001, 0.002, 0.003]) and setpoint == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert bag.gaps() == {} and [m.header.frame_id for _, m in bag.messages("/controller/command")] == ["", "", "gearbox", ""]
 

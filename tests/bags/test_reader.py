@@ -17,7 +17,9 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import BagError, RigError
 from rig_nodes.cli.main import main
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 LOGGER = "/instruments/hmg4000"
 COMMAND = "/controller/command"
@@ -27,13 +29,13 @@ def test_counts_and_types_are_those_written(run, write_run, tmp_path):
     writer = write_run(tmp_path)
     bag = Bag(run)
     assert bag.counts == writer.counts
-    assert bag.types == {topic: catalogue().topics[topic].ros_type for topic in bag.counts}
+    assert bag.types == {topic: CATALOGUE.topics[topic].ros_type for topic in bag.counts}
     assert Bag(run / "run_0.mcap").counts == bag.counts
 
 
 def test_series_of_every_signal_follows_its_topic(run):
     bag = Bag(run)
-    for name, signal in catalogue().signals.items():
+    for name, signal in CATALOGUE.signals.items():
         t, values = bag.series(name)
         assert t.dtype == values.dtype == float
         assert t.shape == values.shape == (bag.counts[signal.topic],)
@@ -50,12 +52,12 @@ def test_series_keeps_time_beyond_two_seconds(tmp_path):
     with BagWriter(tmp_path, "run") as writer:
         for seq, ns in enumerate((2_500_000_000, 5_000_000_000, 3_600_000_000_001)):
             writer.write("/motor/n_wej", "rig_msgs/msg/Measurement", encode(ns, seq, float(seq)), ns)
-    assert list(Bag(tmp_path).series("n_wej")[0]) == [2.5, 5.0, 3600.000000001]
+    assert list(Bag(tmp_path).series(CATALOGUE.signal("n_wej"))[0]) == [2.5, 5.0, 3600.000000001]
 
 
 def test_logger_joins_the_blocks(run):
     log = Bag(run).logger()
-    names = [s.name for s in catalogue().logger_channels()]
+    names = [s.name for s in CATALOGUE.logger_channels()]
     assert list(log.channels) == names
     assert (log.t0, log.period, log.rows) == (0.0, 1.0e-4, 3500)
     for column, name in enumerate(names):
@@ -151,7 +153,7 @@ def test_blocks_that_do_not_fit_are_refused(tmp_path, blocks, says):
 def test_hash_does_not_depend_on_how_topics_interleave(messages, run, tmp_path):
     with BagWriter(tmp_path, "other") as writer:
         for topic, ns, data in sorted(messages(0.35), key=lambda m: (m[1] // 10**8, m[0])):
-            writer.write(topic, catalogue().topics[topic].ros_type, data, ns)
+            writer.write(topic, CATALOGUE.topics[topic].ros_type, data, ns)
     assert (tmp_path / "other_0.mcap").read_bytes() != (run / "run_0.mcap").read_bytes()
     hashes = Bag(run).canonical_hash()
     assert Bag(tmp_path).canonical_hash() == hashes
@@ -182,9 +184,9 @@ def test_a_bag_is_read_by_the_definitions_it_carries(tmp_path):
     bag = Bag(tmp_path)
     ((ns, message),) = bag.messages("/motor/state")
     assert (ns, message.speed, message.torque) == (3_000_000_000, 99.5, 10.0)
-    assert [list(x) for x in bag.series("motor_torque")] == [[3.0], [10.0]]
+    assert [list(x) for x in bag.series(CATALOGUE.signal("motor_torque"))] == [[3.0], [10.0]]
     with pytest.raises(BagError, match="no field 'work'.*another version"):
-        bag.series("motor_work")
+        bag.series(CATALOGUE.signal("motor_work"))
 
 
 def test_what_is_not_there_is_said(run, tmp_path):
@@ -194,7 +196,7 @@ def test_what_is_not_there_is_said(run, tmp_path):
         list(Bag(run).messages("/motor/speed"))
     BagWriter(tmp_path, "run").close()
     with pytest.raises(BagError, match="has no topic /motor/n_wej; it holds none"):
-        Bag(tmp_path).series("n_wej")
+        Bag(tmp_path).series(CATALOGUE.signal("n_wej"))
     for topic, sentence in (
         ("/controller/signals", "the run's controller names no signals of its own"),
         ("/motor/logger", "has no topic /motor/logger"),

@@ -18,7 +18,9 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.nodes.processes.recording_options import add_options, words
 from rig_nodes.nodes.processes.result import join_pieces, lost_messages
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 S = 1_000_000_000
 LENGTH = 0.95
@@ -37,7 +39,7 @@ def whole(rows, tmp_path_factory):
 
 def record(folder, rows, layout, act=lambda recording, time: None, close=True, **choice):
     """Writes rows as the recorder does; ``act`` is called before each message. Returns the writer."""
-    topics = catalogue().topics
+    topics = CATALOGUE.topics
     writer = BagWriter(folder, "run", layout=layout)
     recording = Recording(writer, **choice)
     for topic, time, data in rows:
@@ -164,7 +166,7 @@ def test_a_pause_leaves_out_all_but_what_describes_the_run_and_a_real_loss_still
 def test_of_the_rigs_own_topics_those_are_stored_that_were_chosen(rows, whole, tmp_path):
     record(tmp_path, rows, Layout(), takes=lambda topic: topic == "/motor/state")
     bag = Bag(tmp_path)
-    chosen = {topic for topic in bag.counts if catalogue().topics[topic].qos != "latched"}
+    chosen = {topic for topic in bag.counts if CATALOGUE.topics[topic].qos != "latched"}
     assert chosen == {"/motor/state"} and bag.counts["/motor/state"] == whole.counts["/motor/state"] and bag.run_info()
 
 

@@ -42,7 +42,7 @@ def foreign(tmp_path_factory):
     (mine / "rig.yaml").write_text(rig)
     sequence = folder / "short.yaml"
     sequence.write_text(SHORT)
-    simulate(load_rig(mine), load_sequence(sequence), folder / "run")
+    simulate(load_rig(mine), load_sequence(sequence, default="hydmag"), folder / "run")
     shutil.rmtree(mine)
     return folder / "run"
 
@@ -119,3 +119,16 @@ def test_a_record_that_is_none_is_refused_in_one_sentence(record, monkeypatch):
     monkeypatch.setattr(bag, "run_info", lambda: {"configuration": record})
     with pytest.raises(BagError, match="its record of the rig cannot be used"):
         bag.catalogue
+
+
+@pytest.mark.parametrize(
+    ("topics", "says"),
+    [
+        (("/gearbox/state",), r"its topics \(/gearbox/state\) are those of .*hydmag, .*three_speed"),
+        (("/x",), r"its topics \(/x\) are those of no installed rig"),
+        ((), "its topics .there are none. are those of no installed rig"),
+    ],
+)
+def test_a_bag_whose_topics_do_not_tell_the_rig_is_refused(topics, says):
+    with pytest.raises(ValueError, match=says):
+        rig_record(None, topics)

@@ -16,7 +16,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.run_end import RECORD_NAME
 from rig_nodes.bags.writer import LIBRARY, LIBRARY_OF_RUN, BagWriter, Layout
 from rig_nodes.cli.main import main
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 LOGGER = "/instruments/hmg4000"
@@ -177,7 +177,7 @@ def test_a_run_by_hand_whose_end_nobody_recorded_was_cut_off(messages, tmp_path,
         folder = tmp_path / f"run {len(end)}"
         with BagWriter(folder, "run", library=LIBRARY_OF_RUN) as writer:
             for topic, ns, data in messages(0.05):
-                writer.write(topic, catalogue().topics[topic].ros_type, data, ns)
+                writer.write(topic, load_rig("hydmag").catalogue.topics[topic].ros_type, data, ns)
             if end:
                 writer.end(**end)
         assert rig(capfd, "bag", "check", folder)[0] == (0 if end else 3)

@@ -25,7 +25,10 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter, Column, Layout
 from rig_nodes.base.errors import RigError
 from rig_nodes.nodes.qos import publisher_profile
-from rig_nodes.rig.catalogue import QOS, catalogue
+from rig_nodes.rig.catalogue import QOS
+from rig_nodes.rig.configuration import load_rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 
@@ -71,7 +74,7 @@ def plain(node, value):
 
 
 def test_mcap_ros2_support_and_rosbags_agree_on_every_value(run, messages):
-    trees = {topic: installed(entry.ros_type).tree for topic, entry in catalogue().topics.items()}
+    trees = {topic: installed(entry.ros_type).tree for topic, entry in CATALOGUE.topics.items()}
     with open(run / "run_0.mcap", "rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         foxglove = [
@@ -99,7 +102,7 @@ def test_metadata_is_rosbag2s_with_counts_hashes_and_quality_of_service(run, mes
         connections = {c.topic: c for c in reader.connections}
     assert {topic: c.msgcount for topic, c in connections.items()} == counts
     for topic, connection in connections.items():
-        assert connection.digest == installed(catalogue().topics[topic].ros_type).type_hash
+        assert connection.digest == installed(CATALOGUE.topics[topic].ros_type).type_hash
     (qos,) = connections["/instruments/channels"].ext.offered_qos_profiles
     assert (qos.durability, qos.depth) == (QosDurability.TRANSIENT_LOCAL, 1000)
     (qos,) = connections["/motor/state"].ext.offered_qos_profiles
@@ -121,7 +124,7 @@ def test_a_bag_says_how_the_nodes_offer_their_topics(qos):
 @pytest.mark.parametrize("layout", [Layout(), Layout(size=20_000), Layout(length=120_000_000), Layout(packing="none")])
 def test_columns_are_stored_as_their_messages_one_by_one(messages, tmp_path, layout):
     rows = messages(0.35)
-    types = {name: topic.ros_type for name, topic in catalogue().topics.items()}
+    types = {name: topic.ros_type for name, topic in CATALOGUE.topics.items()}
     with BagWriter(tmp_path / "each", "run", layout=layout) as bag:
         for topic, ns, data in rows:
             bag.write(topic, types[topic], data, ns)

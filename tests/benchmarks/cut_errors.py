@@ -21,7 +21,7 @@ from rig_nodes.runs.sequence_runner import SequenceRunner
 from rig_nodes.runs.simulate import LocalBench, simulate
 
 TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")
-CASES = [*((device,) for device in load_rig().cuttable), load_rig().cuttable]
+CASES = [*((device,) for device in load_rig("hydmag").cuttable), load_rig("hydmag").cuttable]
 TICKS = ("1 ms", "2 ms", "5 ms")
 
 
@@ -63,14 +63,14 @@ def works(sequence, values) -> dict[str, tuple[float, float]]:
 
 def main() -> int:
     """Prints the table."""
-    sequence = load_sequence(sys.argv[1] if len(sys.argv) > 1 else "demo")
+    sequence = load_sequence(sys.argv[1] if len(sys.argv) > 1 else "demo", default="hydmag")
     reference = shifts(sequence)
     print("| cut out | tick | peak M_wej | times | k | loss | balance | work: plant, device |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for tick in TICKS:
         for devices in CASES:
             values = settings(devices, tick)
-            name = "all four" if devices == load_rig().cuttable else devices[0]
+            name = "all four" if devices == load_rig("hydmag").cuttable else devices[0]
             try:
                 report = shifts(sequence, values)
             except RigError:  # the motor's speed loop is not stable with this tick

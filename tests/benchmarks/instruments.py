@@ -14,11 +14,13 @@ import dataclasses
 import sys
 
 from rig_nodes.analysis.metrics import shifts
-from rig_nodes.analysis.uncertainty import uncertainty
+from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
 from rig_nodes.base.units import UNITS
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.record import record
 from rig_nodes.runs.sequence import load_sequence
+
+HYDMAG = load_rig("hydmag")
 
 SETTLED = 6.0  # time that replaces a wait for a measured value [s]; longer than any such wait
 SPEEDS = {"500 rpm": "delay", "1500 rpm": "grid_point"}
@@ -48,12 +50,14 @@ def settings(kept: tuple[str, ...] = ()) -> dict[str, str]:
 
 def first_shifts(name: str, speed: str, seed: int, values: dict[str, str]) -> list[tuple[dict, dict]]:
     """Returns the rows of the first shift up and the first down under load, each with its largest errors by (7.1)."""
-    sequence = load_sequence(name, {"speed": speed})
+    sequence = load_sequence(name, {"speed": speed}, default="hydmag")
     steps = [
         step if step.condition is None else dataclasses.replace(step, condition=None, value=SETTLED) for step in sequence.steps
     ]
     run = record(load_rig("hydmag", values), dataclasses.replace(sequence, steps=steps), seed=seed).recording
-    return [(row, uncertainty(row, period=run.period)) for row in shifts(run)[:2]]
+    return [
+        (row, uncertainty(row, instruments_of(HYDMAG.as_dict()), HYDMAG.transmission, period=run.period)) for row in shifts(run)[:2]
+    ]
 
 
 def main() -> int:

@@ -156,7 +156,7 @@ def test_a_simulated_run_goes_on_while_a_stranger_sends_a_byte_to_its_port(tmp_p
 def test_foreign_packets_end_no_program(tmp_path, program):
     group = {"example": "239.74.163.78", "template": "239.74.163.79"}[program]
     if program == "example":
-        command = ["-m", "rig_nodes.controllers.examples.can_alfa46", group, "--interface", "udp_multicast"]
+        command = ["-m", "rig_nodes.controllers.examples.can_alfa46", group, "--interface", "udp_multicast", "--rig", "hydmag"]
     else:
         assert main(["controller", "new", "can", str(tmp_path / "mine")]) == 0
         assert main(["export", "dbc", "-o", str(tmp_path / "mine" / "rig.dbc")]) == 0

@@ -69,7 +69,7 @@ def build(tmp_path_factory):
                 source = folder / "other.c"
                 source.write_text(text)
             built[key] = folder / f"controller{len(built)}.fmu"
-            build_controller_fmu([source], built[key], load_rig(), fmi, ["-Werror"])
+            build_controller_fmu([source], built[key], load_rig("hydmag"), fmi, ["-Werror"])
         return built[key]
 
     return get

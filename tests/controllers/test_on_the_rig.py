@@ -224,7 +224,7 @@ def test_an_answer_acts_one_sample_later(config, python_controller):
 )
 def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(config, sequence, failing, tmp_path, what, reason):
     plug = load_controller(failing(what), config)
-    run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
+    run = simulate(config, load_sequence(sequence, default="hydmag"), tmp_path / "run", controller=plug)
     assert run["end"]["state"] == "tripped" and re.search(reason, run["end"]["reason"])
     bag = Bag(tmp_path / "run")
     assert not any(bag.gaps().values())
@@ -239,13 +239,15 @@ def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(config, sequ
 
 def test_a_controller_that_never_answers_trips_the_rig(config, sequence, failing, tmp_path):
     plug = load_controller(failing("return ControllerOutputs(status=Status.DISCARD)", 0), config)
-    run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
+    run = simulate(config, load_sequence(sequence, default="hydmag"), tmp_path / "run", controller=plug)
     assert "none of the first 101 samples was answered" in run["end"]["reason"]
     assert run["duration_s"] < 0.3
 
 
 def test_a_gear_that_is_not_taken_is_a_shift_that_does_not_end(config, sequence, python_controller, tmp_path):
-    run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=python_controller("return Out()"))
+    run = simulate(
+        config, load_sequence(sequence, default="hydmag"), tmp_path / "run", controller=python_controller("return Out()")
+    )
     assert (
         run["end"]["state"] == "failed"
         and "'shift to I' did not come true within 2 s; the controller reports gear 0, not shifting" in run["end"]["reason"]

@@ -52,7 +52,9 @@ def run(tmp_path, config):
         (tmp_path / "mine.py").write_text(HOLDING)
         (tmp_path / "sequence.yaml").write_text(text)
         plug = load_controller(spec or f"python:{tmp_path / 'mine.py'}:Mine", config)
-        end = simulate(config, load_sequence(tmp_path / "sequence.yaml"), tmp_path / "run", controller=plug)["end"]
+        end = simulate(config, load_sequence(tmp_path / "sequence.yaml", default="hydmag"), tmp_path / "run", controller=plug)[
+            "end"
+        ]
         return end, Bag(tmp_path / "run")
 
     return go
@@ -96,13 +98,13 @@ def test_the_alfa46_has_none_of_its_own(run):
 def test_steps_that_set_nothing_are_refused(tmp_path, step, sentence):
     (tmp_path / "sequence.yaml").write_text(f"description: wrong\nsteps:\n  - {step}\n")
     with pytest.raises(RigError, match=sentence):
-        load_sequence(tmp_path / "sequence.yaml")
+        load_sequence(tmp_path / "sequence.yaml", default="hydmag")
 
 
 def test_the_clutch_bench_has_no_controller_to_set(tmp_path):
     (tmp_path / "sequence.yaml").write_text("description: wrong\nrig: clutch_bench\nsteps:\n  - controller: {held: 1}\n")
     with pytest.raises(RigError, match="sequence.yaml:4: .*'controller'"):
-        load_sequence(tmp_path / "sequence.yaml")
+        load_sequence(tmp_path / "sequence.yaml", default="hydmag")
 
 
 def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_path):
@@ -122,7 +124,7 @@ def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_pat
             return False
 
     (tmp_path / "sequence.yaml").write_text("description: late\nsteps:\n  - controller: {held: 900}\n")
-    runner = SequenceRunner(load_sequence(tmp_path / "sequence.yaml"), Late(), load_rig())
+    runner = SequenceRunner(load_sequence(tmp_path / "sequence.yaml", default="hydmag"), Late(), load_rig("hydmag"))
     assert not runner.poll(0.25) and runner.bench.given == ("alfa46.controller.held", 900.0)
     assert runner.next_look() == {"until": 0.25}
 

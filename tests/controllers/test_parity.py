@@ -150,7 +150,7 @@ def test_it_gets_what_it_wants_is_set_and_recorded(made, config, tmp_path, free_
         plug = load_controller(spec, config)
         plug.wait(20.0)
         assert set(plug.wants) == {"p_p", "M_wej"} and dict(plug.settings) == {"held": 0.25, "other": 1.0}
-        run = simulate(config, load_sequence(tmp_path / "sequence.yaml"), tmp_path / "run", controller=plug)
+        run = simulate(config, load_sequence(tmp_path / "sequence.yaml", default="hydmag"), tmp_path / "run", controller=plug)
     finally:
         if program:
             program.kill()

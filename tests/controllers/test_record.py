@@ -15,7 +15,6 @@ from rig_nodes.controllers.can.database import database
 from rig_nodes.controllers.modbus.registers import register_map
 from rig_nodes.controllers.record import ControllerRecord, Gear, Output, controller_info, record_of
 from rig_nodes.controllers.seam import ControllerOutputs, checked
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.conformance import Desk
 
@@ -25,7 +24,7 @@ from .conftest import C_FRAME, INCLUDE, RECORD, ask
 @pytest.fixture
 def other():
     """A record of another rig: four outputs, two transducers, two gears."""
-    signals = catalogue().signals
+    signals = load_rig("hydmag").catalogue.signals
     outputs = tuple(Output(f"v{k}", f"valve_{k}", signals["I_zr_p1"]) for k in range(4))
     gears = Gear(0, "N"), Gear(5, "fast", 1.5, (("p_p", 1e5),))
     return ControllerRecord(

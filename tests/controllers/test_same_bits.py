@@ -39,7 +39,7 @@ SETTINGS = {"as it is": (1, {}), "late": (7, {"alfa46.t12": "200 ms", "alfa46.t2
 def sequence(tmp_path_factory):
     path = tmp_path_factory.mktemp("sequence") / "up_and_down.yaml"
     path.write_text(UP_AND_DOWN)
-    return load_sequence(path)
+    return load_sequence(path, default="hydmag")
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,9 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import find_of_rigs, of_rigs
 from rig_nodes.cli.main import main
+from rig_nodes.rig.configuration import load_rig
+
+BOX = load_rig("hydmag").transmission
 
 
 @pytest.mark.parametrize("laboratory", LABORATORIES.values(), ids=LABORATORIES)
@@ -202,8 +205,8 @@ def test_compare_takes_a_file_with_the_rig_of_the_run_and_says_so(tmp_path, caps
 
 
 def test_orders_of_the_command_line():
-    assert parse_orders("8.32:II-I, 3.845:I->II") == [(3.845, 1, 2), (8.32, 2, 1)]
-    assert parse_orders("0.5 s: 0-I") == [(0.5, 0, 1)]
+    assert parse_orders("8.32:II-I, 3.845:I->II", BOX) == [(3.845, 1, 2), (8.32, 2, 1)]
+    assert parse_orders("0.5 s: 0-I", BOX) == [(0.5, 0, 1)]
     for bad in ("", "3:4", "I-II", "3:I-III", "3.85:I-I", "3.85:I-II, 3.85:I-II"):
         with pytest.raises(RigError, match="--orders"):
-            parse_orders(bad)
+            parse_orders(bad, BOX)

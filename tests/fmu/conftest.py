@@ -17,7 +17,7 @@ def rig_fmu(tmp_path_factory):
     def get(fmi=2):
         if fmi not in built:
             built[fmi] = folder / f"hydmag{fmi}.fmu"
-            build_rig_fmu(built[fmi], fmi=fmi)
+            build_rig_fmu(built[fmi], "hydmag", fmi=fmi)
         return built[fmi]
 
     return get

@@ -28,7 +28,7 @@ def controller_fmu(tmp_path_factory):
     """Returns the path of the reference controller as an FMU of each version."""
     folder = tmp_path_factory.mktemp("controller")
     for fmi in (2, 3):
-        build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], folder / f"{fmi}.fmu", load_rig(), fmi)
+        build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], folder / f"{fmi}.fmu", load_rig("hydmag"), fmi)
     return lambda fmi: folder / f"{fmi}.fmu"
 
 
@@ -163,7 +163,7 @@ def test_at_the_initialization_outputs_depend_on_what_the_description_says(rig_f
     """Each parameter of some parts is changed in the rig itself; every output that changes must list the parameter."""
     description = read_model_description(str(rig_fmu()))
     stated = {unknown.variable.name: {known.name for known in unknown.dependencies} for unknown in description.initialUnknowns}
-    config = load_rig()
+    config = load_rig("hydmag")
     values = Values(rig_variables(config))
 
     def initial(name=None, value=0.0):

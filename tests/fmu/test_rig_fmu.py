@@ -21,11 +21,12 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.fmi.importer import Fmu, FmuFailed
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.fmu import drive as example
 from rig_nodes.runs.fmu.build import build_rig_fmu
 from rig_nodes.runs.rig import Rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 MPA, RPM = 1e6, 0.10471975511965977
 
@@ -63,13 +64,13 @@ def test_fmpy_finds_nothing_wrong_and_runs_it(rig_fmu):
     )
     assert result["sample"][-1] == 300
     assert result["p_p"][0] < 0.1 * MPA and result["p_p"][-1] == pytest.approx(4 * MPA, rel=0.02)
-    settled = 4 * MPA * (1.0 - math.exp(-0.3 / load_rig().oil_supply.pressure_time))
+    settled = 4 * MPA * (1.0 - math.exp(-0.3 / load_rig("hydmag").oil_supply.pressure_time))
     assert result["true.p_p"][-1] == pytest.approx(settled, rel=1e-3)
 
 
 def test_its_variables_are_the_catalogue_and_the_settings(rig_fmu):
     variables = {v.name: v for v in read_model_description(str(rig_fmu())).modelVariables}
-    assert set(catalogue().signals) <= {name for name, v in variables.items() if v.causality == "output"}
+    assert set(CATALOGUE.signals) <= {name for name, v in variables.items() if v.causality == "output"}
     assert (variables["n_wej"].unit, variables["n_wej"].declaredType) == ("rad/s", None)
     assert float(variables["alfa46.t12"].start) == -0.22 and variables["alfa46.t12"].unit == "s"
     assert float(variables["alfa46.output_1.P1.current"].start) == 0.16
@@ -84,7 +85,7 @@ def shift_into_first(step, request_at=300):
 @pytest.mark.parametrize("step", [1, 300])
 def test_any_step_of_whole_milliseconds_gives_the_bits_of_the_rig(fmu, step):
     """The compared rig is advanced in one piece where the inputs are constant."""
-    rig = Rig(load_rig(), seed=7)
+    rig = Rig(load_rig("hydmag"), seed=7)
     rig.set("oil", 4 * MPA, True)
     rig.advance(0.3)
     rig.order_gear(1)
@@ -104,10 +105,10 @@ def test_any_step_of_whole_milliseconds_gives_the_bits_of_the_rig(fmu, step):
 def test_what_can_change_while_the_rig_runs_is_tunable_and_acts_with_the_next_step(rig_fmu, fmu, tmp_path):
     variables = {v.name: v for v in read_model_description(str(rig_fmu())).modelVariables}
     assert {name for name, v in variables.items() if v.variability == "tunable"} == {
-        one.name for one in load_rig().settings.kept() if one.live
+        one.name for one in load_rig("hydmag").settings.kept() if one.live
     }
     fmu.initialize(oil_pressure=4 * MPA, oil_enable=True, record=str(tmp_path / "run"))
-    rig = Rig(load_rig())
+    rig = Rig(load_rig("hydmag"))
     rig.set("oil", 4 * MPA, True)
     fmu.step(0.0, 0.1)
     rig.advance(0.1)
@@ -195,7 +196,7 @@ def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig
 @pytest.mark.parametrize("controller", ["duty", "current"])
 def test_a_controller_stepped_beside_the_rig_has_one_sample_of_delay(fmu2, controller):
     """As in runs.simulate, the answer to sample s acts from s + 1 on."""
-    rig, level = Rig(load_rig(), controller="external", level=controller), ("duty", "current").index(controller)
+    rig, level = Rig(load_rig("hydmag"), controller="external", level=controller), ("duty", "current").index(controller)
     fmu2.set(controller=level + 1)
     fmu2.initialize()
     for sample in range(60):
@@ -289,9 +290,9 @@ def test_a_command_that_no_coil_can_take_is_refused(fmu):
 
 def test_a_rig_with_a_device_outside_is_no_fmu(tmp_path):
     with pytest.raises(RigError, match="motor is cut out"):
-        build_rig_fmu(tmp_path / "x.fmu", overrides={"motor.source": "topic"})
+        build_rig_fmu(tmp_path / "x.fmu", "hydmag", overrides={"motor.source": "topic"})
     with pytest.raises(RigError, match="there is no folder"):
-        build_rig_fmu(tmp_path / "nowhere" / "x.fmu")
+        build_rig_fmu(tmp_path / "nowhere" / "x.fmu", "hydmag")
 
 
 # ---- the process behind it
@@ -384,7 +385,7 @@ def test_a_value_that_is_no_number_ends_the_run_and_is_handed_out_to_nobody(fmi,
         with pytest.raises(FmuFailed, match=r"\w+: \w+ became nan between 0.200 s and 0.201 s") as failure:
             fmu.step(0.2, 0.1)
         assert failure.value.exit_code == 1
-        assert all(math.isfinite(value) for value in fmu.get(*catalogue().signals, "true.p_p", "sample"))
+        assert all(math.isfinite(value) for value in fmu.get(*CATALOGUE.signals, "true.p_p", "sample"))
         fmu.terminate()
     end = json.loads((tmp_path / "run" / "report.json").read_text())["run"]["end"]
     assert end["state"] == "tripped" and "between 0.200 s and 0.201 s" in end["reason"]

@@ -56,7 +56,7 @@ def drive(program, folder):
 
 
 def test_the_controller(tmp_path):
-    variables, record = controller_variables(load_rig(), ("duty", "current")), record_of(load_rig())
+    variables, record = controller_variables(load_rig("hydmag"), ("duty", "current")), record_of(load_rig("hydmag"))
     header = c_header(2, variables, "{1}", controller_defines(record, variables)) + record_text(record)
     program = build(tmp_path, header, [SOURCES / "controller_model.c", ALFA46_C])
     assert "wrong 3: the GUID or instantiation token is not that" in drive(program, tmp_path)
@@ -67,6 +67,6 @@ def test_the_rig(tmp_path):
     resources.mkdir()
     (resources / "tool.txt").write_text(f"{sys.executable}\n{PACKAGE}\n")
     (resources / "rig.json").write_text(json.dumps({"rig": "hydmag", "set": {}}))
-    program = build(tmp_path, c_header(2, rig_variables(load_rig()), "{1}", {}), [SOURCES / "rig_process.c"])
+    program = build(tmp_path, c_header(2, rig_variables(load_rig("hydmag")), "{1}", {}), [SOURCES / "rig_process.c"])
     assert not {"RIG_FMU_PYTHON", "RIG_FMU_PATH"} & os.environ.keys()
     assert "one 3: record takes at most 1023 characters" in drive(program, resources)

@@ -20,7 +20,7 @@ from streams import Streams
 from rig_nodes.bags import cdr
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import publisher_profile, recorder_profile
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
 
 PATIENCE = 60.0  # s; longest wait for a message, in case that a publisher never starts
 
@@ -42,7 +42,7 @@ def main(out, pairs):
         return on_message
 
     for topic, ros_type in (pair.split("=") for pair in pairs):
-        known = catalogue().topics.get(topic)
+        known = load_rig("hydmag").catalogue.topics.get(topic)
         profile = recorder_profile(known.qos) if known else publisher_profile("measurement")
         profile.history = HistoryPolicy.KEEP_ALL  # only with this history does a full receiver hold up the sender
         inputs.append(node.create_subscription(message_class(ros_type), topic, keep(topic, ros_type), profile, raw=True))

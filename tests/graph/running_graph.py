@@ -26,9 +26,10 @@ from rig_nodes.cli.main import main
 from rig_nodes.controllers.ros.domain import allocate
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.processes.supervisor import MODULES, Order, Supervisor
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 SHORT, BRIEF = (Path(__file__).with_name(name) for name in ("short.yaml", "brief.yaml"))
 PATIENCE = 20.0
@@ -41,10 +42,10 @@ class Graph:
         """Starts the graph; ``order`` holds fields of the supervisor's Order, e.g. speed for a run in lockstep."""
         self.folder = folder
         folder.mkdir()
-        Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
+        Rig(load_rig("hydmag")).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
         self.domain = allocate()
         self.reports = []
-        self.supervisor = Supervisor(Order(None, **order), folder, self.domain, lambda t, text: self.reports.append(text))
+        self.supervisor = Supervisor(Order(None, "hydmag", **order), folder, self.domain, lambda t, text: self.reports.append(text))
         self._thread = threading.Thread(target=self.supervisor.run)
         self._thread.start()
         if not self.supervisor.running.wait(PATIENCE) or self.supervisor.ended.is_set():
@@ -96,7 +97,7 @@ class Client:
         At depth 1 it receives only the newest message each time, so that a busy machine does not process old ones.
         """
         messages = []
-        kind = message_class(catalogue().topics[topic].ros_type)
+        kind = message_class(CATALOGUE.topics[topic].ros_type)
         subscription = self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=depth))
         self._subscriptions.append(subscription)
         self.until(subscription.get_publisher_count, f"a publisher of {topic}")
@@ -104,7 +105,7 @@ class Client:
 
     def publisher(self, topic: str, profile=10):
         """Returns a publisher to which the graph is subscribed."""
-        kind = message_class(catalogue().topics[topic].ros_type)
+        kind = message_class(CATALOGUE.topics[topic].ros_type)
         publisher = self.node.create_publisher(kind, topic, profile)
         # the two receivers are recorder and device
         self.until(lambda: publisher.get_subscription_count() >= 2, f"receivers of {topic}")

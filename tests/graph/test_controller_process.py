@@ -130,8 +130,8 @@ def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_o
 
 def other_topics(folder, spec="alfa46", sequence=SHORT):
     """Returns the topics whose content differs from that of `simulate` with the same controller."""
-    config = load_rig()
-    simulate(config, load_sequence(sequence), folder / "simulated", controller=load_controller(spec, config))
+    config = load_rig("hydmag")
+    simulate(config, load_sequence(sequence, default="hydmag"), folder / "simulated", controller=load_controller(spec, config))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
 

@@ -85,7 +85,7 @@ def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
     run = RigRun(tmp_path / "run", "--speed", "max", *cut(*names), sequence=BRIEF)
     devices = start(run, *names)
     config = load_rig("hydmag", {f"{name}.source": "topic" for name in names})
-    simulate(config, load_sequence(BRIEF), tmp_path / "sim")
+    simulate(config, load_sequence(BRIEF, default="hydmag"), tmp_path / "sim")
     code, output = run.end()
     assert code == 0, output
     ours, theirs = Bag(tmp_path / "sim"), Bag(run.folder)

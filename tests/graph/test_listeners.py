@@ -23,16 +23,17 @@ import json, sys
 import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from rclpy.task import Future
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.nodes.executor import events_executor
 from rig_nodes.nodes.message_class import message_class
 
 rclpy.init()
 node, executor = rclpy.create_node("users_listener"), events_executor()
 executor.add_node(node)
+known = load_rig("hydmag").catalogue.topics
 got, inputs = {topic: [] for topic in sys.argv[1:]}, []
 for topic, numbers in got.items():
-    kind, every = message_class(catalogue().topics[topic].ros_type), QoSProfile(depth=1, history=HistoryPolicy.KEEP_ALL)
+    kind, every = message_class(known[topic].ros_type), QoSProfile(depth=1, history=HistoryPolicy.KEEP_ALL)
     inputs.append(node.create_subscription(kind, topic, lambda message, numbers=numbers: numbers.append(message.seq), every))
 late = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 node.create_subscription(message_class("rig_msgs/msg/OilState"), "/oil_supply/state", print, late)

@@ -17,7 +17,9 @@ from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.nodes.processes.result import facts_of, lost_messages
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
+
+CATALOGUE = load_rig("hydmag").catalogue
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -68,17 +70,17 @@ def logs(user) -> list:
 
 
 def test_every_node_and_topic_is_seen(user):
-    nodes = {topic.node for topic in catalogue().topics.values()} | {"recorder"}
+    nodes = {topic.node for topic in CATALOGUE.topics.values()} | {"recorder"}
     user.until(lambda: nodes <= set(user.node.get_node_names()), f"the nodes {nodes}")
     # endpoints are discovered one after the other
-    for topic in catalogue().topics.values():
+    for topic in CATALOGUE.topics.values():
 
         def offered(name=topic.name) -> list[str]:
             return [info.node_name for info in user.node.get_publishers_info_by_topic(name)]
 
         user.until(lambda expected=[topic.node], offered=offered: offered() == expected, f"{topic.name} of {topic.node}")
         assert dict(user.node.get_topic_names_and_types())[topic.name] == [topic.ros_type]
-    of_other_runs = set(catalogue().all_topics) - set(catalogue().topics)
+    of_other_runs = set(CATALOGUE.all_topics) - set(CATALOGUE.topics)
     assert not of_other_runs & set(dict(user.node.get_topic_names_and_types()))
 
 

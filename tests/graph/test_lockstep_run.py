@@ -34,9 +34,9 @@ def simulated(tmp_path_factory):
 
     def get(sequence, level, delay):
         if (sequence, level, delay) not in hashes:
-            config, folder = load_rig(), tmp_path_factory.mktemp("simulated")
+            config, folder = load_rig("hydmag"), tmp_path_factory.mktemp("simulated")
             plug = load_controller("alfa46", config, level) if (level, delay) != ("duty", 1) else None
-            simulate(config, load_sequence(sequence), folder, controller=plug, delay=delay)
+            simulate(config, load_sequence(sequence, default="hydmag"), folder, controller=plug, delay=delay)
             hashes[sequence, level, delay] = Bag(folder).canonical_hash()
         return hashes[sequence, level, delay]
 
@@ -86,7 +86,7 @@ def test_settings_of_a_sequence_act_at_the_same_sample_as_in_simulate(tmp_path):
     sequence.write_text(SETS)
     code, output = rig_run(tmp_path / "run", "--speed", "max", sequence=sequence)
     assert code == 0, output
-    simulate(load_rig(), load_sequence(sequence), tmp_path / "simulated")
+    simulate(load_rig("hydmag"), load_sequence(sequence, default="hydmag"), tmp_path / "simulated")
     hashes, expected = (Bag(tmp_path / name).canonical_hash() for name in ("run", "simulated"))
     assert {topic for topic in expected if hashes.get(topic) != expected[topic]} <= NOT_THE_PLANTS
     texts = [text for _, _, name, text, _ in Bag(tmp_path / "run").events() if name == "setting_changed"]

@@ -62,7 +62,7 @@ def sequence(tmp_path_factory):
 def expected(sequence, tmp_path_factory):
     """Returns the hashes of `simulate` with the built-in controller, and the length of the sequence [s]."""
     folder = tmp_path_factory.mktemp("simulated")
-    run = simulate(load_rig(), load_sequence(sequence), folder)
+    run = simulate(load_rig("hydmag"), load_sequence(sequence, default="hydmag"), folder)
     return Bag(folder).canonical_hash(), run["duration_s"]
 
 
@@ -107,7 +107,7 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     if plug == "fmu":
-        build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig())
+        build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig("hydmag"))
     with allocate() as domain, program_of(plug, port, domain):
         run = RigRun(
             folder / "run",

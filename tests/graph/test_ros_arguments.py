@@ -131,7 +131,7 @@ def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
 @pytest.mark.against_the_clock
 def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain, tmp_path):
     """Launch passes them on in this form: SetParameter and a file for all nodes go to every process."""
-    Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
+    Rig(load_rig("hydmag")).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
     (tmp_path / "logs").mkdir()
     (tmp_path / "lab.yaml").write_text(
         "motor:\n  ros__parameters: {speed: 100.0}\n"

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.against_the_clock
 TWO_TICKS = 0.0101
 NAN = math.nan
 ALWAYS = ("/controller/events", "/rig/events", "/rig/state")  # topics to which the user listens in every test
-PROFILE_1 = load_rig().alfa46.profiles[0]
+PROFILE_1 = load_rig("hydmag").alfa46.profiles[0]
 
 
 def seconds(message) -> float:
@@ -165,7 +165,7 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
         later = user.until(lambda: (b := [b for b in blocks if seconds(b) >= since + TWO_TICKS])[3:] and b, "logger blocks")
         return max(np.ptp(np.reshape(block.data, (block.rows, -1))[:, column]) for block in later)
 
-    usual, most = spread(0.0), load_rig().settings.find("instruments.noise.p1").high
+    usual, most = spread(0.0), load_rig("hydmag").settings.find("instruments.noise.p1").high
     # p1 is not shown further below zero than its largest error, so half of the noise remains at an idle clutch
     assert spread(user.set("instruments", noise__p1=most)) > 5.0 * usual
     assert spread(user.set("instruments", noise=False)) == 0.0
@@ -193,7 +193,7 @@ def test_the_box_takes_gains_hold_current_and_delays(user):
     assert len({m.duty[0] for m in commands if when - 0.05 < seconds(m) < when}) > 5
     user.set("alfa46", gain_p=20.0, gain_i=1000.0, gain_d=1.0, derivative_time=0.03)
     user.set("alfa46", t12=1.0, t21=1.1)
-    config = load_rig().alfa46
+    config = load_rig("hydmag").alfa46
     for gear, delay in ((2, 1.0), (1, 1.1)):
         result = user.shift(gear)
         assert result.success
@@ -327,7 +327,7 @@ def test_all_of_it_stands_in_the_bag(graph, user):
 
 
 def test_a_controller_of_ones_own_refuses_settings_while_it_runs():
-    config = load_rig()
+    config = load_rig("hydmag")
     plug = load_controller("python:rig_nodes.controllers.examples.alfa46:Alfa46", config)
     with pytest.raises(RigError, match="reads its settings when it starts"):
         plug.check_change(config.alfa46)
@@ -335,7 +335,7 @@ def test_a_controller_of_ones_own_refuses_settings_while_it_runs():
 
 
 def test_the_same_settings_again_change_no_bit():
-    rig = load_rig()
+    rig = load_rig("hydmag")
     config, box = rig.alfa46, rig.transmission
     one, other = Alfa46(config, box), Alfa46(config, box)
     for box in (one, other):
@@ -359,9 +359,9 @@ def test_the_same_settings_again_change_no_bit():
 )
 def test_the_rig_refuses_what_cannot_be_set(name, value, sentence):
     with pytest.raises(RigError, match=sentence):
-        Rig(load_rig()).set_value(name, value)
+        Rig(load_rig("hydmag")).set_value(name, value)
 
 
 def test_settings_of_a_controller_that_is_not_the_rigs_are_not_the_rigs_to_change():
     with pytest.raises(RigError, match="alfa46.t12 is the shift controller's"):
-        Rig(load_rig(), 1, "external", "duty").set_value("alfa46.t12", 0.1)
+        Rig(load_rig("hydmag"), 1, "external", "duty").set_value("alfa46.t12", 0.1)

@@ -23,12 +23,13 @@ DEAF = """
 import sys, time
 import rclpy
 from rclpy.qos import HistoryPolicy, QoSProfile
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.nodes.message_class import message_class
 
 rclpy.init()
 node, profile = rclpy.create_node("deaf"), QoSProfile(depth=1000, history=HistoryPolicy.KEEP_ALL)
-made = [node.create_subscription(message_class(catalogue().topics[t].ros_type), t, print, profile, raw=True) for t in sys.argv[1:]]
+known = load_rig("hydmag").catalogue.topics
+made = [node.create_subscription(message_class(known[t].ros_type), t, print, profile, raw=True) for t in sys.argv[1:]]
 while not all(one.get_publisher_count() for one in made):
     time.sleep(0.02)
 print("connected", flush=True)

@@ -82,7 +82,7 @@ def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks(
     blocked = "import sys; sys.modules.update(dict.fromkeys(('numba', 'scipy', 'mcap', 'rosbags', 'rclpy')));"
     asked = (
         "import rig_nodes.nodes.processes.supervisor, rig_nodes.runs.folders; from rig_nodes.base.names import *;"
-        "print(has_controller(rig_of('spring_bench')), has_controller(rig_of('')))"
+        "print(has_controller(rig_of('spring_bench', DEFAULT_RIG)), has_controller(rig_of('demo', DEFAULT_RIG)))"
     )
     done = subprocess.run([sys.executable, "-c", blocked + asked], capture_output=True, text=True)
     assert done.stdout.split() == ["False", "True"], done.stderr

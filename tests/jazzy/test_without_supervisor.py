@@ -30,7 +30,7 @@ def start(folder: Path, domain: int, name: str, *arguments: str) -> subprocess.P
 
 @pytest.mark.against_the_clock
 def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
-    Rig(load_rig()).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
+    Rig(load_rig("hydmag")).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
     (tmp_path / "logs").mkdir()
     sequence = ("--sequence", str(SHORT))
     processes = {

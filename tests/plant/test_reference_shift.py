@@ -14,7 +14,6 @@ from rig_nodes.analysis.metrics import shift_metrics
 from rig_nodes.bags.logged import Recording
 from rig_nodes.plant.parts.load_pump import relief_setting_for
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.rig.transmission import transmission_of
 from rig_nodes.runs.rig import Rig
 
 RPM = math.pi / 30.0
@@ -104,7 +103,7 @@ class RigShift:
         rows = np.arange(len(whole))
         finer = np.arange(FINER * (len(whole) - 1) + 1) / FINER
         by_name = {name: np.interp(finer, rows, column) for name, column in zip(reference_shift.CHANNELS, whole.T)}
-        return shift_metrics(Recording(0.0, 1e-4 / FINER, by_name, transmission=transmission_of(self.config)), self.order)
+        return shift_metrics(Recording(0.0, 1e-4 / FINER, by_name, [], self.config.transmission), self.order)
 
 
 def far_apart(one, other, close):

@@ -36,7 +36,7 @@ def oil_at(temperature: str) -> Rig:
 @pytest.fixture(scope="module")
 def rises():
     """Pressure of each clutch at each millisecond after it is ordered."""
-    return {name: pressures(load_rig(), name)[0] for name in CURVES}
+    return {name: pressures(load_rig("hydmag"), name)[0] for name in CURVES}
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -90,7 +90,7 @@ steps:
     (tmp_path / "warm.yaml").write_text(text)
     tank = {"temperature": "30 degC", "ambient_temperature": "20 degC", "tank_heat_capacity": "1000 J/K", "tank_cooling": "10 W/K"}
     config = load_rig(DEFAULT_RIG, {f"oil_supply.{name}": value for name, value in tank.items()})
-    end = simulate(config, load_sequence(tmp_path / "warm.yaml"), tmp_path / "run")["end"]
+    end = simulate(config, load_sequence(tmp_path / "warm.yaml", default="hydmag"), tmp_path / "run")["end"]
     assert end["state"] == "ended", end["reason"]
     t, oil = Bag(tmp_path / "run").series("T_oil")
     assert oil[0] == pytest.approx(30.0, abs=1.0) and oil[-1] > 31.5

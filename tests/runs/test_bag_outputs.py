@@ -121,7 +121,7 @@ def sequence_of(tmp_path, steps):
     """Returns a sequence with steps of YAML."""
     path = tmp_path / "own.yaml"
     path.write_text("description: own\nready: {timeout: 20 s}\nsteps:\n" + "".join(f"  - {step}\n" for step in steps))
-    return load_sequence(path)
+    return load_sequence(path, default="hydmag")
 
 
 def answered(folder):

@@ -126,7 +126,7 @@ def test_too_little_torque_gives_no_slip_and_says_so():
 @cache
 def force_bench(name):
     config = load_rig(name)
-    return of_press(config.structure, record(config, load_sequence(name)).recording)
+    return of_press(config.structure, record(config, load_sequence(name, None, name)).recording)
 
 
 def test_the_cylinder_bench_gives_8_2_back():
@@ -319,10 +319,10 @@ def test_a_sequence_asks_only_for_what_its_rig_has(tmp_path):
     file = tmp_path / "s.yaml"
     file.write_text("description: x\nrig: clutch_bench\nsteps:\n  - shift: {to: I}\n")
     with pytest.raises(RigError, match=r"s.yaml:4: unknown key 'shift' in a step; known are motor, relief"):
-        load_sequence(file)
+        load_sequence(file, default="hydmag")
     file.write_text("description: x\nrig: clutch_bench\nsteps:\n  - wait: {until: {signal: n_wej, above: 1 rpm}}\n")
     with pytest.raises(RigError, match="there is no signal 'n_wej'"):
-        load_sequence(file)
+        load_sequence(file, default="hydmag")
     file.write_text("description: x\nrig: nowhere\nsteps:\n  - wait: {for: 1 s}\n")
     with pytest.raises(RigError, match=r"s.yaml:2: rig: there is no rig 'nowhere'"):
-        load_sequence(file)
+        load_sequence(file, default="hydmag")

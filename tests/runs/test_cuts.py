@@ -29,7 +29,7 @@ TICKS = ("1 ms", "5 ms")
 GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_gain_integral": "760 Nm/rad"}}
 
 
-CUTTABLE = load_rig().cuttable
+CUTTABLE = load_rig("hydmag").cuttable
 
 
 @pytest.mark.parametrize("role", [parts.SOURCE, parts.LOAD, parts.CLUTCH, parts.VALVE, parts.OIL, parts.PRESS, parts.METER])
@@ -44,7 +44,7 @@ def cut_rig(cut_out=CUTTABLE, tick="1 ms", **keywords):
 
 @pytest.fixture(scope="module")
 def uncut():
-    return shifts(load_sequence("demo"))
+    return shifts(load_sequence("demo", rig="hydmag"))
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def uncut():
     ids=lambda names: "+".join(names),
 )
 def test_a_cut_of_1_ms_changes_the_demo_by_less_than_3_percent_and_10_ms(uncut, devices):
-    report = shifts(load_sequence("demo"), settings(devices, "1 ms"))
+    report = shifts(load_sequence("demo", rig="hydmag"), settings(devices, "1 ms"))
     found = errors(uncut, report)
     assert found["peak"] < 0.03 and found["times"] < 0.010, found
     assert report["run"]["configuration"]["cut"] == {"tick": 0.001, "devices": list(devices)}
@@ -211,7 +211,11 @@ def test_cutting_time_into_calls_changes_nothing():
 
 
 def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
-    simulate(load_rig("hydmag", {**settings(("motor",), "5 ms"), **GAINS["5 ms"]}), load_sequence(SHORT), tmp_path / "bag")
+    simulate(
+        load_rig("hydmag", {**settings(("motor",), "5 ms"), **GAINS["5 ms"]}),
+        load_sequence(SHORT, default="hydmag"),
+        tmp_path / "bag",
+    )
     bag = Bag(tmp_path / "bag")
     assert bag.check() == [] and bag.gaps() == {}
     ports = [message for _, message in bag.messages("/motor/cut/port")]

@@ -30,7 +30,7 @@ steps:
 def run(folder, sequence="demo", **settings):
     """Returns (bag, report) of a simulated sequence with changed settings."""
     values = {name.replace("__", "."): value for name, value in settings.items()}
-    record = simulate(load_rig("hydmag", values), load_sequence(sequence), folder)
+    record = simulate(load_rig("hydmag", values), load_sequence(sequence, default="hydmag"), folder)
     bag = Bag(folder)
     return bag, build_report(bag, record)
 
@@ -148,9 +148,8 @@ def test_twice_the_same_bytes(demo, tmp_path):
 
 
 def test_every_topic_of_the_catalogue_is_in_the_bag_without_gaps(demo):
-    from rig_nodes.rig.catalogue import catalogue
 
     bag, _ = demo
-    assert set(catalogue().topics) == set(bag.counts)
+    assert set(load_rig("hydmag").catalogue.topics) == set(bag.counts)
     assert bag.gaps() == {}
     assert bag.check() == []

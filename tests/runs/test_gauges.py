@@ -13,7 +13,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
 
 RPM = math.pi / 30
-CHANNELS = Rig(load_rig()).channels
+CHANNELS = Rig(load_rig("hydmag")).channels
 QUIET = {
     f"instruments.{name}": value
     for name, value in {

@@ -36,10 +36,10 @@ def path(tmp_path):
 
 
 def test_defaults_and_given_values_reach_the_steps(path):
-    sequence = load_sequence(path)
+    sequence = load_sequence(path, default="hydmag")
     assert sequence.parameters == {"speed": "500 rpm", "gear": "I", "times": 2}
     assert [step.kind for step in sequence.steps] == ["oil", "shift", "motor", "wait", "wait", "wait"]
-    given = load_sequence(path, {"speed": "1.2e3 rpm", "gear": "II", "times": "1"})
+    given = load_sequence(path, {"speed": "1.2e3 rpm", "gear": "II", "times": "1"}, default="hydmag")
     assert given.parameters == {"speed": "1.2e3 rpm", "gear": "II", "times": 1}
     _, shift, motor, wait, *pauses = given.steps
     assert shift.value == 2 and len(pauses) == 1
@@ -60,7 +60,7 @@ def test_defaults_and_given_values_reach_the_steps(path):
 )
 def test_values_are_refused(path, values, sentence):
     with pytest.raises(RigError, match=sentence):
-        load_sequence(path, values)
+        load_sequence(path, values, default="hydmag")
 
 
 @pytest.mark.parametrize(
@@ -77,12 +77,12 @@ def test_a_wrong_sequence_is_refused(path, old, new, sentence):
     assert old in SEQUENCE
     path.write_text(SEQUENCE.replace(old, new, 1))
     with pytest.raises(RigError, match=sentence):
-        load_sequence(path)
+        load_sequence(path, default="hydmag")
 
 
 def test_a_sequence_without_parameters_takes_none():
     with pytest.raises(RigError, match="sequence 'demo': there is no parameter 'speed'; there is none at all"):
-        load_sequence("demo", {"speed": "500 rpm"})
+        load_sequence("demo", {"speed": "500 rpm"}, rig="hydmag")
 
 
 def test_the_command_line_gives_them_and_the_bag_says_them(path, tmp_path, capsys):
@@ -110,7 +110,7 @@ def test_parameters_without_a_sequence_are_refused(capsys):
 
 
 def test_container_and_sequencer_of_a_run_get_them():
-    order = Order("asked", parameters=["speed=40 rpm", "times=1"])
+    order = Order("asked", "hydmag", parameters=["speed=40 rpm", "times=1"])
     for process in ("container", "sequencer"):
         text = " ".join(order.arguments(process))
         assert "--with speed=40 rpm --with times=1" in text

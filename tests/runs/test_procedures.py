@@ -92,7 +92,7 @@ def first_runs():
 
 @pytest.mark.parametrize("path", sorted(RIGS_DIR.glob("*/sequences/*.yaml")), ids=lambda path: path.stem)
 def test_every_sequence_loads_with_its_defaults(path):
-    assert load_sequence(path.stem).steps
+    assert load_sequence(path.stem, default="hydmag").steps
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -40,7 +40,7 @@ FAILS = WAITS.replace("timeout: 5 s}", "timeout: 20 ms}")
 def written(folder, text):
     path = folder / "waits.yaml"
     path.write_text(text)
-    return load_sequence(path)
+    return load_sequence(path, default="hydmag")
 
 
 @pytest.mark.parametrize("text, state", [(WAITS, "ended"), (FAILS, "failed")])
@@ -48,7 +48,7 @@ def test_rows_orders_and_events_are_those_of_the_bag(tmp_path, config, text, sta
     sequence = written(tmp_path, text)
     info = simulate(config, sequence, tmp_path / "bag", seed=3)
     bag = Bag(tmp_path / "bag")
-    logged = recording_of(bag)
+    logged = recording_of(bag, load_rig("hydmag").transmission)
     run = record(config, sequence, seed=3)
     assert info["end"] == run.end and run.end["state"] == state
     assert run.recording.orders == logged.orders and [gear for *_, gear in logged.orders] == [1, 0, 2]

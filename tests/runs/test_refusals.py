@@ -57,7 +57,7 @@ def test_sequence_is_refused(tmp_path, old, new, sentence):
     path = tmp_path / "seq.yaml"
     path.write_text(changed(DEMO, old, new))
     with pytest.raises(RigError, match=sentence):
-        load_sequence(path)
+        load_sequence(path, default="hydmag")
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_an_empty_file_is_called_empty(tmp_path):
     path = tmp_path / "seq.yaml"
     path.write_text("# nothing yet\n")
     with pytest.raises(RigError, match=r"seq\.yaml: it is empty, expected a map of keys"):
-        load_sequence(path)
+        load_sequence(path, default="hydmag")
 
 
 @pytest.mark.parametrize(
@@ -271,7 +271,7 @@ class FakeBench:
 def runner(tmp_path, steps, bench):
     path = tmp_path / "s.yaml"
     path.write_text(f"description: x\nready: {{timeout: 1 s}}\nsteps: {steps}\n")
-    return SequenceRunner(load_sequence(path), bench, load_rig())
+    return SequenceRunner(load_sequence(path, default="hydmag"), bench, load_rig("hydmag"))
 
 
 def test_readiness_gate_ends_with_a_sentence(tmp_path):
@@ -318,7 +318,7 @@ SMALL_PUMP = {"load_pump.displacement": "40 cm3/rev", "load_pump.pressure_limit"
 def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text("description: x\nsteps:\n  - load: {torque: 500 Nm}\n  - wait: {for: 30 s}\n")
-    run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path), tmp_path / "run")
+    run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path, default="hydmag"), tmp_path / "run")
     assert run["end"]["state"] == "failed" and run["duration_s"] < 0.1
     assert (
         "s.yaml:3: load torque 500 Nm needs too much of the relief valve at this speed: load_pump.relief_pressure of 5.94"
@@ -428,3 +428,13 @@ def test_lines_of_progress_and_pages_keep_their_form(capsys):
     print("\r50 %", end="", file=stream)
     print("a\tb\nc\x07\rd\x9b", "\u00b5 \u00b0C", file=stream)
     assert capsys.readouterr().out == "\r50 %a\tb\nc\\u0007\\rd\\u009b \u00b5 \u00b0C\n"
+
+
+def test_a_name_that_several_rigs_have_and_a_file_of_no_rig_need_the_rig(tmp_path):
+    with pytest.raises(RigError, match="several rigs have a sequence 'demo': .*hydmag, .*three_speed"):
+        load_sequence("demo")
+    path = tmp_path / "own.yaml"
+    path.write_text("description: own\nsteps:\n  - motor: {speed: 100 rpm}\n")
+    with pytest.raises(RigError, match="own.yaml: the sequence names no rig and stands in no rig's folder"):
+        load_sequence(path)
+    assert load_sequence(path, default="three_speed").rig == "three_speed"

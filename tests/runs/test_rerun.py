@@ -45,7 +45,12 @@ def recorded(tmp_path_factory):
     (folder / "shifts.yaml").write_text(SHIFTS)
     config = load_rig("hydmag", {"clutch_s1.clearance": "1.7 mm"})
     run = simulate(
-        config, load_sequence(folder / "shifts.yaml"), folder / "run", 5, controller=load_controller(None, config), delay=3
+        config,
+        load_sequence(folder / "shifts.yaml", default="hydmag"),
+        folder / "run",
+        5,
+        controller=load_controller(None, config),
+        delay=3,
     )
     assert run["end"]["state"] == "ended", run["end"]
     return folder / "run"

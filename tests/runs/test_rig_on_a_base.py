@@ -14,7 +14,7 @@ CHAPTER9 = (RIGS_DIR / "chapter9" / "rig.yaml").read_text()
 
 
 def test_what_is_not_named_is_that_of_the_base():
-    base, other = load_rig(), load_rig("chapter9")
+    base, other = load_rig("hydmag"), load_rig("chapter9")
     assert other.name == "chapter9" and other.oil_supply == base.oil_supply and other.load_pump == base.load_pump
     assert not other.effects.motor_speed and base.effects.motor_speed
     assert other.alfa46.values.t12 == 0.0 and base.alfa46.values.t12 == -0.22

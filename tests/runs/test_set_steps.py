@@ -32,9 +32,9 @@ CHANGES = [("oil_supply.temperature = 80 degC", 80.0), ("instruments.noise = fal
 def run(folder, text=SEQUENCE, controller=None):
     """Returns end and bag of a simulation of this sequence."""
     (folder / "sequence.yaml").write_text(text)
-    config = load_rig()
+    config = load_rig("hydmag")
     plug = load_controller(controller, config) if controller else None
-    record = simulate(config, load_sequence(folder / "sequence.yaml"), folder / "run", controller=plug)
+    record = simulate(config, load_sequence(folder / "sequence.yaml", default="hydmag"), folder / "run", controller=plug)
     return record["end"], Bag(folder / "run")
 
 
@@ -73,15 +73,15 @@ def test_each_acts_from_its_event_on(tmp_path, controller):
 def test_what_cannot_be_set_is_refused_with_its_line(tmp_path, step, sentence):
     (tmp_path / "sequence.yaml").write_text(f"description: wrong\nsteps:\n  - {step}\n")
     with pytest.raises(RigError, match=f"sequence.yaml:3: .*{sentence}"):
-        load_sequence(tmp_path / "sequence.yaml")
+        load_sequence(tmp_path / "sequence.yaml", default="hydmag")
 
 
 def test_gains_of_a_loop_that_the_rig_closes_end_the_sequence(tmp_path):
     text = "description: wrong\nsteps:\n  - set: {alfa46.gain_p: 10 ohm}\n"
     (tmp_path / "sequence.yaml").write_text(text)
-    config = load_rig()
+    config = load_rig("hydmag")
     plug = load_controller("alfa46", config, "current")
-    record = simulate(config, load_sequence(tmp_path / "sequence.yaml"), tmp_path / "run", controller=plug)
+    record = simulate(config, load_sequence(tmp_path / "sequence.yaml", default="hydmag"), tmp_path / "run", controller=plug)
     assert record["end"]["state"] == "failed"
     assert "sequence.yaml:3: gain_p refused: at level current" in record["end"]["reason"]
 

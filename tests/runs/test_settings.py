@@ -49,11 +49,11 @@ def test_the_variables_of_an_fmu_are_the_settings(name):
 
 
 def test_who_changes_a_value_is_told_the_same_of_a_name_that_nobody_knows():
-    config = load_rig()
+    config = load_rig("hydmag")
     with pytest.raises(RigError, match=f"^setting motor.ramb=1 rpm/s: {UNKNOWN}"):
         load_rig("hydmag", {"motor.ramb": "1 rpm/s"})
     with pytest.raises(RigError, match=f"--vary motor.ramb: {UNKNOWN}"):
-        make_plan("demo", {"motor.ramb": "1 rpm/s, 2 rpm/s"})
+        make_plan("demo", {"motor.ramb": "1 rpm/s, 2 rpm/s"}, "hydmag")
     with pytest.raises(RigError, match=f"^{UNKNOWN}"):
         Rig(config).set_value("motor.ramb", 1.0)
 
@@ -62,7 +62,7 @@ def test_what_changes_at_the_wrong_time_is_refused_with_the_right_one():
     with pytest.raises(RigError, match=r"motor.speed is set while the rig runs, by a step 'motor' of a sequence or by ./rig set"):
         load_rig("hydmag", {"motor.speed": "1500 rpm"})
     with pytest.raises(RigError, match=r"motor.ramp cannot be set while the rig runs; give --set motor.ramp=... to the run"):
-        Rig(load_rig()).set_value("motor.ramp", 1.0)
+        Rig(load_rig("hydmag")).set_value("motor.ramp", 1.0)
 
 
 def test_setpoints_and_switches_are_set_by_the_names_of_their_settings():
@@ -91,14 +91,14 @@ def test_a_setpoint_of_what_the_rig_leaves_out_is_no_parameter_of_a_node():
 def test_a_step_of_a_sequence_keeps_to_the_range_of_its_setting(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text("description: x\nsteps:\n  - motor: {speed: 4000 rpm}\n")
-    high = load_rig().settings.find("motor.speed").written(load_rig().settings.find("motor.speed").high)
+    high = load_rig("hydmag").settings.find("motor.speed").written(load_rig("hydmag").settings.find("motor.speed").high)
     assert high == "314.2 rad/s"
     with pytest.raises(RigError, match=r"s.yaml:3: motor.speed is 4000 rpm; the rig takes 0 to 3000 rpm"):
-        load_sequence(path)
+        load_sequence(path, default="hydmag")
 
 
 def test_half_a_point_of_a_profile_is_a_value_of_its_own():
     config = load_rig("hydmag", {"alfa46.output_1.P1.current": "170 mA"})
-    assert config.value("alfa46.output_1.P1") == pytest.approx((load_rig().value("alfa46.output_1.P1.time"), 0.17))
+    assert config.value("alfa46.output_1.P1") == pytest.approx((load_rig("hydmag").value("alfa46.output_1.P1.time"), 0.17))
     with pytest.raises(RigError, match="alfa46.output_1.P1 is set as a whole and in part"):
         load_rig("hydmag", {"alfa46.output_1.P1.current": "170 mA", "alfa46.output_1.P1": "200 ms 160 mA"})

@@ -13,17 +13,20 @@ from rig_nodes.controllers.alfa46.box import Alfa46
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.nodes.shift_phase import ShiftPhase
 from rig_nodes.rig.alfa46 import Alfa46Config
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.driveline import held_ratio
 from rig_nodes.rig.transmission import Clutch, Gear, Transmission, transmission_of
 from rig_nodes.runs.plan import plan_of
 from rig_nodes.runs.rig import Rig
 
+HYDMAG = load_rig("hydmag")
+BOX = HYDMAG.transmission
+CATALOGUE = HYDMAG.catalogue
+
 
 @pytest.fixture(scope="module")
 def config():
-    return load_rig()
+    return load_rig("hydmag")
 
 
 def test_ratios_are_those_of_tab_3_1_and_of_the_driveline(config):
@@ -55,7 +58,7 @@ def test_the_ratio_of_a_planetary_set_follows_from_what_is_held():
 
 
 def test_every_signal_and_device_of_it_is_one_of_the_rig(config):
-    box, signals, topics = transmission_of(config), catalogue().signals, catalogue().topics
+    box, signals, topics = transmission_of(config), CATALOGUE.signals, CATALOGUE.topics
     for clutch in box.clutches:
         names = [
             clutch.pressure,
@@ -68,8 +71,8 @@ def test_every_signal_and_device_of_it_is_one_of_the_rig(config):
         assert signals[clutch.signal("torque")].topic == clutch.state and clutch.state in topics
         assert hasattr(config, clutch.instance) and hasattr(config, clutch.valve)
         assert config.wiring[box.clutches.index(clutch)] == clutch.output
-    assert set(box.channels) <= {signal.name for signal in catalogue().logger_channels()}
-    assert catalogue().signal("gear_ordered").states == box.names
+    assert set(box.channels) <= {signal.name for signal in CATALOGUE.logger_channels()}
+    assert CATALOGUE.signal("gear_ordered").states == box.names
     energies = Rig(config).energy()
     assert all(clutch.heat in energies for clutch in box.clutches)
     assert all(clutch.voltage in Rig(config).channels for clutch in box.clutches)
@@ -104,7 +107,7 @@ def test_the_phases_of_a_shift_are_told_by_the_clutch_that_it_engages(config):
 
 
 def test_gears_are_meant_by_name_or_number():
-    box = transmission_of()
+    box = BOX
     assert [box.number(text) for text in ("N", "n", "neutral", "0", "I", "i", "1", "II", "2")] == [0] * 4 + [1] * 3 + [2] * 2
     assert box.number("III") is None and box.number("") is None
     assert box.way(0, 2) == "0 -> II" and box.way(2, 7) == "II -> 7"
@@ -112,7 +115,7 @@ def test_gears_are_meant_by_name_or_number():
 
 
 def with_gears(count: int) -> Transmission:
-    box = transmission_of()
+    box = BOX
     more = [
         Clutch(f"S{k}", f"clutch_s{k}", f"valve_{k}", f"V{k}", k - 1, f"p{k}", f"I{k}", f"I_set{k}", 0.2e6, 1e7)
         for k in range(3, count + 1)

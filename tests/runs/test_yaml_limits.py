@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -124,7 +125,7 @@ def test_a_circle_of_several_files_and_a_long_row_of_them(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text(f"rig: a.yaml\n{steps('  - wait: {for: 1 s}')}")
     with pytest.raises(RigError, match=r"s\.yaml:1: rig: .*c\.yaml:2: base: 'a\.yaml' leads back to this rig"):
-        load_sequence(path)
+        load_sequence(path, default="hydmag")
 
 
 def test_a_base_is_named_as_seen_from_the_file_that_names_it(tmp_path, monkeypatch):
@@ -193,7 +194,7 @@ def test_mistakes_in_a_sequence_are_named_with_what_would_be_right(tmp_path, old
     path = tmp_path / "f.yaml"
     path.write_text(PARAMETRIC.replace(old, new, 1))
     with pytest.raises(RigError, match=rf"f\.yaml{sentence}"):
-        load_sequence(path)
+        load_sequence(path, default="hydmag")
 
 
 @pytest.mark.parametrize(
@@ -319,7 +320,7 @@ def read_procedure(path):
 def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
     """Every kind of YAML that the program reads is tried, with arbitrary files of each kind."""
     files = [
-        ("sweep.yaml", SWEEP, read_plan),
+        ("sweep.yaml", SWEEP, partial(read_plan, default="hydmag")),
         ("rigs/mine.yaml", ON_BASE, load_rig),
         ("calibration.yaml", STAGES_FILE.read_text(), calibration),
     ]
@@ -327,7 +328,7 @@ def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
     files.append(("targets.yaml", "\n- ".join(f"{head}\ntargets:{rows}".split("\n- ")[:12]) + "\n", load_targets))
     for root, pattern, load in (
         (RIGS_DIR, "*/rig.yaml", load_rig),
-        (RIGS_DIR, "*/sequences/*.yaml", load_sequence),
+        (RIGS_DIR, "*/sequences/*.yaml", partial(load_sequence, default="hydmag")),
         (RIGS_DIR, "*/procedures/*.yaml", read_procedure),
         (CONFIG_DIR, "controllers/*.yaml", read_alfa46),
     ):

@@ -20,7 +20,7 @@ HERE = Path(__file__).resolve().parent
 
 def plan():
     """Twenty-two short members: eleven rests, each twice."""
-    return make_plan(str(HERE / "short.yaml"), {"rest": "20 ms .. 130 ms in 11"}, repeats=2)
+    return make_plan(str(HERE / "short.yaml"), {"rest": "20 ms .. 130 ms in 11"}, "hydmag", repeats=2)
 
 
 def many():
@@ -28,6 +28,7 @@ def many():
     return make_plan(
         str(HERE / "short.yaml"),
         {"alfa46.t12": "-300 ms .. 100 ms", "oil_supply.temperature": "20 degC .. 70 degC", "rest": "20 ms .. 130 ms"},
+        "hydmag",
         samples=2000,
     )
 

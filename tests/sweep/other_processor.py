@@ -17,7 +17,10 @@ from rig_nodes.studies.sweep.store import Store
 
 def main() -> None:
     plan = make_plan(
-        "demo", {"alfa46.t12": "-300 ms, -220 ms, 0 ms", "oil_supply.temperature": "40 degC, 20 degC, 60 degC"}, method="list"
+        "demo",
+        {"alfa46.t12": "-300 ms, -220 ms, 0 ms", "oil_supply.temperature": "40 degC, 20 degC, 60 degC"},
+        "hydmag",
+        method="list",
     )
     with Store(Path(sys.argv[1]), manifest_of(plan, False)) as store, Workers(1) as workers:
         run_sweep(plan, store, workers.stream)

@@ -31,7 +31,7 @@ def ran(folder, plan, bags=False):
 
 
 def test_a_member_is_what_simulate_gives(tmp_path):
-    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, seed=4))
+    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, "hydmag", seed=4))
     row = table.to_pylist()[-1]
     assert main(["simulate", SHORT, "--seed", "5", "--set", "alfa46.t12=-100 ms", "--out", str(tmp_path / "run")]) == 0
     shift = json.loads((tmp_path / "run" / "report.json").read_text())["shifts"][-1]
@@ -42,7 +42,7 @@ def test_a_member_is_what_simulate_gives(tmp_path):
 
 def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
     # P2 must come after P1, at 330 ms: the second member's profile is refused
-    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}))
+    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}, "hydmag"))
     assert [(row["member"], row["end"]) for row in table.to_pylist() if row["shift"] in (1, None)] == [
         (0, "ended"),
         (1, "refused"),
@@ -53,7 +53,7 @@ def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
 
 
 def test_bags_give_the_same_rows(tmp_path):
-    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms"})
+    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms"}, "hydmag")
     without, bagged = ran(tmp_path / "a", plan), ran(tmp_path / "b", plan, bags=True)
     assert bagged.to_pylist() == without.to_pylist()
     assert (tmp_path / "b" / "bags" / "000001" / "short_0.mcap").is_file()
@@ -61,7 +61,7 @@ def test_bags_give_the_same_rows(tmp_path):
 
 
 def test_the_file_says_where_it_is_from(tmp_path):
-    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms .. -100 ms", "rest": "30 ms, 60 ms"}, samples=2, seed=9)
+    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms .. -100 ms", "rest": "30 ms, 60 ms"}, "hydmag", samples=2, seed=9)
     table = ran(tmp_path / "sweep", plan)
     about = json.loads(table.schema.metadata[METADATA])
     assert about["plan"]["seed"] == 9 and about["configuration"]["alfa46"]["t21"] == pytest.approx(-0.22)
@@ -147,7 +147,7 @@ def test_dask_gives_the_same_bytes(tmp_path):
     pytest.importorskip("distributed")
     from rig_nodes.studies.sweep.cluster import dask_stream
 
-    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms, 90 ms"})
+    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms, 90 ms"}, "hydmag")
     with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:2") as stream:
         assert run_sweep(plan, store, stream) == 3
         store.write_results(plan)
@@ -166,7 +166,7 @@ ALFA46 = "python:rig_nodes.controllers.examples.alfa46:Alfa46"
 @pytest.mark.parametrize("options", [[], ["--level", "current", "--delay", "2"]], ids=["duty", "current, two samples late"])
 def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
     chosen = dict(zip(("level", "delay"), (options[1], int(options[3])))) if options else {"level": None, "delay": 1}
-    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, plugged=plugged_of(ALFA46, **chosen))
+    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, "hydmag", plugged=plugged_of(ALFA46, **chosen))
     row = ran(tmp_path / "sweep", plan).to_pylist()[-1]
     assert (
         main(

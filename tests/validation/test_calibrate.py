@@ -24,7 +24,7 @@ TARGETS = rows.calibrating()
 
 @pytest.fixture(scope="module")
 def config():
-    return load_rig()
+    return load_rig("hydmag")
 
 
 def test_the_rig_lies_within_what_may_change(config):

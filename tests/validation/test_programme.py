@@ -21,6 +21,8 @@ from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
 from rig_nodes.runs.campaign import Workers
 from rig_nodes.runs.procedure import run_repeat
 
+BOX = load_rig("hydmag").transmission
+
 RPM = pi / 30.0
 UP = {"shift": "I-II", "n_wej": 1500.0 * RPM, "m_wyj": 80.0}
 TARGETS = {target.id: target for target in load_targets()}
@@ -61,7 +63,7 @@ def test_pressures_are_counted_from_their_own_start():
 
 def test_a_run_without_its_shift_says_so_in_every_value():
     recording = Shift().recording()
-    empty = run_of(Recording(recording.t0, recording.period, recording.channels, []))
+    empty = run_of(Recording(recording.t0, recording.period, recording.channels, [], BOX))
     series = SimpleNamespace(procedure="grid_up", conditions=UP)
     assert programme.measure(series, empty) == "the shift I-II did not take place"
     stopped = SimpleNamespace(recording=recording, end={"state": "failed", "reason": "/x/y/a.yaml:5: did not come true"})
@@ -78,7 +80,7 @@ def test_each_shift_of_the_delay_sequence_is_a_repeat():
     channels = [part.channels() for part in parts]
     joined = {name: np.concatenate([c[name] for c in channels]) for name in channels[0]}
     recording = Recording(
-        0.0, PERIOD, joined, [(1.0 + 3.0 * i, 1 if part.up else 2, 2 if part.up else 1) for i, part in enumerate(parts)]
+        0.0, PERIOD, joined, [(1.0 + 3.0 * i, 1 if part.up else 2, 2 if part.up else 1) for i, part in enumerate(parts)], BOX
     )
     conditions = {"series": 19, "t12": -0.22, "t21": -0.22, "n_wej": 500.0 * RPM, "m_wyj": 60.0}
     repeats = readers.delay_series(conditions, run_of(recording))
@@ -94,7 +96,7 @@ def test_a_coast_down_gives_inertia_and_speed_over_time():
     w = np.where(t < 2.0, 49.2, np.maximum(0.0, 49.2 - 11.7 * (t - 2.0) + 0.57 * (t - 2.0) ** 2))
     w[t > 7.9] = 0.0
     channels = {name: np.zeros(t.size) for name in ("M_wyj", "n_wyj", "p1", "p2")}
-    recording = Recording(0.0, 1e-3, {**channels, "n_wej": w, "M_wej": np.full(t.size, 8.32)}, [])
+    recording = Recording(0.0, 1e-3, {**channels, "n_wej": w, "M_wej": np.full(t.size, 8.32)}, [], BOX)
     (records,) = readers.coast_down({"n_wej": 470.0 * RPM}, run_of(recording))
     assert records[0].values["coast_down_tangent_s"] == pytest.approx(49.2 / 11.7, rel=0.02)
     assert records[1].conditions == {"side": "driving"}

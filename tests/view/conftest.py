@@ -13,7 +13,6 @@ import pytest
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.outputs import Outputs
 from rig_nodes.runs.rig import Rig
@@ -43,7 +42,7 @@ def pytest_runtest_makereport(item, call):
 def recorded(tmp_path_factory):
     """The folder of a demo run, which tests must not change."""
     folder = tmp_path_factory.mktemp("recorded") / "demo"
-    run = simulate(load_rig(), load_sequence("demo"), folder)
+    run = simulate(load_rig("hydmag"), load_sequence("demo", rig="hydmag"), folder)
     write_report(folder, build_report(Bag(folder), run))
     return folder
 
@@ -66,14 +65,14 @@ def run(recorded, tmp_path):
 def tripped(tmp_path_factory):
     """The folder of a run of 0.1 s that a person stopped, without a report and without a shift."""
     folder = tmp_path_factory.mktemp("tripped") / "stopped"
-    rig = Rig(load_rig(), 1, controller="embedded")
+    rig = Rig(load_rig("hydmag"), 1, controller="embedded")
     outputs = Outputs(rig, {"sequence": "stopped", "seed": 1})
     with BagWriter(folder, "stopped") as bag:
         for sample in range(100):
             if sample == 50:
                 rig.e_stop()
             for topic, stamp, data in outputs.due():
-                bag.write(topic, catalogue().topics[topic].ros_type, data, stamp)
+                bag.write(topic, load_rig("hydmag").catalogue.topics[topic].ros_type, data, stamp)
             rig.advance_samples(1)
     return folder
 

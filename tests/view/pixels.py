@@ -8,9 +8,10 @@ import io
 import numpy as np
 from PIL import Image
 
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.pages import Pages
 
-PAGES = Pages()
+PAGES = Pages(load_rig("hydmag").as_dict())
 LONGEST = 300.0  # s for the requests to one viewer on a busy machine
 DOT = 5  # px; a square of this size fits into a legend's dot, but into no curve without noise
 LEGEND = 0.4  # share of the width in which the legend lies

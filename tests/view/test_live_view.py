@@ -18,15 +18,17 @@ from pixels import LONGEST, curve_pixels, dots, image_of, lanes, of_state, text_
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.ros.domain import allocate
-from rig_nodes.rig.catalogue import catalogue
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import live, picture
 from rig_nodes.view.live import Sender, Server, live_topics
 from rig_nodes.view.pages import FIRST, SECOND, SUPPLY, Pages
 
+CATALOGUE = load_rig("hydmag").catalogue
+
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 SHORT = Path(__file__).parents[1] / "graph" / "short.yaml"
 PATIENCE = 60.0
-PAGES = Pages()
+PAGES = Pages(load_rig("hydmag").as_dict())
 
 
 def plots(*groups):
@@ -122,7 +124,7 @@ def test_a_late_viewer_and_one_after_a_killed_one_see_the_newest(server, message
     for bar, name in zip(bars, sorted(PAGES.states)):
         t, values = bag.series(name)
         shown = values[t > end - live.WINDOW]
-        for number, label in catalogue().signal(name).states.items():
+        for number, label in CATALOGUE.signal(name).states.items():
             assert of_state(bar, name, label).mean() == pytest.approx((shown == number).mean(), abs=0.03), (name, label)
     assert sender.close(5.0) and not sender.failure
     assert (sender.received, sender.dropped, sender.lost, sender.unreadable) == (len(messages), 0, 0, 0)
@@ -317,5 +319,5 @@ def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
 
 
 def test_every_signal_is_on_a_live_topic():
-    assert {signal.topic for signal in catalogue().signals.values()} <= {topic.name for topic in live_topics(PAGES)}
+    assert {signal.topic for signal in CATALOGUE.signals.values()} <= {topic.name for topic in live_topics(PAGES)}
     assert {"/rig/events", "/controller/events", "/sequencer/events"} <= {topic.name for topic in live_topics(PAGES)}

@@ -12,13 +12,14 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.other_tools import tabs
 from rig_nodes.view.pages import Pages
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PLOTTED = re.compile(r"(?:float|int|uint)\d+|bool")
 
-PAGES = Pages()
+PAGES = Pages(load_rig("hydmag").as_dict())
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.metrics import KEYS
-from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout
 from rig_nodes.view.moments import MARK_COLOURS, shift_page
 from rig_nodes.view.pages import Pages
@@ -30,8 +30,8 @@ LATE = dict.fromkeys(KEYS) | {
 
 def moment(row):
     """Returns the one moment of the viewer's page of a shift."""
-    shift = layout.Shift(3.845, 1, 2, 6.0, transmission_of())
-    return shift_page(Pages(), [[shift]], [row]).moments[0]
+    shift = layout.Shift(3.845, 1, 2, 6.0, load_rig("hydmag").transmission)
+    return shift_page(Pages(load_rig("hydmag").as_dict()), [[shift]], [row]).moments[0]
 
 
 def test_the_fill_goes_on_to_the_kiss_point_beside_the_interruption():
@@ -48,7 +48,7 @@ def test_no_mark_is_dropped_where_phases_overlap():
 
 
 def test_the_page_has_the_phases_and_marks_of_the_viewer():
-    plots = Plots(Pages(), [LATE], 0.0, 6.0)
+    plots = Plots(Pages(load_rig("hydmag").as_dict()), [LATE], 0.0, 6.0)
     plots.add("M_wej", np.array([3.8, 4.0, 5.0]), np.array([70.0, 30.0, 90.0]))
     figure = plots.shift_figures()[0]
     texts = ("fill, to the kiss point", "interrupted: no clutch carries", "inertia phase, to lock-up")

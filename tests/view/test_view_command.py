@@ -165,7 +165,7 @@ def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(
     for t12 in (-0.22, -0.12):
         (tmp_path / f"{t12}").mkdir()
         row = {"from_gear": 1, "to_gear": 2, "t_c_s": 0.5 - t12, "valid": True}
-        run = {"configuration": load_rig().as_dict(), "parameters": {"speed": "500 rpm"}}
+        run = {"configuration": load_rig("hydmag").as_dict(), "parameters": {"speed": "500 rpm"}}
         write_report(tmp_path / f"{t12}", {"run": run, "shifts": [row]})
         conditions = {"series": len(series) + 1, "t12": t12, "n_wej": 52.36}
         series.append({"label": f"{t12}", "conditions": conditions, "units": {"t12": "s", "n_wej": "rad/s"}, "runs": [f"{t12}"]})
@@ -180,7 +180,9 @@ def test_drawn_values_of_a_sweep_keep_their_unit(tmp_path):
     for name, t12 in (("a", "-162.2041 ms"), ("b", "-246.3962 ms")):
         (tmp_path / name).mkdir()
         row = {"from_gear": 1, "to_gear": 2, "t_c_s": 0.5, "valid": True}
-        write_report(tmp_path / name, {"run": {"configuration": load_rig().as_dict(), "parameters": {"t12": t12}}, "shifts": [row]})
+        write_report(
+            tmp_path / name, {"run": {"configuration": load_rig("hydmag").as_dict(), "parameters": {"t12": t12}}, "shifts": [row]}
+        )
     assert read_campaign(tmp_path).conditions == {"t12": ("ms", [-162.2041, -246.3962])}
 
 

@@ -16,9 +16,7 @@ from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import BagError, RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.rig.transmission import transmission_of
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulate import simulate
 from rig_nodes.view import convert, layout
@@ -27,6 +25,10 @@ from rig_nodes.view.curves import thinned
 from rig_nodes.view.document import report_document
 from rig_nodes.view.pages import Pages
 from rig_nodes.view.report_page import Facts, report_page
+
+HYDMAG = load_rig("hydmag")
+BOX = HYDMAG.transmission
+CATALOGUE = HYDMAG.catalogue
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +44,12 @@ def orders(recorded):
 
 
 def path_of(name):
-    return "/" + layout.entity(catalogue().signal(name))
+    return "/" + layout.entity(CATALOGUE.signal(name))
 
 
-@pytest.mark.parametrize("name", [s.name for s in catalogue().signals.values() if not s.states])
+@pytest.mark.parametrize("name", [s.name for s in CATALOGUE.signals.values() if not s.states])
 def test_curves_are_the_bags_values_in_peoples_units(shown, recorded, name):
-    bag, signal = Bag(recorded), catalogue().signal(name)
+    bag, signal = Bag(recorded), CATALOGUE.signal(name)
     if signal.logger is not None:
         logger = bag.logger()
         t, values = logger.time(), logger.channels[name]
@@ -64,12 +66,12 @@ def test_logger_channels_come_at_ten_kilohertz(shown):
     assert set(np.diff(times)) == {100_000}
 
 
-@pytest.mark.parametrize("name", [s.name for s in catalogue().signals.values() if s.states])
+@pytest.mark.parametrize("name", [s.name for s in CATALOGUE.signals.values() if s.states])
 def test_states_change_when_the_bag_says_so(shown, recorded, name):
     t, values = Bag(recorded).series(name)
     expected = []
     for time, value in zip(t, values):
-        label = catalogue().signal(name).states[int(value)]
+        label = CATALOGUE.signal(name).states[int(value)]
         if not expected or expected[-1][1] != label:
             expected.append((round(time * 1e9), label))
     times, states = shown.rows(path_of(name), "StateChange:state")
@@ -137,7 +139,7 @@ def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
         *(f"shift {n}: {way} at {t:.3f} s" for n, (way, t) in enumerate(zip(("I → II", "II → I"), orders), 1)),
     } <= set(views)
     drawn = {entity for contents in views.values() for entity in contents}
-    assert {path_of(name) for name in catalogue().signals} <= drawn
+    assert {path_of(name) for name in CATALOGUE.signals} <= drawn
 
 
 def window_of(rrd):
@@ -150,7 +152,11 @@ def window_of(rrd):
 def test_linked_plots_open_with_the_whole_run_and_room_for_their_legends(shown, recorded):
     first, last = window_of(shown)
     end = Bag(recorded).logger().time()[-1]
-    longest = max(len(Pages().label(name)) for _, names in (*Pages().run_left, *Pages().run_right) for name in names)
+    longest = max(
+        len(Pages(load_rig("hydmag").as_dict()).label(name))
+        for _, names in (*Pages(load_rig("hydmag").as_dict()).run_left, *Pages(load_rig("hydmag").as_dict()).run_right)
+        for name in names
+    )
     assert first == pytest.approx(0.0, abs=0.02) and end < last
     # of some 540 px of a plot, 40 are the frame and the dot of a legend, and a letter has 6.4
     assert 540.0 * (1.0 - end / last) > 40.0 + 6.4 * longest
@@ -187,7 +193,7 @@ def test_both_columns_have_the_same_scales_and_hold_their_curves(shown):
             low, high = parts["ScalarAxis:range"][0]
             contents = shown.layout[f"{view}/ViewContents"]["ViewContents:query"]
             ranges.setdefault(shown.layout[view]["ViewBlueprint:display_name"][0], []).append((low, high, contents))
-    assert len(ranges) == len(Pages().shift_plots)
+    assert len(ranges) == len(Pages(load_rig("hydmag").as_dict()).shift_plots)
     for (*left, _), (*right, _) in ranges.values():
         assert left == right
     for low, high, contents in (one for found in ranges.values() for one in found):
@@ -197,7 +203,7 @@ def test_both_columns_have_the_same_scales_and_hold_their_curves(shown):
 
 def test_plates_are_as_warm_as_their_heat_and_the_oil_make_them(shown, recorded):
     """Compared with small explicit steps of C dT/dt = P - G (T - T_oil)."""
-    pack, oil = (load_rig().as_dict()[name] for name in ("plate_pack", "oil_supply"))
+    pack, oil = (load_rig("hydmag").as_dict()[name] for name in ("plate_pack", "oil_supply"))
     times, heat = (np.asarray(one) for one in shown.rows("/energy/s2_heat", "Scalars:scalars"))
     there, warm = shown.rows("/temperature/s2_plates", "Scalars:scalars")
     np.testing.assert_array_equal(times, there)
@@ -210,7 +216,7 @@ def test_plates_are_as_warm_as_their_heat_and_the_oil_make_them(shown, recorded)
 
 
 def test_the_page_of_the_run_tells_its_steps_energy_and_settings(tmp_path, read_rrd):
-    config = load_rig(overrides={"alfa46.t12": "-200 ms"})
+    config = load_rig("hydmag", overrides={"alfa46.t12": "-200 ms"})
     simulate(config, load_sequence("sample"), tmp_path / "run")
     text = read_rrd(make_view(tmp_path / "run").path).data["/run"]["TextDocument:text"][0]
     assert "| alfa46.t12 | -0.22 s | -0.2 s |" in text and "| alfa46.t21 | -0.22 s |" in text
@@ -225,7 +231,7 @@ def test_any_shift_can_be_chosen_and_all_overlaid(run, read_rrd):
     assert not [entity for entity in one.data if entity.startswith("/shift_1/")]
     times = np.asarray(one.rows(path_of("M_wej"), "Scalars:scalars")[0]) / 1e9
     assert times[0] > 8.1 and times[-1] < 9.9, "only its part of the bag is read"
-    every = layout.columns_of(layout.shifts_of([(0.1, 0, 1), (3.0, 1, 2), (6.0, 2, 1), (9.0, 1, 2)], transmission_of()), "all")
+    every = layout.columns_of(layout.shifts_of([(0.1, 0, 1), (3.0, 1, 2), (6.0, 2, 1), (9.0, 1, 2)], BOX), "all")
     assert [[shift.number for shift in column] for column in every] == [[2, 4], [3]]
     with pytest.raises(RigError, match=r"--shift 3: the run has the shifts 1 to 2: shift 1: I → II"):
         make_view(run, wanted=[3])
@@ -369,7 +375,7 @@ def test_a_folder_without_a_bag_is_refused(tmp_path):
 
 
 def test_signals_of_one_plot_can_be_told_apart():
-    pages = Pages()
+    pages = Pages(load_rig("hydmag").as_dict())
     for _, names in pages.marked_plots:
         assert len({pages.signal(name).display_unit for name in names}) == 1
         for one, other in combinations(names, 2):
@@ -387,7 +393,7 @@ ORDERS = {
 
 @pytest.mark.parametrize("orders, expected", ORDERS.values(), ids=ORDERS)
 def test_the_first_shift_each_way_is_shown(orders, expected):
-    found = [time for shift in layout.choose(layout.shifts_of(orders, transmission_of())) for time in (shift.order, shift.end)]
+    found = [time for shift in layout.choose(layout.shifts_of(orders, BOX)) for time in (shift.order, shift.end)]
     assert found == pytest.approx([time for pair in expected for time in pair])
 
 
@@ -406,7 +412,7 @@ class Mine(Alfa46):
 
 def test_what_a_controller_names_as_its_own_is_shown(tmp_path, read_rrd):
     (tmp_path / "mine.py").write_text(OWN)
-    config = load_rig()
+    config = load_rig("hydmag")
     plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)
     simulate(config, load_sequence("sample"), tmp_path / "run", controller=plug)
     logger = Bag(tmp_path / "run").logger("/controller/signals")

@@ -33,7 +33,7 @@ from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_dri
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
 TABS = ("shifts", "run", "other")  # the demo run has no others
-PAGES = Pages()
+PAGES = Pages(load_rig("hydmag").as_dict())
 WARM = ("Plate temperature", tuple(PAGES.plates))
 PLOTS = {"shifts": PAGES.shift_plots, "run": (*PAGES.run_left, *PAGES.run_right, WARM), "other": tuple(PAGES.other_plots)}
 EVERY_PLOT = [(tab, title, tuple(names)) for tab, plots in PLOTS.items() for title, names in plots]
@@ -205,7 +205,7 @@ def test_a_light_picture_has_dark_letters_and_the_same_curves():
 
 def campaign(folder):
     """Writes reports of a grid of two speeds and three loads, with both ways of shifting."""
-    record = json.loads(json.dumps(load_rig().as_dict()))
+    record = json.loads(json.dumps(load_rig("hydmag").as_dict()))
     for n, (speed, load) in enumerate(itertools.product((1000, 1500), (40, 80, 120))):
         rows = [
             dict.fromkeys(KEYS)

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.errors import RigError
 from ..plant.parts import part as parts
 from ..rig.structure import Structure
-from ..rig.transmission import Transmission, transmission_of
+from ..rig.transmission import Transmission
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
@@ -79,9 +79,7 @@ def all_fields(structure: Structure, box: Transmission) -> dict[str, dict[str, s
     return fields(structure, box) | own
 
 
-def balance(
-    energies: dict[str, Series], t_start: float, t_end: float, transmission: Transmission | None = None
-) -> dict[str, float | None]:
+def balance(energies: dict[str, Series], t_start: float, t_end: float, box: Transmission) -> dict[str, float | None]:
     """Return the energy account of a window.
 
     The window is widened to the samples of motor_work around it, so that the balance is taken between existing values
@@ -94,8 +92,8 @@ def balance(
         gearbox losses and the hydraulic energy are optional.
     t_start, t_end : float
         The window [s].
-    transmission : Transmission, optional
-        The laboratory's by default.
+    box : Transmission
+        That of the rig.
 
     Returns
     -------
@@ -108,7 +106,6 @@ def balance(
     RigError
         When a needed energy is missing or has no samples, or the window lies outside the recording.
     """
-    box = transmission or transmission_of()
     missing = [name for name in needed(box) if name not in energies or len(energies[name][0]) == 0]
     if missing:
         raise RigError(f"the energy balance has no {', '.join(missing)}; it needs {', '.join(needed(box))}")
@@ -142,7 +139,7 @@ def clutch_heat(account: dict[str, float | None], box: Transmission) -> float:
     return sum(account[f"{clutch.heat}_j"] for clutch in box.clutches)
 
 
-def energies_of(bag: Bag | Gathered, transmission: Transmission | None = None) -> dict[str, Series]:
+def energies_of(bag: Bag | Gathered, box: Transmission) -> dict[str, Series]:
     """Return the energies for :func:`balance` from a bag's state topics (200 Hz).
 
     The kinetic energy is that of the two shafts with everything that turns with them. Where something turns separately, as in a
@@ -153,15 +150,15 @@ def energies_of(bag: Bag | Gathered, transmission: Transmission | None = None) -
     ----------
     bag : Bag or Gathered
         The recording.
-    transmission : Transmission, optional
-        That of the bag's rig by default.
+    box : Transmission
+        That of the bag's rig.
 
     Returns
     -------
     dict of str to (times, values)
         Times [s] and energy [J] by name.
     """
-    box, structure, energies = transmission or bag.transmission, bag.structure, {}
+    structure, energies = bag.structure, {}
     for topic, names in fields(structure, box).items():
         t, columns = bag.fields(topic, list(names.values()))
         if len(t):

@@ -18,7 +18,7 @@ from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, runni
 from .hum import QUIET, without_hum
 from .lacking import what_is_missing
 from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, smoothed
-from .uncertainty import TORQUE_CLEAR, Instrument, instruments_of
+from .uncertainty import TORQUE_CLEAR, Instrument
 
 LONGEST = 3.0  # s after the order in which an engagement is searched
 SLIP = 0.01e-2  # thesis 7.3.2
@@ -79,10 +79,7 @@ KEYS = (
 
 
 def engagement_metrics(
-    recording: Recording,
-    order: tuple[float, int, int],
-    next_order_time: float | None = None,
-    instruments: dict[str, Instrument] | None = None,
+    recording: Recording, order: tuple[float, int, int], instruments: dict[str, Instrument], next_order_time: float | None = None
 ) -> dict:
     """Return the metrics of the engagement of one clutch by one order from neutral; a bad engagement does not raise an error.
 
@@ -106,10 +103,10 @@ def engagement_metrics(
         The logger's channels.
     order : (float, int, int)
         (time [s], 0, gear), as in Recording.orders.
+    instruments : dict of str to Instrument
+        Instruments of the rig by signal (uncertainty.instruments_of).
     next_order_time : float, optional
         Time at which the engagement ends at the latest [s]; 3 s after the order by default.
-    instruments : dict of str to Instrument, optional
-        Instruments of the rig by signal; those of the default rig by default.
 
     Returns
     -------
@@ -118,7 +115,7 @@ def engagement_metrics(
     """
     row = dict.fromkeys(KEYS)
     row.update(gear=int(order[2]), t_order_s=float(order[0]), valid=False, why=[])
-    engagement = _Engagement.cut(recording, order, next_order_time, row["why"], instruments or instruments_of(None))
+    engagement = _Engagement.cut(recording, order, next_order_time, row["why"], instruments)
     if engagement is not None:
         engagement.fill_row(row)
     row["valid"] = not row["why"]

@@ -41,7 +41,11 @@ def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None =
     RigError
         When the bag's record of its rig is invalid.
     """
-    record = record_of(small, run)
+    try:
+        record = record_of(small, run)
+    except RigError:
+        small.check_began()  # of a run without a beginning not even its rig is recorded
+        raise
     try:
         box = transmission_of(record) if record["structure"]["gears"] else None
         return Gathered(source, small, orders_in(small.events()), box, annex_a, thinner)

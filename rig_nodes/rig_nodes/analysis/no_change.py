@@ -62,7 +62,7 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag 
             if order[2] in recording.transmission.ratios and stands(recording, order[0])
         ]
     )
-    engagements = [engagement_metrics(recording, order, end, instruments) for order, end in orders_of(recording) if order[1] == 0]
+    engagements = [engagement_metrics(recording, order, instruments, end) for order, end in orders_of(recording) if order[1] == 0]
     for row in engagements:
         row["errors"] = engagement_uncertainty(row, instruments, recording.transmission) if row["input_speed_before"] else {}
     return {

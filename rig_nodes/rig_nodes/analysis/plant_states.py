@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..rig.transmission import Transmission, transmission_of
+from ..rig.transmission import Transmission
 from .definitions import reasons_in
 from .metrics import RPM
 
@@ -33,10 +33,9 @@ WHY_NOT = (
 States = dict[str, dict[str, np.ndarray]]
 
 
-def states_of(bag: Bag | Gathered, transmission: Transmission | None = None) -> States | None:
+def states_of(bag: Bag | Gathered, box: Transmission) -> States | None:
     """Return the state topics of a bag as topic -> {t [s], fields}; None when it has no plant states (a real recording)."""
     found: States = {}
-    box = transmission or bag.transmission
     for topic, names in {GEARBOX: SHAFTS, **{clutch.state: CLUTCH for clutch in box.clutches}}.items():
         t, columns = bag.fields(topic, list(names))
         if not len(t):
@@ -45,9 +44,7 @@ def states_of(bag: Bag | Gathered, transmission: Transmission | None = None) -> 
     return found
 
 
-def metrics_of_states(
-    states: States, row: dict, next_order_time: float | None = None, transmission: Transmission | None = None
-) -> dict | None:
+def metrics_of_states(states: States, row: dict, box: Transmission, next_order_time: float | None = None) -> dict | None:
     """Return the metrics of one shift by the plant's states.
 
     Parameters
@@ -56,10 +53,10 @@ def metrics_of_states(
         Result of :func:`states_of`.
     row : dict
         The shift's row of metrics.shift_metrics.
+    box : Transmission
+        That of the rig.
     next_order_time : float, optional
         Time of the next order [s].
-    transmission : Transmission, optional
-        The laboratory's by default.
 
     Returns
     -------
@@ -71,7 +68,7 @@ def metrics_of_states(
         peak of a few ms may be higher. heat_<clutch>_j and torque_<clutch>_max_nm: of every clutch, from the order to the
         settled torque or, without it, to the lock-up; the heats are integrals, exact except for 5 ms at the ends.
     """
-    box, order = transmission or transmission_of(), row["t_order_s"]
+    order = row["t_order_s"]
     until = np.inf if next_order_time is None else next_order_time
     gearbox = states[GEARBOX]
     engaging = box.shift(row["from_gear"], row["to_gear"]).engaging

@@ -25,7 +25,9 @@ from ..bags.reader import UNREADABLE, Bag
 from ..bags.rig_record import holds_rig, rig_record
 from ..base.atomic_write import atomic_write
 from ..base.errors import RigError, printable
-from ..rig.transmission import Transmission, transmission_of
+from ..rig.configuration import load_rig
+from ..rig.structure import End
+from ..rig.transmission import Inertias, Transmission, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
@@ -46,6 +48,9 @@ from .uncertainty import Instrument, instruments_of, uncertainty
 REPORT_FILE = "report.json"
 WHERE_DEFINED = (
     "what the symbols mean: docs/reference/glossary.md; valid and quality: docs/how_to/report.md, section Quality of a shift"
+)
+_NOTHING_SHOWN = Transmission(
+    *[End("", "input speed", "input torque"), End("", "output speed", "output torque")], (), (), Inertias(0.0, 0.0)
 )
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
 
@@ -205,7 +210,7 @@ def _run_data(bag: Bag | Gathered, run: dict) -> dict:
     return data
 
 
-def report_of_recording(recording: Recording, annex_a: float | None = None, record: Mapping | None = None) -> dict:
+def report_of_recording(recording: Recording, record: Mapping) -> dict:
     """Return the report of a recording that is not a bag (a logger's CSV).
 
     It is as that of :func:`build_report`, without energy balance and with empty ``run`` data.
@@ -214,10 +219,8 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
     ----------
     recording : Recording
         The recording; its transmission should be that of ``record`` (transmission_of).
-    annex_a : float, optional
-        Factor of Annex A's torque band.
-    record : mapping, optional
-        Record of the rig, as a bag holds it, which gives the instruments; that of the default rig by default.
+    record : mapping
+        Record of the rig, as a bag holds it, which gives the instruments.
 
     Returns
     -------
@@ -233,9 +236,8 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
         example = example_of_orders(recording.transmission)
         raise RigError(f"the recording holds no order of a gear; give them with --orders, e.g. '{example}'")
     problems: list[str] = []
-    record = rig_record(record)
     instruments = instruments_of(record)
-    metrics = _metrics(recording, shifts(recording), instruments, annex_a, problems)
+    metrics = _metrics(recording, shifts(recording), instruments, None, problems)
     metrics["basis"] = basis_of(record, recording.transmission, instruments)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
@@ -289,7 +291,7 @@ def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrume
 def _truth(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> list[dict | None]:
     states = states_of(bag, box)
     ends = [row["t_order_s"] for row in rows[1:]] + [None]
-    return [None if states is None else metrics_of_states(states, row, end, box) for row, end in zip(rows, ends)]
+    return [None if states is None else metrics_of_states(states, row, box, end) for row, end in zip(rows, ends)]
 
 
 def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> dict:
@@ -300,19 +302,19 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
     return plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
-def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recording:
+def recording_of(bag: Bag, transmission: Transmission) -> Recording:
     """Return the bag's 10 kHz channels and its orders.
 
     Parameters
     ----------
     bag : Bag
         The bag.
-    transmission : Transmission, optional
-        That of the bag's rig; the laboratory's by default.
+    transmission : Transmission
+        That of the bag's rig.
     """
     # missing rows become NaN, so that they affect only the shifts in which they lie
     logger = bag.logger(fill=True)
-    return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()), transmission or transmission_of())
+    return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()), transmission)
 
 
 def _whole(energies: Mapping[str, Series]) -> tuple[float, float]:
@@ -433,11 +435,20 @@ def no_shift(report: dict) -> str:
 
 
 def shown_transmission(report: Mapping) -> Transmission:
-    """Return the transmission whose gears and clutches a report names."""
+    """Return the transmission whose gears and clutches a report names; one without any where the report has no results.
+
+    It is that of the run's record, or of the installed rig with which a bag without a record was computed. RigError is raised when
+    neither can be read.
+    """
+    basis = report.get("basis") or {}
+    if not basis and not report["shifts"]:
+        return _NOTHING_SHOWN
+    if basis.get("taken"):
+        return load_rig(basis["rig"]).transmission
     try:
         return transmission_of(rig_record(report["run"].get("configuration")))
-    except UNREADABLE:
-        return transmission_of()  # the run's record is not a valid record of a rig
+    except UNREADABLE as error:
+        raise no_rig(error) from None
 
 
 def shift_name(number: int, row: Mapping, box: Transmission, arrow: str = " -> ") -> str:

@@ -80,7 +80,10 @@ def members_in(folder: Path) -> list[Member]:
     for name in names:
         report = read_report(folder / name)
         if report is not None and "shifts" in report:
-            found.append(member_of(labels.get(name, _REPEAT.sub("", name)), name, report))
+            try:
+                found.append(member_of(labels.get(name, _REPEAT.sub("", name)), name, report))
+            except RigError as error:
+                raise RigError(f"{folder / name / REPORT_FILE}: {error}") from None
     if not found:
         raise RigError(
             f"{folder}: holds no run, and no folder in it has a {REPORT_FILE}; name the folder of a run or of several runs"

@@ -172,7 +172,7 @@ def short_names(names: Sequence[str]) -> list[str]:
 
 
 def _report_of(recording: Recording, record: Mapping) -> Mapping:
-    return report_of_recording(recording, None, record) if recording.orders else {"shifts": []}
+    return report_of_recording(recording, record) if recording.orders else {"shifts": []}
 
 
 def _covers(recording: Recording, t: float) -> bool:

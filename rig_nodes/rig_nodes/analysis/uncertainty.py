@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 from ..base.clocks import ROW
 from ..rig.transmission import Transmission, transmission_of
@@ -39,7 +38,7 @@ class Instrument:
 READABILITY = {"torque": 0.01}  # Nm, tab. 7.1
 
 
-def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
+def instruments_of(configuration: Mapping) -> dict[str, Instrument]:
     """Return the torque meter, the pressure transducers of the clutches and the encoder of a rig [SI].
 
     Range, class and the encoder's step are the rig's; the readability of 0.01 Nm is that of tab. 7.1. Where input and output
@@ -47,16 +46,14 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
 
     Parameters
     ----------
-    configuration : mapping or None
-        Record of the rig with its structure, as its bag holds it; None for the default installed rig.
+    configuration : mapping
+        Record of the rig with its structure, as its bag holds it.
 
     Returns
     -------
     dict of str to Instrument
         ``torque``, ``speed``, and the transducers by the signals of the pressures.
     """
-    if configuration is None:
-        return _default()
     box = transmission_of(configuration)
     pressures = [clutch.pressure for clutch in box.clutches if clutch.pressure]
     if not configuration["effects"]["transducers"]:
@@ -81,21 +78,12 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
     }
 
 
-@lru_cache(maxsize=1)
-def _default() -> dict[str, Instrument]:
-    from ..rig.configuration import load_rig  # imported here, because the modules that read a rig depend on this one
-
-    return instruments_of(load_rig().as_dict())
-
-
 def temperature_error(oil: float) -> float:
     """Return the largest error of the PT100 [K] at an oil temperature [degC], (7.2)."""
     return 0.3 + 0.005 * abs(oil)
 
 
-def uncertainty(
-    row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None, period: float = ROW
-) -> dict[str, float]:
+def uncertainty(row: dict, instruments: dict[str, Instrument], transmission: Transmission, period: float = ROW) -> dict[str, float]:
     """Return the largest error of each metric of a row, under the metric's own key and in its unit.
 
     Metrics that are None have no error. The errors are bounds, not standard deviations: all errors are taken at their largest
@@ -119,10 +107,10 @@ def uncertainty(
     ----------
     row : dict
         Row of metrics.shift_metrics.
-    instruments : dict of str to Instrument, optional
-        Torque, speed and each clutch's pressure; those of the default rig by default.
-    transmission : Transmission, optional
-        That of the default rig by default.
+    instruments : dict of str to Instrument
+        Torque, speed and each clutch's pressure (instruments_of).
+    transmission : Transmission
+        That of the rig.
     period : float
         Time between the logger's samples [s].
 
@@ -131,9 +119,7 @@ def uncertainty(
     dict of str to float
         Largest error by key.
     """
-    use = instruments_of(None) if instruments is None else instruments
-    box = transmission or transmission_of()
-    torque, speed = use["torque"].error, use["speed"].error
+    torque, speed = instruments["torque"].error, instruments["speed"].error
     found = {"input_speed_rpm": speed * RPM, "output_torque_nm": torque}
     found |= dict.fromkeys(("output_speed_min_rpm", "output_speed_low_rpm"), speed * RPM)
     if row["input_torque_max_nm"] is not None:
@@ -141,13 +127,13 @@ def uncertainty(
     w_in = None if row["input_speed_rpm"] is None else row["input_speed_rpm"] / RPM
     if row["k"] is not None:
         # not divided by the lowest speed, which may be 0
-        ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
+        ratio = transmission.slower_ratio(row["from_gear"], row["to_gear"])
         found["k"] = (
             ratio * speed * RPM / row["input_speed_rpm"] * (1.0 + abs(row["output_speed_min_rpm"]) / row["input_speed_rpm"])
         )
     if w_in:
-        found |= _times(row, use, w_in, box, period) | _course(row, torque, period)
-        found |= _energies(row, found, torque, speed, w_in, box)
+        found |= _times(row, instruments, w_in, transmission, period) | _course(row, torque, period)
+        found |= _energies(row, found, torque, speed, w_in, transmission)
     return {key: value for key, value in found.items() if row.get(key) is not None}
 
 
@@ -233,7 +219,7 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
 
 
 def engagement_uncertainty(
-    row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None, period: float = ROW
+    row: dict, instruments: dict[str, Instrument], transmission: Transmission, period: float = ROW
 ) -> dict[str, float]:
     """Return the largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty` does.
 
@@ -254,10 +240,8 @@ def engagement_uncertainty(
     dict of str to float
         Largest error by key.
     """
-    use = instruments_of(None) if instruments is None else instruments
-    box = transmission or transmission_of()
-    torque, speed = use["torque"].error, use["speed"].error
-    pressure = max(use[clutch.pressure].error for clutch in box.engaged(row["gear"]))
+    torque, speed = instruments["torque"].error, instruments["speed"].error
+    pressure = max(instruments[clutch.pressure].error for clutch in transmission.engaged(row["gear"]))
     ends = period + 0.5 * TORQUE_SPEED_MEAN
     found = {"input_torque_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure, "p_kiss": pressure}
     if row["engagement_peak_nm"] is not None:
@@ -265,21 +249,21 @@ def engagement_uncertainty(
     if row["growth_contact"] is not None:
         found["p_kiss"] += abs(row["growth_contact"]) * torque / TORQUE_CLEAR
     if row["engagement_s"] and row["fill_slope"]:
-        resolution = speed * (1.0 + box.ratios[row["gear"]]) / row["input_speed_before"]
+        resolution = speed * (1.0 + transmission.ratios[row["gear"]]) / row["input_speed_before"]
         found["engagement_s"] = 2.0 * ends + pressure / abs(row["fill_slope"]) + resolution * row["engagement_s"]
     if row["hold_s"]:
         found["hold_s"] = 2.0 * ends
     return {key: value for key, value in found.items() if row[key] is not None}
 
 
-def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument] | None = None) -> dict[str, float]:
+def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument]) -> dict[str, float]:
     """Return the largest errors of coast_down.coast_down: torque, tangent time, inertia.
 
     The error of the tangent time is that of two encoder steps over its first second.
     """
-    use = instruments_of(None) if instruments is None else instruments
+    torque_error, speed_error = instruments["torque"].error, instruments["speed"].error
     torque, tangent = result["coast_down_torque_nm"], result["coast_down_tangent_s"]
     slope = -result["coefficients"][-2]
-    found = {"coast_down_torque_nm": use["torque"].error, "coast_down_tangent_s": tangent * 2.0 * use["speed"].error / slope}
-    share = use["torque"].error / torque + found["coast_down_tangent_s"] / tangent
+    found = {"coast_down_torque_nm": torque_error, "coast_down_tangent_s": tangent * 2.0 * speed_error / slope}
+    share = torque_error / torque + found["coast_down_tangent_s"] / tangent
     return found | {"inertia": result["inertia"] * share}

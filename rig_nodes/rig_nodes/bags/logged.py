@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..base.errors import RigError
 from ..rig.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
-from ..rig.transmission import NEUTRAL, Transmission, transmission_of
+from ..rig.transmission import NEUTRAL, Transmission
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Recording(Logged):
         Time [s], gear before, gear ordered; 0 is neutral. The time is when the controller accepted the order, whichever valve
         is switched first.
     transmission : Transmission
-        The transmission that was shifted; the laboratory's by default.
+        The transmission that was shifted.
     begin : int
         Number of the first row in ``channels``; the rows before it, from ``t0`` on, are not held.
 
@@ -83,8 +83,8 @@ class Recording(Logged):
         When a channel of the shift metrics is missing or the shapes do not fit.
     """
 
-    orders: list[tuple[float, int, int]] = field(default_factory=list)
-    transmission: Transmission = field(default_factory=transmission_of)
+    orders: list[tuple[float, int, int]]
+    transmission: Transmission
     begin: int = 0
 
     use = "shift metrics"

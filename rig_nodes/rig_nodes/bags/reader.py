@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.errors import BagError, RigError
-from ..rig.catalogue import Catalogue, Signal, catalogue
+from ..rig.catalogue import Catalogue, Signal, catalogue, installed_topics
 from ..rig.structure import Structure, structure_of
 from ..rig.transmission import Transmission, transmission_of
 from . import limits
@@ -205,6 +205,14 @@ class Bag(Messages):
             raise self.no_rig(error) from None
 
     @cached_property
+    def _known(self) -> Catalogue | None:
+        """The catalogue, or None when nothing tells which rig the bag is of."""
+        try:
+            return self.catalogue
+        except BagError:
+            return None
+
+    @cached_property
     def transmission(self) -> Transmission:
         """Gears, clutches and shafts of the bag's rig; BagError is raised when the bag does not record a rig with gears."""
         try:
@@ -214,6 +222,8 @@ class Bag(Messages):
 
     def no_rig(self, error: Exception) -> BagError:
         """Return the error to raise when the bag's record of its rig is invalid."""
+        if isinstance(error, BagError):
+            return error
         return BagError(
             f"{self.path}: its record of the rig cannot be used ({type(error).__name__}: {error}); expected what "
             "`rig run` and `rig simulate` put into a bag"
@@ -291,7 +301,7 @@ class Bag(Messages):
         BagError
             When rows are missing and ``fill`` is False, or when blocks and channel list do not match.
         """
-        if topic not in self._streams and topic in self.catalogue.controller_topics:
+        if topic not in self._streams and self._known and topic in self._known.controller_topics:
             raise BagError(f"{self.path}: has no topic {topic}; the run's controller names no signals of its own")
         self._stream(topic)
         names = self._channel_names(topic)
@@ -385,7 +395,7 @@ class Bag(Messages):
         """Return :attr:`recorded_from` by the first stamps of all pieces of the bag, of which this may be one."""
         if self._own:
             return 0.0
-        known = self.catalogue.all_topics
+        known = self._known.all_topics if self._known else installed_topics()
         # users' messages may have no stamp, and latched messages carry the stamp of the run's start
         measured = [first for topic, first in numbers.firsts.items() if topic in known and known[topic].qos == "measurement"]
         return max(0.0, float(min(measured or numbers.firsts.values(), default=0)) / 1e9)

@@ -3,7 +3,7 @@
 
 """Record of the rig that a bag is of, in today's form.
 
-When the bag does not record its rig, the installed rig whose topics are most like the bag's is used. The readers of bags use
+When the bag does not record its rig, the one installed rig that has most of the bag's topics is used. The readers of bags use
 this module, and so do reports, which hold a bag's record. Nothing here needs the rig's own folder, which may no longer exist.
 """
 
@@ -12,9 +12,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 
-from ..base.names import DEFAULT_RIG, installed
+from ..base.names import installed, with_bases
 from . import limits
 from .old_form import record_of_today
+
+MOST_NAMED = 5  # topics in an error
 
 
 def rig_record(configuration: Mapping | None, topics: Collection[str] = ()) -> Mapping:
@@ -35,7 +37,7 @@ def rig_record(configuration: Mapping | None, topics: Collection[str] = ()) -> M
     Raises
     ------
     TypeError or ValueError
-        When the record is invalid.
+        When the record is invalid, or there is none and the topics do not tell which rig it is.
     """
     record = record_of_today(configuration or {})
     if "structure" not in record:
@@ -52,9 +54,14 @@ def holds_rig(configuration: Mapping | None) -> bool:
 
 
 def _like(topics: frozenset[str]) -> str:
-    """Return the installed rig with most of these topics; among equals the default rig."""
-    names = [DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)]
-    return max(names, key=lambda name: len(topics & _topics(name)))
+    """Return the installed rig with most of these topics, among equals the one on which the others are based."""
+    shared = {name: len(topics & _topics(name)) for name in installed("rigs")}
+    like = [name for name, count in shared.items() if count and count == max(shared.values())]
+    like = [name for name in like if not any(path.parent.name in like for path, _ in with_bases(name)[1:])]
+    if len(like) != 1:
+        held = ", ".join(sorted(topics)[:MOST_NAMED]) or "there are none"
+        raise ValueError(f"there is none, and its topics ({held}) are those of {', '.join(like) or 'no installed rig'}")
+    return like[0]
 
 
 @lru_cache(maxsize=64)

@@ -19,7 +19,7 @@ from .config import CONFIG_DIR, RIGS_DIR, load_yaml
 from .errors import RigError, brief, no_file
 from .yaml_file import where_of
 
-DEFAULT_RIG = "hydmag"
+DEFAULT_RIG = "hydmag"  # of command lines that name none; nothing below them has a default
 RIG_FILE = "rig.yaml"
 
 MOST_NAMED = 24  # names in one error
@@ -185,10 +185,10 @@ def with_bases(name: str | Path) -> list[tuple[Path, Any]]:
     return out
 
 
-def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> Path:
+def find_of_rigs(kind: str, name: str | Path, *rigs: str | Path | None) -> Path:
     """Return the path of a sequence, procedure or profile of a logger by its name, or of a file.
 
-    The name is looked up in the rig and its bases, then in the default rig, then in the other installed rigs.
+    The name is looked up in each of the rigs with its bases, then in all installed rigs, of which only one may have it.
 
     Parameters
     ----------
@@ -196,8 +196,8 @@ def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> 
         "sequences", "procedures" or "profiles".
     name : str or Path
         The name, or a file.
-    rig : str or Path, optional
-        The rig.
+    *rigs : str, Path or None
+        The rigs, the first before the others; None is none.
 
     Returns
     -------
@@ -207,28 +207,24 @@ def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> 
     Raises
     ------
     RigError
-        When there is no such file.
+        When there is no such file, or several installed rigs have one.
     """
     text = str(name)
     if text.endswith((".yaml", ".yml")) or "/" in text:
         return find_config(kind, name)
-    for folder in _folders(rig):
-        if (path := folder / kind / f"{text}.yaml").is_file():
-            return path
+    own = [path.parent for rig in rigs if rig is not None for path, _ in with_bases(rig)]
+    others = [RIGS_DIR / one for one in installed("rigs")]
+    for folders in (*([folder] for folder in own), others):
+        found = [path for folder in folders if (path := folder / kind / f"{text}.yaml").is_file()]
+        if len(found) > 1:
+            having = ", ".join(path.parent.parent.name for path in found)
+            raise RigError(f"several rigs have a {kind[:-1]} {brief(text)}: {having}; name the rig (or a .yaml file)")
+        if found:
+            return found[0]
     if os.path.isdir(text):
         raise RigError(f"{text}: {no_file(text)}")
-    raise RigError(f"{unknown(kind[:-1], text, of_rigs(kind, rig))} (or name a .yaml file)")
-
-
-def of_rigs(kind: str, rig: str | Path | None = None) -> list[str]:
-    """Return the names of the files of a kind that :func:`find_of_rigs` finds."""
-    return sorted({path.stem for folder in _folders(rig) for path in (folder / kind).glob("*.yaml")})
-
-
-def _folders(rig: str | Path | None) -> list[Path]:
-    """The folders in which sequences, procedures and profiles are looked up, in this order."""
-    own = [path.parent for path, _ in with_bases(rig)] if rig is not None else []
-    return [*own, *(RIGS_DIR / name for name in (DEFAULT_RIG, *installed("rigs")))]
+    known = sorted({path.stem for folder in (*own, *others) for path in (folder / kind).glob("*.yaml")})
+    raise RigError(f"{unknown(kind[:-1], text, known)} (or name a .yaml file)")
 
 
 def has_controller(rig: str | Path) -> bool:
@@ -236,18 +232,45 @@ def has_controller(rig: str | Path) -> bool:
     return any(isinstance(node, dict) and "controller" in node for _, node in with_bases(rig))
 
 
-def rig_with(path: str | Path) -> str:
-    """Return the rig in whose folder a sequence or procedure stands; the default rig for a file elsewhere."""
+def rig_with(path: str | Path) -> str | None:
+    """Return the rig in whose folder a sequence or procedure stands; None for a file elsewhere."""
     folder = Path(path).absolute().parent.parent
     if not (folder / RIG_FILE).is_file():
-        return DEFAULT_RIG
+        return None
     return folder.name if folder.parent == RIGS_DIR else str(folder)
 
 
-def rig_of(sequence: str | Path | None) -> str:
-    """Return the rig for which a sequence, given by its name or file, is written; the default rig without a sequence."""
-    if not sequence:
-        return DEFAULT_RIG
-    path = find_of_rigs("sequences", sequence)
+def rig_of(sequence: str | Path | None, default: str | None) -> str:
+    """Return the rig for which a sequence is written; the default one without a sequence.
+
+    Parameters
+    ----------
+    sequence : str, Path or None
+        Its name, which is looked up in the default rig first, or its file.
+    default : str or None
+        The rig of a file that names none and stands in no rig's folder.
+
+    Returns
+    -------
+    str
+        Name or file of the rig.
+
+    Raises
+    ------
+    RigError
+        When there is no such sequence, or nothing names its rig.
+    """
+    if not sequence and default is not None:
+        return default
+    path = find_of_rigs("sequences", sequence or "", default)
     node = load_yaml(path)
-    return beside(path, node["rig"]) if isinstance(node, dict) and "rig" in node else rig_with(path)
+    rig = rig_with(path) or default
+    if isinstance(node, dict) and "rig" in node:
+        rig = beside(path, node["rig"])
+        try:
+            find_config("rigs", rig)
+        except RigError as error:
+            raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}") from None
+    if rig is None:
+        raise RigError(f"{path}: the sequence names no rig and stands in no rig's folder; write 'rig: NAME' in it, or name the rig")
+    return rig

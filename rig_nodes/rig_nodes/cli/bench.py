@@ -81,10 +81,12 @@ def _chosen(parts: list[str]) -> list[str]:
 
 
 def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | list[dict] | str:
+    from ..base.names import DEFAULT_RIG
+
     if part == "kernel":
         from ..studies.benchmark.kernel import bench_kernel
 
-        return bench_kernel(repeats, show)
+        return bench_kernel(DEFAULT_RIG, repeats, show)
     if part == "rigs":
         from ..studies.benchmark.rigs import bench_rigs
 
@@ -102,12 +104,12 @@ def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | lis
         from ..studies.benchmark.step_cost import controllers_table
 
         show("every plug")
-        rows = [cost._asdict() for cost in controllers_table(load_rig())]
+        rows = [cost._asdict() for cost in controllers_table(load_rig(DEFAULT_RIG))]
         return [{**row, "median_us": None, "p99_us": None} if row["missing"] else row for row in rows]
     if part == "scaling":
         from ..studies.benchmark.growth import bench_scaling
 
-        return bench_scaling(show)
+        return bench_scaling(DEFAULT_RIG, show)
     from ..studies.benchmark.peers import bench_peers
 
     return bench_peers(0.05 * repeats, show)

@@ -82,7 +82,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     from ..bags.run_end import faults_of, with_end
     from ..base.errors import RigError, quoted
     from ..base.names import DEFAULT_RIG
-    from ..rig.configuration import load_gearbox_rig
+    from ..rig.configuration import load_gearbox_rig, load_rig
     from ..rig.transmission import transmission_of
 
     import_verb = import_module("rig_nodes.cli.import")
@@ -97,13 +97,14 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
             raise RigError(f"{run}: is of a rig without gears; runs with shifts can be compared")
         faults += [f"{run}: {fault}" for fault in faults_of(bag, with_end(bag, {}))]
     named = args.rig or (profile.rig if profile else None)
-    record, named_by = None, ""
     if named:
         settings = profile.settings if profile and not args.rig else None
         record, named_by = load_gearbox_rig(named, settings, "a logger's file").as_dict(), f"rig '{named}'"
     elif bags:
         first = next(iter(bags))
         record, named_by = bags[first].record, f"rig '{bags[first].record.get('name')}' of {first}"
+    else:
+        record, named_by = load_rig(DEFAULT_RIG).as_dict(), ""
     runs = {run: Source(run, bag.thinned(), bag.record, shifts_report(bag)) for run, bag in bags.items()}
     sources = []
     for run in args.runs:

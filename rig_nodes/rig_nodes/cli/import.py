@@ -75,21 +75,21 @@ def main(args: argparse.Namespace) -> int:
     profile = profile_of(args)
     settings = {**(profile.settings if profile else {}), **parse_settings(args.settings)}
     rig = args.rig or (profile.rig if profile else None)
-    config = load_rig(rig, settings) if rig else None
-    if settings and config is None:
+    if settings and not rig:
         from ..bags.exchange.imported import NO_RIG
 
         raise RigError(f"--set {next(iter(settings))}: {NO_RIG}")
-    named_by = "--rig" if args.rig else f"profile {profile.name}" if profile else ""
+    named_by = "--rig" if args.rig else f"profile {profile.name}" if profile and profile.rig else ""
+    rig = rig or DEFAULT_RIG
     try:
-        found = read_measurement(args.file, profile, config.as_dict() if config else None, named_by, args.orders)
+        found = read_measurement(args.file, profile, load_rig(rig, settings).as_dict(), named_by, args.orders)
     except CellError as error:
         if args.profile or (target := _proposal(args)).exists():
             raise
-        _write_proposal(args, target, rig or DEFAULT_RIG)
+        _write_proposal(args, target, rig)
         raise RigError(f"{error}; {target} is written for it, which --profile takes") from None
     if found is None:
-        return _propose(args, rig or DEFAULT_RIG)
+        return _propose(args, rig)
     name = sequence_name(Path(args.file))
     folder = run_folder(args.out, name)
     part = folder.with_name(f".{folder.name}.part")

@@ -41,12 +41,13 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.report import build_report, format_report, write_report
     from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
     from ..base.errors import interrupted_code, printable, quoted
+    from ..base.names import DEFAULT_RIG
     from ..controllers.load import embedded_line
     from ..runs.folders import parse_settings, run_folder
     from ..runs.procedure import load_procedure, prepare
     from ..runs.simulate import simulate
 
-    procedure = load_procedure(args.procedure)
+    procedure = load_procedure(args.procedure, DEFAULT_RIG)
     chosen = procedure.series(args.series.split(",") if args.series else None)
     if args.labels:
         print("\n".join(series.label for series in chosen))

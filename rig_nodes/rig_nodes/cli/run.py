@@ -62,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
 
 def run(args: argparse.Namespace) -> int:
     """Run as :func:`main` does; a KeyboardInterrupt before the first process starts is passed on."""
-    from ..base.names import rig_of
+    from ..base.names import DEFAULT_RIG, rig_of
     from ..controllers.load import level_line, load_controller, split_level
     from ..controllers.ros.domain import from_environment
     from ..nodes.processes.child import start_server
@@ -80,9 +80,9 @@ def run(args: argparse.Namespace) -> int:
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
-    rig = args.rig or rig_of(args.sequence)
+    rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
     config = load_rig(rig, parse_settings(args.settings))
-    sequence = load_sequence(args.sequence, parameters, rig, config) if args.sequence else BY_HAND
+    sequence = load_sequence(args.sequence, parameters, rig, config=config) if args.sequence else BY_HAND
     sequence.check_rig(config)
     parse_drop(args.drop, config.catalogue)
     recording = words(args)

@@ -52,7 +52,7 @@ def main(args: argparse.Namespace) -> int:
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, write_report
     from ..base.errors import interrupted_code
-    from ..base.names import rig_of
+    from ..base.names import DEFAULT_RIG, rig_of
     from ..controllers.load import embedded_line, level_line, load_controller
     from ..rig.configuration import load_rig
     from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
@@ -62,9 +62,9 @@ def main(args: argparse.Namespace) -> int:
     from ..runs.simulate import check_controller, simulate
 
     args.controller = controller_of(args.controller, args.in_process)
-    rig = args.rig or rig_of(args.sequence)
+    rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
     config = load_rig(rig, parse_settings(args.settings))
-    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), rig, config)
+    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), rig, config=config)
     sequence.check_rig(config)
     controller = None
     if args.controller or args.level or args.delay != 1:

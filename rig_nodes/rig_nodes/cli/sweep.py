@@ -123,7 +123,7 @@ def main(args: argparse.Namespace) -> int:
         print(plan.plugged.check(load_rig(plan.rig, plan.fixed)), file=sys.stderr, flush=True)
     # the server compiles when nothing is cached yet; errors of the plan have been reported before this
     if args.jobs > 1 and not args.dask:
-        start_server("rig_nodes.studies.sweep.run")
+        start_server("rig_nodes.studies.sweep.run", rigs=[plan.rig])
 
     from ..studies.sweep.run import forget_unfinished, manifest_of, run_sweep
     from ..studies.sweep.store import RESULTS, Store, parquet
@@ -180,6 +180,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     """Return (plan, folder to continue with or None, bags)."""
     from ..base.config import load_yaml
     from ..base.errors import RigError
+    from ..base.names import DEFAULT_RIG, rig_of
     from ..runs.folders import pairs, parse_parameters, parse_settings
     from ..studies.sweep.plan import make_plan, plan_of, plugged_of, read_plan
     from ..studies.sweep.store import read_manifest
@@ -198,7 +199,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
                 f"{args.what} is a sweep, which defines what it varies; leave out "
                 f"{options.get(given[0], f'--{given[0]}')}, or write it there"
             )
-        return read_plan(args.what), None, args.bags
+        return read_plan(args.what, DEFAULT_RIG), None, args.bags
     vary = pairs("--vary", args.vary or [], 'NAME=SPEC, e.g. alfa46.t12="-250 ms .. -150 ms"')
     numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
     plugged = plugged_of(controller_of(args.controller, args.in_process), args.level, 1 if args.delay is None else args.delay)
@@ -206,7 +207,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
         make_plan(
             args.what,
             vary,
-            args.rig,
+            args.rig or rig_of(args.what, DEFAULT_RIG),
             args.method,
             args.samples,
             plugged=plugged,

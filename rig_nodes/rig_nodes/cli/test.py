@@ -23,6 +23,8 @@ from pathlib import Path
 
 import rig_nodes
 from rig_nodes.base.errors import RigError, ended_by
+from rig_nodes.base.names import DEFAULT_RIG
+from rig_nodes.runs.workers import RIGS_PRELOADED
 
 HELP = "run the tests"
 PASSES_ON = True
@@ -111,9 +113,8 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     """Run every test: some folders in parallel, then those against the clock, the others beside both; then failed files again."""
     began, counts, codes, times = time.monotonic(), Counter(), [], ""
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep failed tests that have another name now
-    subprocess.run(
-        [sys.executable, "-m", "rig_nodes.runs.preloaded"], env=env, cwd=root
-    )  # otherwise two parts would compile at once
+    plants = {RIGS_PRELOADED: json.dumps([DEFAULT_RIG, "clutch_bench"])}  # otherwise two parts would compile them at once
+    subprocess.run([sys.executable, "-m", "rig_nodes.runs.preloaded"], env=env | plants, cwd=root)
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))
     at_a_time = min(cores + 1, MOST_PARTS)

@@ -88,7 +88,7 @@ def main(args: argparse.Namespace) -> int:
     if package is None:
         return _own_rows(args, path)
     if args.jobs > 1:
-        start_server(f"{package}.programme")
+        start_server(f"{package}.programme", rigs=[args.rig])
 
     from ..controllers.load import embedded_line
     from ..rig.configuration import load_gearbox_rig
@@ -164,7 +164,7 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
     ):
         raise RigError(f"{given} belongs to the laboratory's programme; the rows of {path} have none")
     if args.jobs > 1:
-        start_server("rig_nodes.studies.validation.own_rows")
+        start_server("rig_nodes.studies.validation.own_rows", rigs=[args.rig])
 
     from ..rig.configuration import load_rig
     from ..runs.folders import parse_settings

@@ -50,6 +50,7 @@ class LiveView(Node):
     def __init__(self) -> None:
         super().__init__("live_view", enable_rosout=False, start_parameter_services=False)
         self.found: Mapping | None = None
+        self.lack = "nothing is published"
         self._seen_at: float | None = None
         self._inputs: list = []
         kept = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -74,7 +75,11 @@ class LiveView(Node):
         elif self._seen_at is None:
             self._seen_at = time.monotonic()
         elif time.monotonic() - self._seen_at > RECORD_PATIENCE:
-            self.found = rig_record(None, topics)
+            try:
+                self.found = rig_record(None, topics)
+            except UNREADABLE as error:
+                self.lack = f"no record of the rig is published ({error})"
+                self._seen_at = time.monotonic()  # more topics may come, or the record itself
 
     def show(self, sender: Sender, pages: Pages) -> None:
         """Subscribe to what is shown of a rig, in place of the earlier subscriptions."""
@@ -162,7 +167,7 @@ class Session:
                 if sender is not None and sender.received:
                     silent_at = float("inf")
                 elif time.monotonic() > silent_at:
-                    self._say(f"nothing is published in ROS domain {self._domain} so far; waiting")
+                    self._say(f"{node.lack} in ROS domain {self._domain} so far; waiting")
                     silent_at = float("inf")
         finally:
             executor.remove_node(node)

@@ -13,13 +13,13 @@ from importlib import import_module
 from rclpy.type_support import check_for_type_support
 
 from ..bags.definitions import installed
-from ..rig.configuration import load_rig
+from ..rig.catalogue import installed_topics
 from . import alfa46, recorder, rig_container, sequencer  # noqa: F401  loaded, to be there in all of them
 from .message_class import message_class
 
 SERVICES = ("rcl_interfaces.srv", "std_srvs.srv", "type_description_interfaces.srv", "rig_msgs.srv", "rig_msgs.action")
 
-for _type in {topic.ros_type for topic in load_rig().catalogue.all_topics.values()}:
+for _type in {topic.ros_type for topic in installed_topics().values()}:
     check_for_type_support(message_class(_type))
     _definition = installed(_type)
     _definition.store.get_msgdef(_type)  # makes the functions that decode it

@@ -292,11 +292,11 @@ def ordered(arguments: argparse.Namespace) -> Ordered:
     given = vars(arguments)
     if given.get("run"):
         return read_run(arguments.run)
-    rig, parameters = arguments.rig or rig_of(given.get("sequence")), parse_parameters(given.get("parameters", ()))
-    config = load_rig(rig, parse_settings(arguments.settings))
+    rig = arguments.rig or rig_of(given.get("sequence"), DEFAULT_RIG)
+    config, parameters = load_rig(rig, parse_settings(arguments.settings)), parse_parameters(given.get("parameters", ()))
     sequence = None
     if given.get("sequence"):
-        sequence = load_sequence(arguments.sequence, parameters, rig, config)
+        sequence = load_sequence(arguments.sequence, parameters, rig, config=config)
     elif parameters:
         raise RigError("--with gives values to a sequence's parameters; name the sequence with --sequence")
     return Ordered(config, rig, sequence, given.get("seed", 1), given.get("delay", 1), given.get("controller"))

@@ -134,7 +134,7 @@ class Sequencer(Node):
         try:
             if self._runner is not None:
                 raise RigError(f"sequence refused: '{self._runner.sequence.name}' is still running")
-            self.start(load_sequence(goal.request.name, None, self._rig, self._config))
+            self.start(load_sequence(goal.request.name, None, self._rig, config=self._config))
             self._goal = goal
         except RigError as error:
             self.process.tell(f"sequence '{goal.request.name}' was ordered: {error}", self.bench.stamp_ns * 1e-9)

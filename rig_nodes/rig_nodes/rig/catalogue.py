@@ -184,13 +184,13 @@ class Catalogue:
         return self.signals[name]
 
 
-def catalogue(config: RigConfig | Mapping | None = None) -> Catalogue:
+def catalogue(config: RigConfig | Mapping) -> Catalogue:
     """Return the catalogue of a rig.
 
     Parameters
     ----------
-    config : RigConfig or mapping, optional
-        A configuration, or its record in a bag or a report; by default that of the default rig.
+    config : RigConfig or mapping
+        A configuration, or its record in a bag or a report.
 
     Returns
     -------
@@ -202,18 +202,9 @@ def catalogue(config: RigConfig | Mapping | None = None) -> Catalogue:
     KeyError, TypeError, ValueError
         When a record is not that of a rig.
     """
-    if config is None:
-        return _default()
     if isinstance(config, Mapping):
         return catalogue_of(structure_of(config["structure"]))
     return config.catalogue
-
-
-@lru_cache(maxsize=1)
-def _default() -> Catalogue:
-    from .configuration import load_rig  # here, because what reads a rig imports this module
-
-    return load_rig().catalogue
 
 
 @lru_cache(maxsize=1)

@@ -17,7 +17,7 @@ from typing import Any
 
 from ..base.clocks import SAMPLE
 from ..base.errors import RigError, brief
-from ..base.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown, with_bases
+from ..base.names import RIG_FILE, beside, find_config, unknown, with_bases
 from ..base.schema import build, check_keys, entry, where_of
 from ..base.units import quantity
 from ..base.yaml_file import Map, file_of, merged, stamped
@@ -455,7 +455,7 @@ def _where_written(node: Map, path: str | Path, keys: tuple[str, ...]) -> str:
     return f"{path}: "
 
 
-def load_rig(name: str | Path = DEFAULT_RIG, overrides: dict[str, str] | None = None) -> RigConfig:
+def load_rig(name: str | Path, overrides: dict[str, str] | None = None) -> RigConfig:
     """Read a rig by its name, folder or file, with its bases.
 
     Parameters

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -293,13 +293,13 @@ def slip_of(ratio: float, w_in: Numbers, w_out: Numbers) -> Numbers:
     return 1.0 - w_out * ratio / w_in
 
 
-def transmission_of(config: RigConfig | Mapping | None = None) -> Transmission:
+def transmission_of(config: RigConfig | Mapping) -> Transmission:
     """Return the transmission of a rig with gears.
 
     Parameters
     ----------
-    config : RigConfig or mapping, optional
-        A configuration, or its record in a bag or a report (RigConfig.as_dict); by default that of the default rig.
+    config : RigConfig or mapping
+        A configuration, or its record in a bag or a report (RigConfig.as_dict).
 
     Returns
     -------
@@ -311,18 +311,9 @@ def transmission_of(config: RigConfig | Mapping | None = None) -> Transmission:
     KeyError, TypeError, ValueError
         When a record is not that of a rig with gears.
     """
-    if config is None:
-        return _default()
     if isinstance(config, Mapping):
         return made_of(config)
     return config.transmission
-
-
-@lru_cache(maxsize=1)
-def _default() -> Transmission:
-    from .configuration import load_rig  # here, because what reads a rig imports this module
-
-    return load_rig().transmission
 
 
 def made_of(record: Mapping) -> Transmission:

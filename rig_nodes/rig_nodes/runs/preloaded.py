@@ -1,14 +1,21 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the server of runs.workers imports, so that each process forked from it has both plants compiled in memory.
+"""What the server of runs.workers imports, so that each process forked from it has the plants compiled in memory.
 
-It compiles what is not in the cache yet, so that no two processes compile the same at once; ``rig test`` runs it for that
-purpose.
+The environment names the rigs, because a server imports modules and takes no arguments. What is not in the cache yet is compiled
+here, so that no two processes compile the same at once; ``rig test`` runs it for that purpose.
 """
 
+import json
+import os
+from contextlib import suppress
+
+from ..base.errors import RigError
 from ..rig.configuration import load_rig
 from .rig import Rig
+from .workers import RIGS_PRELOADED
 
-for _name in ("hydmag", "clutch_bench"):
-    Rig(load_rig(_name)).advance_samples(1)
+for _name in json.loads(os.environ.get(RIGS_PRELOADED, "[]")):
+    with suppress(RigError):  # who named the rig reads it too, and says what is wrong
+        Rig(load_rig(_name)).advance_samples(1)

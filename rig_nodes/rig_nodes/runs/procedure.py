@@ -53,8 +53,8 @@ class Series:
         Short name, unique in its procedure.
     conditions : dict
         Values by the names of rig.conditions [SI].
-    sequence : str
-        Name of the sequence, or its file.
+    sequence, rig : str
+        Name of the sequence, or its file, and the rig for which it is written.
     parameters : dict of str to str
         Parameters of the sequence.
     overrides : dict of str to str
@@ -72,6 +72,7 @@ class Series:
     conditions: dict[str, float | int | str]
     units: dict[str, str]
     sequence: str
+    rig: str
     parameters: dict[str, str]
     overrides: dict[str, str]
     repeats: int
@@ -124,9 +125,12 @@ class Procedure:
         return [self.all_series[k] for k in sorted(out)]
 
 
-def load_procedure(name: str | Path) -> Procedure:
-    """Return an installed procedure by its name, or one from a file; RigError with file and line when something is not right."""
-    path = find_of_rigs("procedures", name)
+def load_procedure(name: str | Path, default: str | None = None) -> Procedure:
+    """Return an installed procedure by its name, or one from a file; RigError with file and line when something is not right.
+
+    ``default`` is the rig of a sequence that names none, as for :func:`base.names.rig_of`.
+    """
+    path = find_of_rigs("procedures", name, default)
     node = load_yaml(path)
     needed = ("description", "source", "sequence", "repeats", "series")
     check_keys(path, node, (*needed, "period", "settings"), needed, "the procedure")
@@ -141,8 +145,9 @@ def load_procedure(name: str | Path) -> Procedure:
     blocks = node["series"]
     if not isinstance(blocks, list) or not blocks:
         raise RigError(f"{where_of(path, node, 'series')}: series must be a list with at least one block")
-    sequence = _sequence(node, path)
-    names = _names(sequence)
+    sequence = _sequence(node, path, default)
+    rig = rig_of(sequence, default)
+    names = _names(rig)
     settings = _texts(node, "settings", {}, path)
     name, all_series, labels = Path(path).stem, [], set()
     for k, block in enumerate(blocks):
@@ -163,6 +168,7 @@ def load_procedure(name: str | Path) -> Procedure:
                     {name: one.value for name, one in conditions.items()},
                     {name: one.unit for name, one in conditions.items() if one.unit},
                     sequence,
+                    rig,
                     _texts(block, "parameters", row, path),
                     {**settings, **_texts(block, "settings", row, path)},
                     repeats,
@@ -173,11 +179,11 @@ def load_procedure(name: str | Path) -> Procedure:
     return Procedure(name, str(node["description"]), str(node["source"]), sequence, repeats, tuple(all_series))
 
 
-def _sequence(node: Map, path: str | Path) -> str:
+def _sequence(node: Map, path: str | Path, default: str | None) -> str:
     """The name of the sequence, or its file, which is found from the folder of the procedure's file."""
     name = beside(path, node["sequence"])
     try:
-        name = str(find_of_rigs("sequences", name, rig_with(path)))
+        name = str(find_of_rigs("sequences", name, rig_with(path), default))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'sequence')}: sequence: {error}") from None
     return name
@@ -256,9 +262,9 @@ def _conditions(block: Map, row: dict[str, str], path: str | Path, names: Mappin
     return out
 
 
-def _names(sequence: str) -> dict[str, tuple[str, ...]]:
+def _names(rig: str) -> dict[str, tuple[str, ...]]:
     """Return the words that a condition which names a thing of the rig may have: shift, clutch and valve."""
-    config = _base(rig_of(sequence))
+    config = _base(rig)
     if not config.structure.gears:
         return {}
     box = config.transmission
@@ -304,7 +310,7 @@ def prepare(series: Series, rig: str | None = None, settings: dict[str, str] | N
     both = sorted(set(settings or {}) & set(series.overrides))
     if both:
         raise RigError(f"setting {both[0]}: series '{series.label}' of '{series.procedure}' sets it itself")
-    sequence = load_sequence(series.sequence, series.parameters)
+    sequence = load_sequence(series.sequence, series.parameters, default=series.rig)
     config = with_overrides(_base(rig or sequence.rig), {**(settings or {}), **series.overrides})
     sequence.check_rig(config)
     return config, sequence

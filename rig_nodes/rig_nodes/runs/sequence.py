@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.config import load_yaml
 from ..base.errors import RigError, brief
-from ..base.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown, with_bases
+from ..base.names import find_of_rigs, rig_of, unknown, with_bases
 from ..base.schema import check_keys, where_of
 from ..base.units import dimension_of, quantity, span
 from ..base.yaml_file import List, Map
@@ -79,7 +79,7 @@ class Sequence:
     parameters : dict of str to (str or int)
         Parameters with the values that the steps were read with, as they are written.
     rig : str
-        The rig for which the sequence was read.
+        The rig for which the sequence was read; empty for orders by hand, which are read for none.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Sequence:
     ready_timeout: float
     steps: list[Step] = field(default_factory=list)
     parameters: dict[str, str | int] = field(default_factory=dict)
-    rig: str = DEFAULT_RIG
+    rig: str = ""
 
     def check_rig(self, config: RigConfig) -> None:
         """Refuse a rig that lacks something that the sequence asks for, or that the sequence loads too much.
@@ -134,7 +134,11 @@ BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run wi
 
 
 def load_sequence(
-    name: str | Path, values: dict[str, str] | None = None, rig: str | Path | None = None, config: RigConfig | None = None
+    name: str | Path,
+    values: dict[str, str] | None = None,
+    rig: str | Path | None = None,
+    default: str | None = None,
+    config: RigConfig | None = None,
 ) -> Sequence:
     """Read a sequence by its name, from a rig or from the installed ones, or from a file.
 
@@ -146,8 +150,10 @@ def load_sequence(
         Values of its parameters in place of their defaults, e.g. {"speed": "1500 rpm"}.
     rig : str or Path, optional
         The rig on which it is to run; by default the one for which it is written.
+    default : str, optional
+        The rig of a sequence that names none; as for :func:`base.names.rig_of`.
     config : RigConfig, optional
-        Its configuration, when it is known; otherwise it is read.
+        The configuration of ``rig``, when it is known; otherwise it is read.
 
     Returns
     -------
@@ -159,11 +165,11 @@ def load_sequence(
     RigError
         With file and line, when something is not right.
     """
-    path = find_of_rigs("sequences", name, rig)
+    path = find_of_rigs("sequences", name, rig, default)
     node = load_yaml(path)
     check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"), "the sequence")
     own = rig is None and "rig" in node
-    rig = beside(path, node["rig"]) if own else rig or rig_with(path)
+    rig = rig or rig_of(path, default)
     try:
         config = config or _read_rig(str(rig), tuple((str(base), base.stat().st_mtime_ns) for base, _ in with_bases(rig)))
     except RigError as error:
@@ -178,8 +184,8 @@ def load_sequence(
     try:
         steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
     except RigError as error:
-        written_for = beside(path, node["rig"]) if "rig" in node else rig_with(path)
-        if own or str(written_for) in (str(rig), config.name) or not _suits(nodes, path, str(written_for)):
+        written_for = rig_of(path, default or str(rig))
+        if own or written_for in (str(rig), config.name) or not _suits(nodes, path, written_for):
             raise
         raise RigError(
             f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "

@@ -8,6 +8,8 @@ runs.campaign and all that runs campaigns use it. It imports nothing heavy, so t
 
 from __future__ import annotations
 
+import json
+import os
 import signal
 import threading
 import traceback
@@ -22,10 +24,11 @@ from ..base.uninterrupted import Uninterrupted
 
 TRIES = 2  # of an item in Workers.stream whose process was killed
 PRELOADED = "rig_nodes.runs.preloaded"
+RIGS_PRELOADED = "RIG_PRELOADED"  # variable of the environment, with the names or files of rigs as a JSON list
 NO_PROCESSES = "the processes of the campaign cannot be started; one job (--jobs 1) needs none"
 
 
-def start_server(*modules: str) -> None:
+def start_server(*modules: str, rigs: Iterable[str] = ()) -> None:
     """Start the processes' server, which loads while this process goes on; further calls do nothing.
 
     The server ends with this process, whatever ends it.
@@ -34,6 +37,8 @@ def start_server(*modules: str) -> None:
     ----------
     *modules : str
         Modules that the work will need in addition to the plants.
+    rigs : iterable of str
+        Names or files of the rigs whose plants it will need.
 
     Raises
     ------
@@ -41,6 +46,7 @@ def start_server(*modules: str) -> None:
         When the server cannot be started.
     """
     get_context("forkserver").set_forkserver_preload([PRELOADED, *modules])
+    os.environ[RIGS_PRELOADED] = json.dumps(list(rigs))
     with _interrupts_ignored():  # the server and its processes inherit this
         try:
             forkserver.ensure_running()

@@ -93,7 +93,7 @@ def read_campaign(path: str | Path) -> Campaign:
     if (folder / SWEEP).exists() and not (folder / RESULTS).exists():
         raise RigError(f"{folder}: the sweep is not finished; go on with it by: ./rig sweep {quoted(folder)}")
     found = _of_sweep(folder) if (folder / RESULTS).exists() else _of_reports(folder)
-    if not found.rows:
+    if found is None:
         raise RigError(
             f"{folder}: no run of this campaign has a shift to show; look at one of its runs with: rig view {folder}/RUN"
         )
@@ -104,7 +104,7 @@ def _reports(folder: Path) -> list[Path]:
     return sorted(one.parent for one in folder.glob(f"*/{REPORT_FILE}"))
 
 
-def _of_reports(folder: Path) -> Campaign:
+def _of_reports(folder: Path) -> Campaign | None:
     names, rows, errors, given, box = [], [], [], [], None
     of_series = {
         name: {
@@ -118,17 +118,20 @@ def _of_reports(folder: Path) -> Campaign:
     for run in _reports(folder):
         report = read_report(run) or {}
         if box is None and report.get("shifts"):
-            box = shown_transmission(report)
+            try:
+                box = shown_transmission(report)
+            except RigError as error:
+                raise RigError(f"{run / REPORT_FILE}: {error}") from None
         own = report.get("uncertainty") or []
         for n, row in enumerate(report.get("shifts", [])):
             names.append(run.name)
             rows.append(row)
             errors.append(own[n] if n < len(own) else {})
             given.append(of_series.get(run.name) or report["run"].get("parameters") or {})
-    return Campaign(folder.name, names, _conditions(given), rows, errors, box or transmission_of())
+    return None if box is None else Campaign(folder.name, names, _conditions(given), rows, errors, box)
 
 
-def _of_sweep(folder: Path) -> Campaign:
+def _of_sweep(folder: Path) -> Campaign | None:
     import pyarrow.parquet as pq
 
     try:
@@ -139,11 +142,12 @@ def _of_sweep(folder: Path) -> Campaign:
     varied = [name for name in table.schema.names[:first] if name not in ("member", "seed", "shift")]
     units = {name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in varied}
     rows = [row for row in table.to_pylist() if row.get("from_gear") is not None]
+    if not rows:
+        return None
     given = [{name: f"{row[name]} {units[name]}" if row[name] is not None else "" for name in varied} for row in rows]
     try:
         record = rig_record(json.loads((table.schema.metadata or {})[MANIFEST])["configuration"])
-        box = transmission_of(record) if rows else transmission_of()
-        instruments = instruments_of(record) if rows else {}
+        box, instruments = transmission_of(record), instruments_of(record)
     except UNREADABLE as error:
         raise RigError(
             f"{folder / RESULTS}: does not name its rig ({type(error).__name__}: {error}); make the sweep anew"

@@ -129,13 +129,13 @@ class Pages:
     ``box`` is its transmission, None for a rig without gears; ``known`` holds its signals.
     """
 
-    def __init__(self, record: Mapping | None = None) -> None:
+    def __init__(self, record: Mapping) -> None:
         """Derive the pages from a rig's record.
 
         Parameters
         ----------
-        record : mapping, optional
-            Record of the rig (RigConfig.as_dict), of any age; by default that of the default rig, for a run of an unknown rig.
+        record : mapping
+            Record of the rig (RigConfig.as_dict), of any age.
         """
         record = rig_record(record)
         self.structure: Structure = structure_of(record["structure"])

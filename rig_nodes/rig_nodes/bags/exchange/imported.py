@@ -46,8 +46,8 @@ BLOCK, CHANNELS, RUN_INFO = "/instruments/hmg4000", "/instruments/channels", "/r
 ROWS = 50  # largest number of rows in a block
 LATEST = 24 * 3600.0  # s; the times of a file that begins later are taken as dates, and its run begins at 0
 NO_RIG = (
-    "its rig is not given, and the results depend on this rig's inertias, ratios and instrument errors; name it by --rig, e.g. "
-    "--rig hydmag, or in a profile"
+    "its rig is not given, and the results depend on this rig's inertias, ratios and instrument errors; name it by --rig NAME or "
+    "in a profile"
 )
 MOST_BLOCKS_IN = 5e-3  # s; largest span of the rows in a block
 
@@ -88,15 +88,15 @@ class Measurement:
         return Recording(self.t0, self.period, self.channels, orders_in(self.events), box)
 
 
-def own_profile(foreign: Foreign, record: Mapping | None = None) -> Profile | None:
+def own_profile(foreign: Foreign, record: Mapping) -> Profile | None:
     """Return a profile for a file whose heads are the rig's own names, or for an exported run; None when heads must be guessed.
 
     Parameters
     ----------
     foreign : Foreign
         The file.
-    record : mapping, optional
-        Record of the rig; that of the exported run or the default rig's by default.
+    record : mapping
+        Record of the rig whose names the heads may be.
 
     Returns
     -------
@@ -104,10 +104,8 @@ def own_profile(foreign: Foreign, record: Mapping | None = None) -> Profile | No
         The profile.
     """
     exported = foreign.provenance is not None
-    if foreign.provenance and record is None:
-        record = rig_record(foreign.provenance["run"]["configuration"])
     signals = catalogue(record).signals
-    measured = {one["name"] for one in record["structure"]["transducers"]} if record else set()
+    measured = {one["name"] for one in record["structure"]["transducers"]}
     times = found_times(foreign.channels)
     mapped = [
         Mapped(
@@ -444,7 +442,7 @@ def _blocks(measurement: Measurement) -> list[tuple[int, str, tuple]]:
 
 
 def read_measurement(
-    path: str | Path, profile: Profile | None, record: Mapping | None, named_by: str, orders: str | None = None
+    path: str | Path, profile: Profile | None, record: Mapping, named_by: str, orders: str | None = None
 ) -> Measurement | None:
     """Read a file by a profile, or by its heads when these are the rig's own names.
 
@@ -454,10 +452,11 @@ def read_measurement(
         The file.
     profile : Profile, optional
         The profile by which the file is read.
-    record : mapping, optional
-        Record of the rig; that of the exported run in the file by default.
+    record : mapping
+        Record of the rig.
     named_by : str
-        Where the rig was named.
+        Where the rig was named. When it is empty, the rig is that of the exported run in the file, and for a file without one the
+        record only gives the names that its heads may be.
     orders : str, optional
         Orders of gears.
 
@@ -472,13 +471,13 @@ def read_measurement(
         When the file cannot be used, or its rig is not given.
     """
     foreign = read_foreign(path, profile.form if profile else None)
+    if foreign.provenance and not named_by:
+        record, named_by = rig_record(foreign.provenance["run"]["configuration"]), "the exported run"
     if profile is None or not profile.columns:
         found = own_profile(foreign, record)
         if found is None:
             return None
         profile = found if profile is None else replace(found, period=profile.period, time=None if profile.period else found.time)
-    if record is None and foreign.provenance:
-        record, named_by = rig_record(foreign.provenance["run"]["configuration"]), "the exported run"
-    if record is None:
+    if not named_by:
         raise RigError(f"{path}: {NO_RIG}")
     return measure(foreign, profile, record, named_by, orders)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 from ...base.errors import RigError
-from ...rig.transmission import Transmission, transmission_of
+from ...rig.transmission import Transmission
 
 _ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
 
@@ -18,15 +18,15 @@ def example_of_orders(box: Transmission) -> str:
     return ", ".join(f"{time:g}:{way}" for time, way in zip((3.845, 8.32), box.ways())) or "3.845:FROM-TO"
 
 
-def parse_orders(text: str, transmission: Transmission | None = None, where: str = "--orders") -> list[tuple[float, int, int]]:
+def parse_orders(text: str, box: Transmission, where: str = "--orders") -> list[tuple[float, int, int]]:
     """Parse orders such as ``"3.845:I-II, 8.32:II-I"``.
 
     Parameters
     ----------
     text : str
         Time in the recording [s], gear before and gear ordered of each order.
-    transmission : Transmission, optional
-        Transmission with the names of the gears (Transmission.number), where 0 is neutral; the laboratory's by default.
+    box : Transmission
+        Transmission with the names of the gears (Transmission.number), where 0 is neutral.
     where : str
         Beginning of the error.
 
@@ -40,7 +40,7 @@ def parse_orders(text: str, transmission: Transmission | None = None, where: str
     RigError
         When the text is not in this form; the error shows an example.
     """
-    box, orders = transmission or transmission_of(), []
+    orders: list[tuple[float, int, int]] = []
     example = f"'{example_of_orders(box)}'"
     for part in filter(str.strip, re.split(r"[,;]", text)):
         match = _ORDER.match(part)

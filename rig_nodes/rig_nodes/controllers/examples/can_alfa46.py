@@ -3,7 +3,7 @@
 
 """The Alfa46 law on a CAN bus, by its own clock: the example of a controller behind ``can:``.
 
-    .venv/bin/python -m rig_nodes.controllers.examples.can_alfa46 239.74.163.2 --interface udp_multicast
+    .venv/bin/python -m rig_nodes.controllers.examples.can_alfa46 239.74.163.2 --interface udp_multicast --rig hydmag
     ./rig simulate demo --controller "can:239.74.163.2?interface=udp_multicast"
 
 It needs python-can and cantools, and of the rig the messages (`./rig export dbc`) and the law. Ctrl-C ends it.
@@ -109,7 +109,7 @@ def main() -> None:
     given = parser(__doc__, "can_alfa46")
     given.add_argument("channel")
     given.add_argument("--interface", default="socketcan")
-    given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
+    given.add_argument("--rig", required=True, help="whose Alfa46 settings are used")
     arguments = given.parse_args()
     config = load_gearbox_rig(arguments.rig, None, "this example")
     bus = open_bus(arguments.channel, arguments.interface, "this example")

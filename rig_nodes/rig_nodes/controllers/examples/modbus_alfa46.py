@@ -3,7 +3,7 @@
 
 """The Alfa46 law as a Modbus TCP client, by its own clock: the example of a controller behind ``modbus:``.
 
-    .venv/bin/python -m rig_nodes.controllers.examples.modbus_alfa46 5020
+    .venv/bin/python -m rig_nodes.controllers.examples.modbus_alfa46 5020 --rig hydmag
     ./rig simulate demo --controller modbus:5020
 
 It needs pymodbus, and of the rig the registers (`./rig export registers`) and the law. Either may start first; it
@@ -110,7 +110,7 @@ def main() -> None:
     given = parser(__doc__, "modbus_alfa46")
     given.add_argument("port", type=port)
     given.add_argument("--host", type=address, default="127.0.0.1")
-    given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
+    given.add_argument("--rig", required=True, help="whose Alfa46 settings are used")
     arguments = given.parse_args()
     config = load_gearbox_rig(arguments.rig, None, "this example")
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # a rig that is not there yet is no error

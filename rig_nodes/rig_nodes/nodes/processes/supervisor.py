@@ -22,7 +22,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...base.link import pair
-from ...base.names import DEFAULT_RIG
 from ...controllers.ros.domain import Domain, environment, participants
 from .child import Child
 from .tap import tap_pair
@@ -49,7 +48,7 @@ class Order:
     """
 
     sequence: str | None
-    rig: str = DEFAULT_RIG
+    rig: str
     seed: int = 1
     settings: list[str] = field(default_factory=list)
     drop: str | None = None

@@ -25,7 +25,7 @@ from ... import __version__
 from ...base.atomic_write import atomic_write
 from ...base.config import CONFIG_DIR, RIGS_DIR
 from ...base.errors import RigError, no_file, printable
-from ...base.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
+from ...base.names import RIG_FILE, beside, find_config, with_bases
 from ...controllers.c.library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
 from ...controllers.c.record_header import NAME, header_text
 from ...controllers.record import ControllerRecord, flat_parameters, record_of
@@ -184,7 +184,7 @@ def write_fmu(
         atomic_write(target, whole.read_bytes())
 
 
-def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
+def build_rig_fmu(target: str | Path, rig: str, overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
     """Write the rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
     The files of a rig that is not installed go into the FMU. The FMU starts this interpreter with this package

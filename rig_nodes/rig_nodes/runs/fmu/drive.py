@@ -3,7 +3,7 @@
 
 """Drives the rig's FMU through a test sequence with FMPy: the example of an importer, and how the FMU is checked.
 
-    .venv/bin/python -m rig_nodes.runs.fmu.drive hydmag.fmu demo --out runs/fmu-demo
+    .venv/bin/python -m rig_nodes.runs.fmu.drive hydmag.fmu demo --rig hydmag --out runs/fmu-demo
 
 Everything goes through FMI: inputs in, 5 ms of time, outputs out. The rig inside records its bag and report.
 """

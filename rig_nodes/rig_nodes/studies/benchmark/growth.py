@@ -42,9 +42,9 @@ def _memory() -> float:
         return int(file.read().split()[1]) * resource.getpagesize() / 1e6
 
 
-def by_length(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
+def by_length(name: str, tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Return the cost per simulated second in each part of one run in gear under load: the median of the part's seconds."""
-    rig = Rig(load_rig())
+    rig = Rig(load_rig(name))
     drive(rig, lambda _phase, seconds: rig.advance(seconds))
     out = []
     for begin in range(0, LENGTH, PART):
@@ -66,9 +66,9 @@ def by_length(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     return out
 
 
-def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
+def streaming(name: str, tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Return the same cost for a run whose topics are all written to a bag on disk, as by ``simulate``."""
-    rig = Rig(load_rig())
+    rig = Rig(load_rig(name))
     out, size = [], 0
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, BagWriter(folder, "long") as bag:
         outputs = BagOutputs(bag, rig, {}, commands=True)
@@ -108,22 +108,22 @@ def by_clutches(tell: Callable[[str], object] = lambda text: None) -> list[dict]
     return out
 
 
-def by_members(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
+def by_members(rig: str, tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Return members per second of a sweep over ``demo`` with its table, the best of several, for one and for two processes."""
     best: dict[int, dict] = {}
     for number in range(ROUNDS):
         for processes in (1, 2):
             tell(f"sweep of {MEMBERS} members, {processes} process{'es' * (processes > 1)}, {number + 1} of {ROUNDS}")
-            found = _sweep(processes)
+            found = _sweep(rig, processes)
             if processes not in best or found["members_per_s"] > best[processes]["members_per_s"]:
                 best[processes] = found
     return list(best.values())
 
 
-def _sweep(processes: int) -> dict:
+def _sweep(rig: str, processes: int) -> dict:
     """Measure one sweep from its first member to the written table, with everything compiled; a single process is this process."""
     vary = {"alfa46.t12": "-250 ms .. -150 ms"}
-    plan, first = make_plan("demo", vary, samples=MEMBERS), make_plan("demo", vary, samples=4 * processes)
+    plan, first = make_plan("demo", vary, rig, samples=MEMBERS), make_plan("demo", vary, rig, samples=4 * processes)
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, Workers(processes) as workers:
         with Store(Path(folder) / "first", manifest_of(first, False)) as store:
             run_sweep(first, store, workers.stream)
@@ -135,7 +135,12 @@ def _sweep(processes: int) -> dict:
     return {"processes": processes, "members_per_s": MEMBERS / wall, "parent_cpu_s": cpu}
 
 
-def bench_scaling(tell: Callable[[str], object] = lambda text: None) -> dict:
-    """Return the measurements of this module, and the largest memory of this process [MB]."""
-    out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell), "sweep": by_members(tell)}
+def bench_scaling(rig: str, tell: Callable[[str], object] = lambda text: None) -> dict:
+    """Return the measurements of this module on a rig, and the largest memory of this process [MB]."""
+    out = {
+        "length": by_length(rig, tell),
+        "streaming": streaming(rig, tell),
+        "clutches": by_clutches(tell),
+        "sweep": by_members(rig, tell),
+    }
     return out | {"most_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6}

@@ -79,11 +79,13 @@ def drive(rig: Rig, go: Callable[[str, float], None]) -> None:
     go("running", 2.4)
 
 
-def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
+def variant(name: str, settings: dict[str, str], rows: bool, repeats: int) -> dict:
     """Measure one variant.
 
     Parameters
     ----------
+    name : str
+        The rig.
     settings : dict of str to str
         Settings of the rig.
     rows : bool
@@ -96,7 +98,7 @@ def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
     dict
         Step [s], real-time factor of the whole run, and ns per step of each phase.
     """
-    config = load_rig(overrides=settings)
+    config = load_rig(name, settings)
     step = config.kernel.step
     Rig(config).advance_samples(1)  # compiles before the measurement
     best: dict[str, tuple[int, float]] = {}
@@ -112,10 +114,10 @@ def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
     }
 
 
-def bench_kernel(repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
-    """Return the result of every variant, by its name."""
+def bench_kernel(rig: str, repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
+    """Return the result of every variant on a rig, by its name."""
     out = {}
     for name, (settings, rows) in VARIANTS.items():
         tell(name)
-        out[name] = variant(settings, rows, repeats)
+        out[name] = variant(rig, settings, rows, repeats)
     return out

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...base.config import load_yaml
 from ...base.errors import RigError, brief
-from ...base.names import unknown
+from ...base.names import rig_of, unknown
 from ...base.schema import check_keys, where_of
 from ...base.units import UNITS, dimension_of, quantity
 from ...rig.configuration import load_rig, with_overrides
@@ -249,8 +249,11 @@ def plan_of(data: dict) -> Plan:
     )
 
 
-def read_plan(path: str | Path) -> Plan:
-    """Return the plan of a sweep file; RigError with file and line when the file is not right."""
+def read_plan(path: str | Path, default: str) -> Plan:
+    """Return the plan of a sweep file; RigError with file and line when the file is not right.
+
+    ``default`` is the rig of a sequence that names none, as for :func:`base.names.rig_of`.
+    """
     node = load_yaml(path)
     check_keys(path, node, FILE_KEYS, ("sequence", "vary"), "the sweep")
     vary = node["vary"]
@@ -278,7 +281,7 @@ def read_plan(path: str | Path) -> Plan:
     return make_plan(
         names["sequence"],
         {str(name): spec for name, spec in vary.items()},
-        names.get("rig"),
+        names.get("rig") or rig_of(names["sequence"], default),
         node.get("method"),
         fixed=fixed,
         fixed_with=fixed_with,
@@ -293,7 +296,7 @@ def read_plan(path: str | Path) -> Plan:
 def make_plan(
     sequence: str,
     vary: dict,
-    rig: str | None = None,
+    rig: str,
     method: str | None = None,
     samples: int | None = None,
     seed: int = 1,
@@ -313,8 +316,8 @@ def make_plan(
         Name or file of the sequence.
     vary : dict
         Text or list of values by the parameter's name.
-    rig : str or None
-        The rig; None takes the one that the sequence is written for.
+    rig : str
+        The rig.
     method : str or None
         One of METHODS; None takes grid, or lhs when samples are given.
     samples : int or None
@@ -347,7 +350,6 @@ def make_plan(
     fixed, fixed_with = fixed or {}, fixed_with or {}
     load = partial(load_sequence, sequence, rig=rig)
     loaded = load(fixed_with)
-    rig = rig or loaded.rig
     config = load_rig(rig, fixed)
     loaded.check_rig(config)
     if plugged:

@@ -268,7 +268,7 @@ class Bench:
 
 def _measured(box: Transmission, gears: tuple[int, int], channels: dict[str, np.ndarray], heat: float) -> Shift:
     start = round(BEFORE / ROW)
-    row = shift_metrics(Recording(0.0, ROW, channels, transmission=box), (BEFORE, *gears))
+    row = shift_metrics(Recording(0.0, ROW, channels, [], box), (BEFORE, *gears))
     torque = channels[box.input.torque]
     peak = float(running_mean(torque, odd_width(TORQUE_SPEED_MEAN, ROW))[start:].max())
     before = float(torque[:start].mean())

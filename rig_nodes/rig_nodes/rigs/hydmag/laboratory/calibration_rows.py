@@ -360,7 +360,7 @@ def shift(
     _go(rig, after)
     rows = rig.rows_at(ROW, 10 * (order - before), 10 * (before + after) - 9)
     channels = {name: rows[:, k] for k, name in enumerate(rig.channels)}
-    recording = Recording((order - before) * SAMPLE, ROW, channels, transmission=box)
+    recording = Recording((order - before) * SAMPLE, ROW, channels, [], box)
     return shift_metrics(recording, (order * SAMPLE, of, to))
 
 

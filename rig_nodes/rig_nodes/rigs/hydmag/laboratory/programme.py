@@ -17,7 +17,6 @@ from math import pi
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import unknown
-from rig_nodes.rig.transmission import transmission_of
 from rig_nodes.runs.campaign import Workers, run_campaign
 from rig_nodes.runs.procedure import Series, load_procedure
 from rig_nodes.runs.record import Run
@@ -152,7 +151,7 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
             wanted.update(GRIDS)  # the simulation is compared with them
         if target.procedure in GRIDS:
             shifts = {shift for side in (target.conditions, target.of, target.to) for shift in listed(side.get("shift", ()))}
-            wanted.update(grid for grid, shift in zip(GRIDS, transmission_of().ways()) if shift in shifts)
+            wanted.update(grid for grid, shift in zip(GRIDS, readers.laboratory()[0].ways()) if shift in shifts)
     return tuple(name for name in PROCEDURES if name in wanted)
 
 

@@ -9,6 +9,7 @@ list of records, or raises RigError with the reason why there are none. Quantiti
 
 from __future__ import annotations
 
+from functools import cache
 from math import pi
 from typing import TYPE_CHECKING
 
@@ -18,11 +19,13 @@ from rig_nodes.analysis.coast_down import coast_down as fit_coast_down
 from rig_nodes.analysis.edges import first_true, odd_width, ramp_start, running_mean
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.metrics import PRESSURE_MEAN, shifts
+from rig_nodes.analysis.uncertainty import Instrument, instruments_of
 from rig_nodes.analysis.valve_response import valve_delay
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.clocks import SAMPLE
 from rig_nodes.base.errors import RigError
-from rig_nodes.rig.transmission import Clutch, transmission_of
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.transmission import Clutch, Transmission
 
 from .records import Record
 
@@ -76,11 +79,18 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
     }.get(procedure, SHIFT_VALUES)
     places = [conditions]
     if procedure == "delay_series":
-        places = [{**conditions, "shift": shift} for shift in transmission_of().ways()]
+        places = [{**conditions, "shift": shift} for shift in laboratory()[0].ways()]
     records = [Record(procedure, place, dict.fromkeys(values), dict.fromkeys(values, reason)) for place in places]
     if procedure == "coast_down":
         records.append(Record(procedure, {"side": "driving"}, {"inertia": None}, {"inertia": reason}))
     return records
+
+
+@cache
+def laboratory() -> tuple[Transmission, dict[str, Instrument]]:
+    """Return the transmission of the laboratory's rig and its instruments."""
+    config = load_rig("hydmag")
+    return config.transmission, instruments_of(config.as_dict())
 
 
 # --- shifts ---------------------------------------------------------------------------------------
@@ -284,7 +294,7 @@ def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dic
 
     The shape of the rise does not depend on the other clutch, so the order is taken as one from neutral.
     """
-    rise = engagement_metrics(recording, (row["t_order_s"], 0, row["to_gear"]))
+    rise = engagement_metrics(recording, (row["t_order_s"], 0, row["to_gear"]), laboratory()[1])
     why = {} if rise["disturbed"] else {"pressure_rise": "; ".join(rise["why"])}
     return [Record(procedure, conditions, {"pressure_rise": rise["disturbed"]}, why)]
 
@@ -306,7 +316,7 @@ def profile_series(conditions: dict, run: Run) -> list[list[Record]]:
     found = [(order, end) for order, end in zip(orders, ends) if order[1] == 0 and order[2] == gear]
     rows = [
         row
-        for row in (engagement_metrics(run.recording, *one) for one in found)
+        for row in (engagement_metrics(run.recording, order, laboratory()[1], end) for order, end in found)
         if row["input_speed_before"] is None or row["input_speed_before"] >= 1.0
     ]
     # the load was set before, with the clutch closed, so the last engagement is the measured one

@@ -17,7 +17,7 @@ import numpy as np
 
 from rig_nodes.analysis.edges import odd_width, running_mean
 from rig_nodes.bags.logged import Recording
-from rig_nodes.rig.transmission import transmission_of
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.campaign import Workers
 from rig_nodes.runs.procedure import load_procedure, run_repeat
 from rig_nodes.runs.record import Run
@@ -25,7 +25,7 @@ from rig_nodes.studies.validation.figures import Figure, Series
 
 MEAN, STEP = 1e-3, 2e-3  # s: time over which a point is averaged, and time between two points
 BEFORE, AFTER = 0.1, 1.2  # s around the order
-BOX = transmission_of()
+BOX = load_rig("hydmag").transmission
 CHANNELS = {  # part of a figure -> (axis with unit, factor from SI, channels)
     "torque": ("torque [Nm]", 1.0, (BOX.input.torque, BOX.output.torque)),
     "speed": ("speed [rpm]", 30.0 / pi, (BOX.input.speed, BOX.output.speed)),
