@@ -26,7 +26,7 @@ def show(_done, _of):
 if __name__ == "__main__":
     try:
         with Workers(2) as workers:
-            run_campaign(load_procedure(sys.argv[1]).series() * 500, rows, workers=workers, progress=show)
+            run_campaign(load_procedure(sys.argv[1], "hydmag").series() * 500, rows, workers=workers, progress=show)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
         sys.exit(130)

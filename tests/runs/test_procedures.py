@@ -92,7 +92,7 @@ def first_runs():
 
 @pytest.mark.parametrize("path", sorted(RIGS_DIR.glob("*/sequences/*.yaml")), ids=lambda path: path.stem)
 def test_every_sequence_loads_with_its_defaults(path):
-    assert load_sequence(path.stem, default="hydmag").steps
+    assert load_sequence(path).steps
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -196,7 +196,7 @@ def test_the_valve_is_recorded_for_five_seconds_at_125_khz(first_runs):
 
 
 def test_repeats_differ_by_noise_only(small):
-    first, second = (run.recording.channels["p_p"] for run in run_series(load_procedure(small).series()[0]))
+    first, second = (run.recording.channels["p_p"] for run in run_series(load_procedure(small, "hydmag").series()[0]))
     assert not np.array_equal(first, second)
     assert first == pytest.approx(second, abs=0.05e6)
 
@@ -232,7 +232,7 @@ def test_a_wrong_procedure_is_refused(small, old, new, sentence):
     (small.parent / "bad.csv").write_text("# comment\nm_wyj,x\n10 Nm\n")
     small.write_text(SMALL.replace(old, new, 1))
     with pytest.raises(RigError, match=sentence):
-        load_procedure(small)
+        load_procedure(small, "hydmag")
 
 
 def test_the_conditions_of_another_gearbox_have_its_own_names(small, tmp_path, capsys):
@@ -249,7 +249,7 @@ def test_the_conditions_of_another_gearbox_have_its_own_names(small, tmp_path, c
 
 
 def test_a_setting_that_the_series_set_themselves_is_refused(small):
-    series = load_procedure(small).series()[0]
+    series = load_procedure(small, "hydmag").series()[0]
     with pytest.raises(RigError, match="setting alfa46.t12: series '10Nm' of 'loads' sets it itself"):
         prepare(series, settings={"alfa46.t12": "0 ms"})
     assert prepare(series, settings={"alfa46.t21": "-50 ms"})[0].alfa46.values.t21 == pytest.approx(-0.05)
@@ -266,7 +266,7 @@ def highest_supply(series, run):
 
 
 def test_two_processes_give_what_one_gives(small):
-    series, progress = load_procedure(small).series(), []
+    series, progress = load_procedure(small, "hydmag").series(), []
     with Workers(1) as here, Workers(2) as there:
         alone = run_campaign(series, highest_supply, workers=here)
         together = run_campaign(series, highest_supply, workers=there, progress=lambda *count: progress.append(count))
@@ -274,7 +274,7 @@ def test_two_processes_give_what_one_gives(small):
         assert progress == [(1, 4), (2, 4), (3, 4), (4, 4)]
         small.write_text(SMALL.replace("20 Nm", "30 Nm"))
         with pytest.raises(RigError, match="too much for this test"):
-            run_campaign(load_procedure(small).series(), highest_supply, workers=there)
+            run_campaign(load_procedure(small, "hydmag").series(), highest_supply, workers=there)
         assert run_campaign(series, highest_supply, workers=there) == alone, "the processes live on"
 
 

@@ -59,7 +59,7 @@ TOO_MUCH = {
         r":3: parts.motor must be a map with the key 'part', found \[0, 1, 2",
     ),
     "each in each": (
-        load_sequence,
+        partial(load_sequence, default="hydmag"),
         steps(
             f"  - repeat:\n      each: {{a: [{MANY}]}}\n      steps:\n        - repeat:\n            each: {{b: [{MANY}]}}\n"
             "            steps: [{wait: {for: 1 ms}}]"
@@ -67,18 +67,22 @@ TOO_MUCH = {
         "repeats make more than 200000 values of the steps",
     ),
     "times in times": (
-        load_sequence,
+        partial(load_sequence, default="hydmag"),
         steps("  - repeat: {times: 10000, steps: [{repeat: {times: 10000, steps: [{wait: {for: 1 s}}]}}]}"),
         ":3: repeat makes 100000000 steps, more than 10000",
     ),
     "a million steps": (
-        load_sequence,
+        partial(load_sequence, default="hydmag"),
         steps("  - repeat: {times: 1000000, steps: [{wait: {for: 1 s}}]}"),
         ":3: repeat.times is 1000000, expected a whole number from 1 to 10000",
     ),
-    "thirty years": (load_sequence, steps("  - wait: {for: 1e9 s}"), ":3: wait.for is 1e9 s, expected 0 to 86400 s"),
+    "thirty years": (
+        partial(load_sequence, default="hydmag"),
+        steps("  - wait: {for: 1e9 s}"),
+        ":3: wait.for is 1e9 s, expected 0 to 86400 s",
+    ),
     "a week in pieces": (
-        load_sequence,
+        partial(load_sequence, default="hydmag"),
         steps("  - repeat: {times: 7, steps: [{wait: {for: 1440 min}}]}"),
         ":2: the waits of the sequence take 604800 s in all, expected at most 86400 s",
     ),
@@ -313,7 +317,7 @@ def mutilated(chance: random.Random, text: str) -> str:
 
 
 def read_procedure(path):
-    for series in load_procedure(path).all_series[:2]:
+    for series in load_procedure(path, "hydmag").all_series[:2]:
         prepare(series)
 
 
