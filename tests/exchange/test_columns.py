@@ -35,7 +35,7 @@ def test_a_column_that_nobody_asked_for_spoils_no_text_file(others, note, tmp_pa
 
 
 def test_a_quote_that_is_not_closed_swallows_no_rows(tmp_path):
-    found = measured(tmp_path, table(Bemerkung=lambda k: '"offen' if k == 100 else ""))
+    found = measured(tmp_path, table(Bemerkung=lambda k: '"auf' if k == 100 else ""))
     assert len(found.channels["n_wej"]) == ROWS and not np.isnan(found.channels["n_wej"]).any()
 
 

@@ -3,7 +3,7 @@
 
 """The division of time, which is the same for every rig: controller sample, graph tick, logger row, and the age that trips.
 
-All that counts time in these units uses it; docs/background/architecture.md states the purpose of each.
+All that counts time in these units uses it; docs/background/graph.md states the purpose of each.
 """
 
 SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
