@@ -114,7 +114,8 @@ def box(messages, tmp_path_factory):
     """The program of MAIN with the Alfa46 law, under the sanitizers where the machine has them."""
     folder = tmp_path_factory.mktemp("box")
     (folder / "main.cpp").write_text(MAIN)
-    law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", "-c", ALFA46_C, "-o", folder / "law.o"]
+    of_a_rig = ["-include", RECORD / "rig_record.h"]  # so that it refuses every other one
+    law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", *of_a_rig, "-c", ALFA46_C, "-o", folder / "law.o"]
     subprocess.run(law, check=True)
     command = ["c++", *STRICT, f"-I{INCLUDE}", f"-I{RECORD}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
     sanitized = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]

@@ -67,6 +67,7 @@ class Container:
         self.process = process
         arguments = process.arguments
         config, _, sequence, seed, delay, _ = ordered(arguments)
+        self.by_sequence = sequence is not None
         sequence = sequence or BY_HAND
         self.dropped = parse_drop(arguments.drop, config.catalogue)
         sequence.check_rig(config)
@@ -229,11 +230,7 @@ class Container:
             if orphaned:
                 rig.trip(ORPHANED)
             elif rig.status != RigStatus.TRIPPED:
-                rig.trip(
-                    "the run was ended before its sequence was done"
-                    if self.process.arguments.sequence
-                    else "the rig was ended by hand"
-                )
+                rig.trip("the run was ended before its sequence was done" if self.by_sequence else "the rig was ended by hand")
         self._last_ticks -= 1
         return self._last_ticks < 0
 
@@ -250,7 +247,7 @@ class Container:
         """End the run in order, by the supervisor or, without one, by the end of this process, with which the launch ends too."""
         self.process.status("end")
         if self.process.arguments.status_fd is None:
-            self.process.interrupted |= bool(self.process.arguments.sequence)
+            self.process.interrupted |= self.by_sequence
             self.process.stop()
         response.success, response.message = True, "the rig ends"
         return response

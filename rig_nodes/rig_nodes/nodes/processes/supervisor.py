@@ -48,7 +48,7 @@ class Order:
     """
 
     sequence: str | None
-    rig: str
+    rig: str | None = None
     seed: int = 1
     settings: list[str] = field(default_factory=list)
     drop: str | None = None
@@ -64,7 +64,7 @@ class Order:
 
     def arguments(self, name: str) -> list[str]:
         """Return the command line of one of the processes, without the options that all processes have."""
-        rig = ["--rig", self.rig, *(part for text in self.settings for part in ("--set", text))]
+        rig = ["--rig", str(self.rig), *(part for text in self.settings for part in ("--set", text))]
         sequence = [] if self.sequence is None else ["--sequence", self.sequence]
         sequence += [part for text in self.parameters for part in ("--with", text)]
         drop = [] if self.drop is None else ["--drop", self.drop]
