@@ -3,7 +3,7 @@
 
 """Drives the rig's FMU through a test sequence with FMPy: the example of an importer, and how the FMU is checked.
 
-    .venv/bin/python -m rig_nodes.runs.fmu.drive hydmag.fmu demo --rig hydmag --out runs/fmu-demo
+    .venv/bin/python -m rig_nodes.runs.fmu.drive hydmag.fmu demo --out runs/fmu-demo
 
 Everything goes through FMI: inputs in, 5 ms of time, outputs out. The rig inside records its bag and report.
 """
@@ -11,7 +11,9 @@ Everything goes through FMI: inputs in, 5 ms of time, outputs out. The rig insid
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+import zipfile
 from pathlib import Path
 
 from ...base.errors import RigError, printable, quoted
@@ -137,20 +139,30 @@ def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters: float |
     return ms * 1e-3
 
 
+def rig_in(fmu: str) -> str:
+    """Return the name or file by which the rig in an FMU was exported; RigError when it is not an FMU of a rig."""
+    try:
+        with zipfile.ZipFile(fmu) as archive:
+            return json.loads(archive.read("resources/rig.json"))["rig"]
+    except (OSError, zipfile.BadZipFile, KeyError, ValueError):
+        raise RigError(f"{fmu}: is not what ./rig export fmu wrote; name the rig in it by --rig") from None
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the program and return its exit code."""
     parser = argparse.ArgumentParser(prog="rig_nodes.runs.fmu.drive", description=__doc__.splitlines()[0])
     parser.add_argument("fmu", help="what ./rig export fmu wrote")
     parser.add_argument("sequence", help="name of an installed sequence or a .yaml file")
     parser.add_argument("--out", help="folder for bag and report (default: none is recorded)")
-    parser.add_argument("--rig", help="the rig in the FMU (default: the one that the sequence is of)")
+    parser.add_argument("--rig", help="the rig in the FMU (default: by the name that it was exported by)")
     parser.add_argument("--seed", type=int, default=1)
     parsed = parser.parse_args(arguments)
     try:
         record = str(Path(parsed.out).resolve()) if parsed.out else ""
         with Fmu(parsed.fmu) as fmu:
-            sequence = load_sequence(parsed.sequence, rig=parsed.rig)
-            config = load_rig(parsed.rig or sequence.rig)
+            rig = parsed.rig or rig_in(parsed.fmu)
+            config = load_rig(rig)
+            sequence = load_sequence(parsed.sequence, None, rig, config=config)
             seconds = drive(fmu, sequence, config, record=record, seed=parsed.seed)
         print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {quoted(parsed.out)}" if parsed.out else ""))
     except RigError as error:
