@@ -129,7 +129,7 @@ def test_rows_do_not_depend_on_the_pieces_in_which_a_bag_is_read(monkeypatch, cl
         ("csv {run} --rig clutch_bench --out new.csv", "a run has its own rig"),
         ("dbc --signals p1", "are for runs (csv, parquet, mf4, mat), not for dbc"),
         ("csv {cut} --out new.csv", "have it recovered|rig bag recover|cut"),
-        ("csv {events} --out new.csv", "events_0.mcap: holds no signal of a rig; expected a bag of `rig run`"),
+        ("csv {events} --out new.csv", "events_0.mcap: its record of the rig cannot be used (ValueError: there is none"),
     ],
 )
 def test_what_cannot_be_exported_is_told_in_one_sentence_and_leaves_nothing(words, sentence, tmp_path, monkeypatch, capsys):

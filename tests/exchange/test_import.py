@@ -14,8 +14,9 @@ from laboratory import LABORATORIES, NAMES, RPM, SAMPLE
 from rig_nodes.bags.exchange.orders import parse_orders
 from rig_nodes.bags.logged import orders_in
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError
-from rig_nodes.base.names import find_of_rigs, of_rigs
+from rig_nodes.base.names import find_of_rigs
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
 
@@ -133,7 +134,7 @@ def test_a_gap_stays_empty_when_it_is_too_long_to_be_bridged(tmp_path, capsys):
     assert speed[5] == pytest.approx(1500.0 / RPM) and np.flatnonzero(np.isnan(speed)).tolist() == list(range(20, 30))
 
 
-@pytest.mark.parametrize("profile", of_rigs("profiles"))
+@pytest.mark.parametrize("profile", sorted(path.stem for path in RIGS_DIR.glob("*/profiles/*.yaml")))
 def test_a_profile_of_the_project_reads_the_file_that_it_shows(profile, tmp_path, monkeypatch):
     text = find_of_rigs("profiles", profile).read_text(encoding="utf-8")
     shown = [line.removeprefix("#   ") for line in text.splitlines() if line.startswith("#   ")]

@@ -43,7 +43,7 @@ def test_a_run_ends_well(tmp_path):
     steps = [text for _, topic, name, text, _ in bag.events() if topic == "/sequencer/events" and name == "step"]
     assert len(steps) == 8 and all(text in output for text in steps)
     assert bag.run_info()["sequence"] == "short"
-    assert {path.name for path in run.folder.iterdir()} == {"short_0.mcap", "metadata.yaml", "report.json", "logs"}
+    assert {path.name for path in run.folder.iterdir()} == {"short_0.mcap", "metadata.yaml", "report.json", "run.json", "logs"}
 
 
 def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):

@@ -82,7 +82,8 @@ def test_with_another_spring_the_topics_and_metrics_that_moved_are_named(recorde
 
 
 def test_metrics_that_moved_by_less_than_their_error_are_only_counted(recorded):
-    report = build_report(Bag(recorded), {})
+    bag = Bag(recorded)
+    report = build_report(bag, bag.run_info())
     other = deepcopy(report)
     row, error = other["shifts"][0], other["uncertainty"][0]
     row["t_c_s"] += 0.4 * error["t_c_s"]

@@ -42,7 +42,7 @@ def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None =
         When the bag's record of its rig is invalid.
     """
     try:
-        record = record_of(small, run)
+        record = small.record = record_of(small, run)  # a bag whose run ended before time began holds none
     except RigError:
         small.check_began()  # of a run without a beginning not even its rig is recorded
         raise

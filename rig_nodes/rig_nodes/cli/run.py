@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
     rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
     config = load_rig(rig, parse_settings(args.settings))
-    sequence = load_sequence(args.sequence, parameters, rig, config=config) if args.sequence else BY_HAND
+    sequence = load_sequence(args.sequence, parameters, rig, DEFAULT_RIG, config) if args.sequence else BY_HAND
     sequence.check_rig(config)
     parse_drop(args.drop, config.catalogue)
     recording = words(args)
@@ -161,7 +161,7 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
     last = [] if end.state == "ended" else [end.reason]
     try:
         join_pieces(folder)
-        bag = gather(folder, recover=True)
+        bag = gather(folder, record, recover=True)
         report = build_report(bag, run_part(bag, folder, record, end, restarts))
     except BagError as error:
         return _say([f"there is no report: {error}", *last], 1)

@@ -64,7 +64,7 @@ def main(args: argparse.Namespace) -> int:
     args.controller = controller_of(args.controller, args.in_process)
     rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
     config = load_rig(rig, parse_settings(args.settings))
-    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), rig, config=config)
+    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), rig, DEFAULT_RIG, config)
     sequence.check_rig(config)
     controller = None
     if args.controller or args.level or args.delay != 1:

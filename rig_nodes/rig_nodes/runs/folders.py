@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
+RUN_FILE = "run.json"  # in a run's folder: what was ordered (runs.run_file)
+
+
 def free_folder(name: str) -> Path:
     """Return the next runs/<name>-<n> that does not exist; it is not made."""
     number = 1
@@ -58,10 +61,12 @@ def run_folder(out: str | None, name: str) -> Path:
 
 @contextmanager
 def unless_empty(folder: Path) -> Iterator[None]:
-    """Keep a run's folder when the block that fills it fails, but remove it when nothing was written to it."""
+    """Keep a run's folder when the block that fills it fails, but remove it when nothing was written to it but the order."""
     try:
         yield
     except BaseException:
+        if {path.name for path in folder.iterdir()} == {RUN_FILE}:
+            (folder / RUN_FILE).unlink()
         with suppress(OSError):  # one that is not empty stays
             folder.rmdir()
         raise

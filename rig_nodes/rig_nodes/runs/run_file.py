@@ -18,9 +18,8 @@ from ..base.atomic_write import atomic_write
 from ..base.errors import RigError
 from ..rig.configuration import RigConfig
 from ..rig.recorded_rig import config_of_record
+from .folders import RUN_FILE
 from .sequence import Condition, Sequence, Step
-
-RUN_FILE = "run.json"
 
 
 class Ordered(NamedTuple):
