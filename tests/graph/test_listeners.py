@@ -48,7 +48,9 @@ print(json.dumps(got))
 
 
 @pytest.mark.parametrize(
-    "speed", [("--speed", "max"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["max", "real time"]
+    "speed",
+    [("--speed", "max"), pytest.param((), marks=(pytest.mark.against_the_clock, pytest.mark.campaign))],
+    ids=["max", "real time"],
 )
 def test_a_listener_that_is_there_before_the_run_gets_its_first_message_and_all_others(tmp_path, monkeypatch, speed):
     with allocate() as domain:

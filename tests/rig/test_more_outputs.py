@@ -171,7 +171,7 @@ def test_every_wire_has_all_outputs(ravigneaux):
 
 # ---- the templates: each shifts the rig for which it is written, by the commands that are printed
 
-FREE = pytest.mark.against_the_clock
+FREE = (pytest.mark.against_the_clock, pytest.mark.campaign)  # tests/controllers has both buses with another rig
 KINDS = ["python", "c", "cpp", "simulink", "fmu", "udp-c", "udp-python", "ros-python"]
 
 
