@@ -14,7 +14,8 @@ from rig_nodes.analysis.report import build_report, format_report
 from rig_nodes.analysis.results import results_of, spread, spread_lines
 from rig_nodes.analysis.runs_table import Member, table_of
 from rig_nodes.analysis.shown import shown, shown_shortly
-from rig_nodes.analysis.uncertainty import uncertainty
+from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
+from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.document import report_document
 from rig_nodes.view.report_page import Facts, report_page
 
@@ -64,5 +65,7 @@ def test_no_output_prints_a_number_whose_error_is_larger(report):
 def test_a_peak_of_a_quick_shift_has_the_error_of_its_own_rise(report):
     """At 200 rpm the speeds meet within 13 ms; the mean over 2 ms then shows a peak 8 Nm too low."""
     row = report["shifts"][1] | {"input_torque_low_nm": 70.0, "input_torque_high_nm": 190.0}
-    slow, quick = (uncertainty(row | {"t_p_s": t_p})["input_torque_high_nm"] for t_p in (0.1, 0.013))
+    rig = load_rig("hydmag")
+    of_rig = instruments_of(rig.as_dict()), rig.transmission
+    slow, quick = (uncertainty(row | {"t_p_s": t_p}, *of_rig)["input_torque_high_nm"] for t_p in (0.1, 0.013))
     assert slow == pytest.approx(1.01 + 120.0 / 45.0) and quick == pytest.approx(1.01 + 120.0 / 13.0)

@@ -130,7 +130,7 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
 
 def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
     folder = tmp_path / "sweep"
-    ran(folder, make_plan(SHORT, {"rest": "30 ms, 60 ms"}))
+    ran(folder, make_plan(SHORT, {"rest": "30 ms, 60 ms"}, "hydmag"))
     assert main(["report", str(folder)]) == 0
     journal = folder / JOURNAL
     journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
