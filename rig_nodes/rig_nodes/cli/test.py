@@ -148,11 +148,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
     # Beside the tests against the clock one part runs at a time: two would fill the processor's caches, which a rig in real
     # time needs, and would get no more of the processor.
-    with (
-        ThreadPoolExecutor(at_a_time) as together,
-        ThreadPoolExecutor(1) as below,
-        ThreadPoolExecutor(min(cores, MOST_PARTS)) as after,
-    ):
+    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(1) as below, ThreadPoolExecutor(at_a_time) as after:
         try:
             others = {name: below.submit(run, name, True) for name in beside}
             for name, (output, code) in zip(first, together.map(run, first)):
