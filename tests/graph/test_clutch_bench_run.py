@@ -14,8 +14,6 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.record import record
 from rig_nodes.runs.sequence import load_sequence
 
-pytestmark = pytest.mark.against_the_clock
-
 PARAMETERS = {"pressures": "1 MPa, 1.25 MPa, 1.5 MPa", "wetting": "200 ms"}
 
 
@@ -24,7 +22,7 @@ def run(tmp_path_factory):
     """Returns the folder of a run on the node graph and its output."""
     folder = tmp_path_factory.mktemp("bench") / "run"
     parameters = [word for name, value in PARAMETERS.items() for word in ("--with", f"{name}={value}")]
-    code, output = rig_run(folder, *parameters, sequence="clutch_bench")
+    code, output = rig_run(folder, *parameters, "--speed", "max", sequence="clutch_bench")
     assert code == 0, output
     return folder, output
 

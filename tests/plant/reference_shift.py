@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import copysign, exp, log10, pi, sqrt
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -66,7 +67,9 @@ class Equations:
     """The right-hand side for one millisecond; ``config`` is a RigConfig, all values of one rig with every effect on."""
 
     def __init__(self, config, start: Start):
-        self.c, self.start = config, start
+        self.start = start
+        names = ("motor", "load_pump", "oil_supply", "loss_in", "loss_out", "w0", "M_wej", "M_wyj", "alfa46")
+        self.c = SimpleNamespace(**{name: getattr(config, name) for name in names})  # found faster than in a RigConfig
         self.valves = (config.valve_zr_p1, config.valve_zr_p2)
         self.cylinders = (config.clutch_s1, config.clutch_s2)
         pack = self.pack = config.plate_pack
@@ -81,7 +84,12 @@ class Equations:
         self.modes = list(start.modes)
         self.current, self.magnet = list(start.current), list(start.magnet)
         self.duty, self.t0 = (0.0, 0.0), 0.0
-        self.thick = self.viscosity(config.oil_supply.temperature)
+        oil = config.oil_supply
+        points = ((oil.viscosity_temperature, oil.viscosity), (oil.second_temperature, oil.second_viscosity))
+        (t1, w1), (t2, w2) = ((log10(t + 273.15), log10(log10(1e6 * mu / oil.density + 0.7))) for t, mu in points)
+        self.astm = (t1, w1, (w2 - w1) / (t2 - t1))
+        self.thick = self.viscosity(oil.temperature)
+        self.drops = {}
 
     # ---- coil and magnet, in closed form over the millisecond that began at t0
 
@@ -111,19 +119,18 @@ class Equations:
 
     def viscosity(self, temperature):
         """Returns the viscosity [Pa s] at a temperature [degC] by ASTM D341."""
-        oil = self.c.oil_supply
-        points = ((oil.viscosity_temperature, oil.viscosity), (oil.second_temperature, oil.second_viscosity))
-        (t1, w1), (t2, w2) = ((log10(t + 273.15), log10(log10(1e6 * mu / oil.density + 0.7))) for t, mu in points)
-        w = w1 + (w2 - w1) / (t2 - t1) * (log10(temperature + 273.15) - t1)
-        return 1e-6 * oil.density * (10.0 ** (10.0**w) - 0.7)
+        t1, w1, rise = self.astm
+        return 1e-6 * self.c.oil_supply.density * (10.0 ** (10.0 ** (w1 + rise * (log10(temperature + 273.15) - t1))) - 0.7)
 
     def laminar_drop(self, area):
         """Returns the pressure drop [Pa] below which the flow through a sharp-edged orifice of an effective area is laminar.
 
         Re = 9.3 with the diameter of the round hole; the discharge coefficient is 0.61.
         """
-        density, diameter = self.c.oil_supply.density, sqrt(4.0 * area / 0.61 / pi)
-        return density / 2.0 * (9.3 * self.thick / density / diameter / 0.61) ** 2
+        if area not in self.drops:
+            density, diameter = self.c.oil_supply.density, sqrt(4.0 * area / 0.61 / pi)
+            self.drops[area] = density / 2.0 * (9.3 * self.thick / density / diameter / 0.61) ** 2
+        return self.drops[area]
 
     def valve_flow(self, k, spool, port, supply):
         """Returns the flow into the line, from the supply or to the tank [m3/s]."""

@@ -250,7 +250,9 @@ def test_bounds_count(config):
 def test_sampled_rigs_keep_to_spreads_and_bounds(config):
     calibration = uncertainty.calibration_for("hydmag", config)
     spreads = {"clutches.bore": 3e-8, "clutches.clearance_s1": 1.0}
-    rigs = uncertainty.sampled_rigs(config, calibration, spreads, (20.0, 60.0), 2, 5)
+    misses = uncertainty.misses_now(config, calibration, spreads)
+    assert list(misses) == ["clutches"], "no spread moves another stage"
+    rigs = uncertainty.sampled_rigs(config, calibration, spreads, misses, (20.0, 60.0), 2, 5)
     orifices = [rig.valve_zr_p2.supply_bore_area for rig in rigs]
     away = [abs(area - config.valve_zr_p2.supply_bore_area) for area in orifices]
     assert len(set(orifices)) == 2 and max(away) <= 3e-8 * 1.000001
@@ -258,8 +260,10 @@ def test_sampled_rigs_keep_to_spreads_and_bounds(config):
     assert all(bounds.low <= rig.clutch_s1.clearance <= bounds.high for rig in rigs)
     temperatures = sorted(rig.oil_supply.temperature for rig in rigs)
     assert [int((t - 20.0) / 20.0) for t in temperatures] == [0, 1]
-    again = uncertainty.sampled_rigs(config, calibration, spreads, (20.0, 60.0), 2, 5)
-    assert [rig.valve_zr_p2.supply_bore_area for rig in again] == orifices
+    (again,) = uncertainty.sampled_rigs(
+        config, calibration, spreads, misses, (20.0, 60.0), 2, 5, lambda sampled, draws: [sampled(draws[0])]
+    )
+    assert again.valve_zr_p2.supply_bore_area == orifices[0], "by its seed"
 
 
 OWN_CALIBRATION = {
@@ -284,7 +288,8 @@ def test_a_rig_is_sampled_on_the_calibration_of_its_own_folder(tmp_path):
     with Workers(1) as workers:
         (spread,) = uncertainty.spreads_of(config, calibration, workers).values()
     assert spread == pytest.approx(2.0, rel=0.1), "half of what the row accepts, as the drag is all that the row shows"
-    rigs = uncertainty.sampled_rigs(config, calibration, {"losses.drag": 1.0}, (20.0, 60.0), 2, 5)
+    moved = {"losses.drag": 1.0}
+    rigs = uncertainty.sampled_rigs(config, calibration, moved, uncertainty.misses_now(config, calibration, moved), (20.0, 60.0), 2, 5)
     assert 2.3 <= min(rig.loss_in.drag for rig in rigs) < 3.3 < max(rig.loss_in.drag for rig in rigs) <= 4.3
     assert uncertainty.calibration_for("clutch_bench", load_rig("clutch_bench")).parameters == {}, "it was never calibrated"
 
@@ -550,5 +555,5 @@ def test_another_gearbox_has_ways_and_delays_of_its_own():
     assert read_beginnings("three_speed", rig.transmission) == {}, "it begins at the settings of its controller"
     calibration = uncertainty.calibration_for("three_speed", rig)
     assert set(calibration.parameters) == {"delays.t12"}, "as its calibration.yaml says"
-    cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, calibration, {}, (20.0, 60.0), 2, 5))
+    cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, calibration, {}, {}, (20.0, 60.0), 2, 5))
     assert 20.0 <= min(cold, warm) < max(cold, warm) <= 60.0

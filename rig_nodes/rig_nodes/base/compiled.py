@@ -9,6 +9,7 @@ file of a function, not at what it calls, so the folder has a key of all compile
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import platform
@@ -91,12 +92,37 @@ class Compiled:
         return self
 
 
+@cache
+def _compile_without_collections() -> None:
+    """Let no garbage be looked for while numba compiles: what it makes is kept until the end, so a tenth of the time is saved."""
+    from numba.core import event
+
+    class Compiling(event.Listener):
+        """Switches the collector off from the start of the outermost compilation to its end."""
+
+        depth, before = 0, False
+
+        def on_start(self, _event: event.Event) -> None:
+            if not self.depth:
+                self.before = gc.isenabled()
+                gc.disable()
+            self.depth += 1
+
+        def on_end(self, _event: event.Event) -> None:
+            self.depth -= 1
+            if not self.depth and self.before:
+                gc.enable()
+
+    event.register("numba:compile", Compiling())
+
+
 def njit(**options: Any) -> Callable[[Callable], Compiled]:
     """Return the decorator of a function that numba compiles; the options are those of numba's own njit."""
 
     def make(function: Callable) -> Any:
         from numba import njit as njit_of_numba
 
+        _compile_without_collections()
         return njit_of_numba(**options)(function)
 
     return lambda function: Compiled(function, make)

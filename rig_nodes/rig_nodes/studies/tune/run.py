@@ -11,7 +11,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +34,7 @@ from . import judge, scout, search
 from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
 from .space import settings, values_of
-from .uncertainty import sampled_rigs
+from .uncertainty import misses_now, sampled_rigs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -110,6 +110,10 @@ class Problem:
     generations: int | None
     shifts: int
 
+    @cached_property
+    def _misses(self) -> dict[str, float]:
+        return misses_now(self.config, self.calibration, self.spreads)
+
     def manifest(self) -> dict:
         """Return everything that decides a tuning except its length; no clock, host or folder is in it."""
         return {
@@ -176,7 +180,9 @@ class Problem:
             missing = count - len(chosen)
             if missing <= 0:
                 return chosen
-            rigs = sampled_rigs(self.config, self.calibration, self.spreads, self.oil, missing, self.drawn(*use, turn), workers.map)
+            rigs = sampled_rigs(
+                self.config, self.calibration, self.spreads, self._misses, self.oil, missing, self.drawn(*use, turn), workers.map
+            )
             shifting = workers.map(partial(_shifting, every, self.config.alfa46), rigs)
             chosen += [rig for rig, share in zip(rigs, shifting) if share >= SHIFTING]
         if len(chosen) < count:

@@ -118,10 +118,17 @@ def read_spreads(path: str | Path, calibration: Calibration) -> dict[str, float]
     return spread
 
 
+def misses_now(config: RigConfig, calibration: Calibration, spreads: dict[str, float]) -> dict[str, float]:
+    """Return the sum of squared misses [tolerances squared] of the rig itself, by stage, of the stages that a spread moves."""
+    moved = {name.partition(".")[0] for name in calibration.parameters if spreads.get(name, 0.0) > 0.0}
+    return {stage: _misses(config, calibration.rows[stage]) for stage in calibration.stages if stage in moved}
+
+
 def sampled_rigs(
     config: RigConfig,
     calibration: Calibration,
     spreads: dict[str, float],
+    misses: dict[str, float],
     oil: tuple[float, float],
     count: int,
     seed: int,
@@ -140,6 +147,8 @@ def sampled_rigs(
         Its calibration, whose rows decide which rigs are allowed.
     spreads : dict of str to float
         Spreads [SI] by "stage.name".
+    misses : dict of str to float
+        What :func:`misses_now` returns for these spreads.
     oil : (float, float)
         Lowest and highest temperature of the oil [degC].
     count : int
@@ -163,17 +172,25 @@ def sampled_rigs(
             value = now[name] + spreads[name] * (2.0 * share - 1.0)
             values[name] = float(np.clip(value, known[name].low, known[name].high))
         draws.append((values, oil[0] + (oil[1] - oil[0]) * row[-1]))
-    return list(mapped(partial(_sampled, config, calibration, now), draws))
+    return list(mapped(partial(_sampled, config, calibration, misses, now), draws))
 
 
-def _sampled(config: RigConfig, calibration: Calibration, now: dict[str, float], draw: tuple[dict[str, float], float]) -> RigConfig:
-    rig = _allowed(config, calibration, draw[0], now)
+def _sampled(
+    config: RigConfig,
+    calibration: Calibration,
+    misses: dict[str, float],
+    now: dict[str, float],
+    draw: tuple[dict[str, float], float],
+) -> RigConfig:
+    rig = _allowed(config, calibration, misses, now, draw[0])
     return rig.replaced(
         **{one.name: replace(rig.values(one.name), temperature=draw[1]) for one in rig.structure.of_role(parts.OIL)}
     )
 
 
-def _allowed(config: RigConfig, calibration: Calibration, values: dict[str, float], now: dict[str, float]) -> RigConfig:
+def _allowed(
+    config: RigConfig, calibration: Calibration, misses: dict[str, float], now: dict[str, float], values: dict[str, float]
+) -> RigConfig:
     """Return the rig with these values, each stage of them drawn back towards ``now`` until its rows allow it.
 
     A spread is the change of one parameter that moves the sum of a stage's squared misses by 1 while the others are held. So
@@ -181,10 +198,10 @@ def _allowed(config: RigConfig, calibration: Calibration, values: dict[str, floa
     row cannot be computed, they do not describe a rig that the laboratory's rows allow.
     """
     rig = config
-    for stage, those in calibration.stages.items():
+    for stage, before in misses.items():
+        those, rows = calibration.stages[stage], calibration.rows[stage]
         moved = {name: values[f"{stage}.{name}"] for name in those if f"{stage}.{name}" in values}
-        rows = calibration.rows[stage]
-        limit = _misses(config, rows) + len(moved)
+        limit = before + len(moved)
         for part in DRAWN_BACK:
             drawn = {name: now[f"{stage}.{name}"] + part * (value - now[f"{stage}.{name}"]) for name, value in moved.items()}
             if _misses(with_values(config, those, drawn), rows) <= limit:
