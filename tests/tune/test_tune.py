@@ -289,7 +289,9 @@ def test_a_rig_is_sampled_on_the_calibration_of_its_own_folder(tmp_path):
         (spread,) = uncertainty.spreads_of(config, calibration, workers).values()
     assert spread == pytest.approx(2.0, rel=0.1), "half of what the row accepts, as the drag is all that the row shows"
     moved = {"losses.drag": 1.0}
-    rigs = uncertainty.sampled_rigs(config, calibration, moved, uncertainty.misses_now(config, calibration, moved), (20.0, 60.0), 2, 5)
+    rigs = uncertainty.sampled_rigs(
+        config, calibration, moved, uncertainty.misses_now(config, calibration, moved), (20.0, 60.0), 2, 5
+    )
     assert 2.3 <= min(rig.loss_in.drag for rig in rigs) < 3.3 < max(rig.loss_in.drag for rig in rigs) <= 4.3
     assert uncertainty.calibration_for("clutch_bench", load_rig("clutch_bench")).parameters == {}, "it was never calibrated"
 

@@ -222,8 +222,7 @@ def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], li
     first = {
         f"{name}-{k + 1}" if count > 1 else name: folders[name][k::count]
         for name, count in FIRST.items()
-        if name in folders
-        for k in range(count)
+        for k in range(min(count, len(folders.get(name, ()))))
     }
     beside = {name: folders.get(name, []) for name in BESIDE}
     for name in sorted(folders.keys() - FIRST.keys() - beside.keys()):

@@ -39,11 +39,7 @@ def compiling_in_parallel(driven: bool) -> Iterator[bool]:
         return
     # at the second level the same code takes a tenth less time to compile, and the step is as fast
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "NUMBA_OPT": os.environ.get("NUMBA_OPT", "2")}
-    command = [
-        sys.executable,
-        "-c",
-        f"from rig_nodes.plant.engine.general_step import addresses; addresses({driven})",
-    ]
+    command = [sys.executable, "-c", f"from rig_nodes.plant.engine.general_step import addresses; addresses({driven})"]
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield True
