@@ -76,8 +76,8 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     """
     from ..analysis.gather import gather, shifts_report
     from ..analysis.side_by_side import Source
+    from ..bags.exchange.formats.format import is_loggers_file
     from ..bags.exchange.imported import read_measurement
-    from ..bags.exchange.kinds import is_loggers_file
     from ..bags.rig_record import rig_record
     from ..bags.run_end import faults_of, with_end
     from ..base.errors import RigError, quoted

@@ -20,7 +20,7 @@ from ..analysis.gather import gather
 from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
 from ..analysis.report import REPORT_FILE, build_report, format_report, info_of, is_of, read_report, write_report
 from ..analysis.results import results_of
-from ..bags.exchange.kinds import is_loggers_file
+from ..bags.exchange.formats.format import is_loggers_file
 from ..bags.old_form import topic_of_today
 from ..bags.run_end import NO_REPORT, faults_of, with_end
 from ..base.config import load_yaml

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from ...base.errors import RigError, brief, no_file
 from ...base.names import meant
 from .cells import MISSING, Cells
-from .kinds import MDF, PARQUET, TDMS, TEXT, XLSX, kind_of
+from .formats.format import MDF, PARQUET, TDMS, TEXT, XLSX, kind_of
 
 if TYPE_CHECKING:
     from ...base.arrays import Floats
@@ -175,17 +175,17 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
 def _reader(kind: str) -> Callable[[Path, Form], Foreign]:
     """Return the reader of a kind of file; the packages that it needs are loaded only then."""
     if kind == TEXT:
-        from .text import read_text as read
+        from .formats.text import read_text as read
     elif kind == PARQUET:
-        from .parquet import read_parquet as read
+        from .formats.parquet import read_parquet as read
     elif kind == XLSX:
-        from .xlsx import read_xlsx as read
+        from .formats.xlsx import read_xlsx as read
     elif kind == MDF:
-        from .mdf import read_mdf as read
+        from .formats.mdf import read_mdf as read
     elif kind == TDMS:
-        from .tdms import read_tdms as read
+        from .formats.tdms import read_tdms as read
     else:
-        from .matlab import read_matlab as read
+        from .formats.matlab import read_matlab as read
     return read
 
 

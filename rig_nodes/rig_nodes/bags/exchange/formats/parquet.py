@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import RigError
-from .cells import Cells, Signs, signs_of
-from .files import pyarrow
-from .foreign import Channel, Foreign, Form
+from ....base.errors import RigError
+from ..cells import Cells, Signs, signs_of
+from ..files import pyarrow
+from ..foreign import Channel, Foreign, Form
+from ..provenance import KEY, read_provenance
+from ..units import split_head
 from .heads import apart
-from .provenance import KEY, read_provenance
-from .units import split_head
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -21,16 +21,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.errors import RigError
-from .. import limits
-from .cells import Cells, Signs, signs_of
-from .foreign import Channel, Foreign, Form
-from .provenance import KEY, csvw_path, read_provenance
+from ....base.errors import RigError
+from ... import limits
+from ..cells import Cells, Signs, signs_of
+from ..foreign import Channel, Foreign, Form
+from ..provenance import KEY, csvw_path, read_provenance
+from ..units import split_head, unit_of
 from .text_form import Layout, behind_values, fields, found_form, last_row_is_cut, names_of, stated_period
-from .units import split_head, unit_of
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ....base.arrays import Floats
 
 FIRST_ROWS = 2000  # by which the kind of a column is judged
 PADDING = "\x1a\0"  # end of file of old systems, and what a logger that lost its power leaves

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import RigError
-from .foreign import Foreign, Form
+from ....base.errors import RigError
+from ..foreign import Foreign, Form
+from ..packages import needed
+from ..provenance import KEY, read_provenance
 from .heads import apart
 from .matlab_forms import channels_of
-from .packages import needed
-from .provenance import KEY, read_provenance
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 30  # structs in each other

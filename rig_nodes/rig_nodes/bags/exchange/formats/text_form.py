@@ -3,7 +3,7 @@
 
 """Finds the form of a text file from its content: delimiter, lines of names, units and first values, and what is behind the values.
 
-bags.exchange.text reads the file by it.
+bags.exchange.formats.text reads the file by it.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...base.errors import RigError
-from .cells import MINUS, OBVIOUS
-from .foreign import Form
-from .stamps import is_stamp
-from .units import TIME_UNITS, time_unit_of, unit_of
+from ....base.errors import RigError
+from ..cells import MINUS, OBVIOUS
+from ..foreign import Form
+from ..stamps import is_stamp
+from ..units import TIME_UNITS, time_unit_of, unit_of
 
 DELIMITERS = (";", "\t", "|", ",", " ")
 HEAD_LINES = 200  # lines in which the first row of values is looked for

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import RigError
-from ...base.units import UNITS
-from .cells import text_cells
-from .foreign import CUT, Channel, Foreign, Form
+from ....base.errors import RigError
+from ....base.units import UNITS
+from ..cells import text_cells
+from ..foreign import CUT, Channel, Foreign, Form
+from ..packages import needed
+from ..units import split_head, unit_of
 from .heads import apart
-from .packages import needed
-from .units import split_head, unit_of
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ....base.arrays import Floats
 
 UNITS_AT = ("unit_string", "NI_UnitDescription", "Unit", "unit")  # properties that hold the unit
 TIME_NAMES = ("t", "time", "times", "timestamp", "timestamps", "zeit", "czas")

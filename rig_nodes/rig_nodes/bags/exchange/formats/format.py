@@ -12,7 +12,7 @@ import re
 import zipfile
 from pathlib import Path
 
-from ...base.errors import RigError
+from ....base.errors import RigError
 
 TEXT, PARQUET, MDF, MATLAB, XLSX, TDMS = "text", "Parquet", "MDF", "MAT", "xlsx", "TDMS"
 READ = "CSV and other text, Parquet, MDF 2 to 4, MAT, xlsx and TDMS"

@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
-from .foreign import Channel
+from ..foreign import Channel
 
 
 def apart(found: Sequence[tuple[Sequence[str], Channel]]) -> list[Channel]:

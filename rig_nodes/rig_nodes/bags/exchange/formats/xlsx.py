@@ -17,13 +17,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ...base.errors import RigError
-from ...base.names import unknown
-from .cells import OBVIOUS, Cells, Signs, signs_of
-from .foreign import Channel, Foreign, Form
+from ....base.errors import RigError
+from ....base.names import unknown
+from ..cells import OBVIOUS, Cells, Signs, signs_of
+from ..foreign import Channel, Foreign, Form
+from ..packages import needed
+from ..units import split_head, unit_of
 from .heads import apart
-from .packages import needed
-from .units import split_head, unit_of
 
 LAST_ROWS = 20  # by which the number of columns of values is found
 LITTLE = 20  # a table with so many times fewer rows than another sheet's is no recording beside it
