@@ -3,7 +3,6 @@
 
 """Commands and links of README and docs: each verb and option exists, each value is valid, and each file is there."""
 
-import importlib
 import re
 import shlex
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 
 from rig_nodes.base.arguments import Parser
 from rig_nodes.base.errors import RigError
-from rig_nodes.cli.main import VERBS
+from rig_nodes.cli.main import module_of
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "ros_ws" / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -36,9 +35,7 @@ def commands() -> list[tuple[str, str]]:
 def understood(words: list[str]) -> None:
     """Parses the arguments by the verb's own parser; RigError when they are not valid. Nothing is run."""
     verb, *arguments = words
-    if verb not in VERBS:
-        raise RigError(f"there is no verb {verb}")
-    module = importlib.import_module(f"rig_nodes.cli.{verb}")
+    module = module_of(verb)
     if getattr(module, "PASSES_ON", False):
         return
     parser = Parser(prog=f"rig {verb}", allow_abbrev=False)

@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from .config import CONFIG_DIR, RIGS_DIR, load_yaml
+from .entry_points import Group
 from .errors import RigError, brief, no_file
 from .yaml_file import where_of
 
 DEFAULT_RIG = "hydmag"  # of command lines that name none; nothing below them has a default
 RIG_FILE = "rig.yaml"
+RIGS = Group("rigs", "rig")  # of other packages: each is a folder with a rig.yaml
 
 MOST_NAMED = 24  # names in one error
 MOST_LETTERS = 60  # of a name that are compared
@@ -95,7 +97,7 @@ def unknown_value(key: str, parts: dict[str, Iterable[str]]) -> str:
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """Return the path of an installed rig or controller, or of a file.
+    """Return the path of an installed rig or controller, a rig of another package among them, or of a file.
 
     Parameters
     ----------
@@ -112,7 +114,7 @@ def find_config(kind: str, name: str | Path) -> Path:
     Raises
     ------
     RigError
-        When there is no such file.
+        When there is no such file, or the package that adds the rig is at fault.
     """
     text = str(name)
     if kind == "rigs":
@@ -131,7 +133,10 @@ def find_config(kind: str, name: str | Path) -> Path:
     if not os.path.isfile(path):
         if os.path.isdir(text):
             raise RigError(f"{text}: {no_file(text)}")
-        raise RigError(f"{unknown(kind[:-1], text, installed(kind))} (or name a .yaml file)")
+        added = RIGS.added() if kind == "rigs" else {}
+        if text in added:
+            return RIGS.folder(added[text], RIG_FILE) / RIG_FILE
+        raise RigError(f"{unknown(kind[:-1], text, [*installed(kind), *added])} (or name a .yaml file)")
     return path
 
 
@@ -140,6 +145,18 @@ def installed(kind: str) -> list[str]:
     if kind == "rigs":
         return sorted(path.parent.name for path in RIGS_DIR.glob(f"*/{RIG_FILE}"))
     return sorted(path.stem for path in (CONFIG_DIR / kind).glob("*.yaml"))
+
+
+def rig_folders() -> dict[str, Path]:
+    """Return the folders of all rigs that have a name: those that are installed with the package, then those of other packages.
+
+    Raises
+    ------
+    RigError
+        When a package that adds a rig is at fault.
+    """
+    own = {name: RIGS_DIR / name for name in installed("rigs")}
+    return own | {name: RIGS.folder(point, RIG_FILE) for name, point in RIGS.added().items() if name not in own}
 
 
 def beside(path: str | Path, name: object) -> str:
@@ -188,7 +205,7 @@ def with_bases(name: str | Path) -> list[tuple[Path, Any]]:
 def find_of_rigs(kind: str, name: str | Path, *rigs: str | Path | None) -> Path:
     """Return the path of a sequence, procedure or profile of a logger by its name, or of a file.
 
-    The name is looked up in each of the rigs with its bases, then in all installed rigs, of which only one may have it.
+    The name is looked up in each of the rigs with its bases, then in all rigs that have a name, of which only one may have it.
 
     Parameters
     ----------
@@ -207,20 +224,22 @@ def find_of_rigs(kind: str, name: str | Path, *rigs: str | Path | None) -> Path:
     Raises
     ------
     RigError
-        When there is no such file, or several installed rigs have one.
+        When there is no such file, or several rigs have one.
     """
     text = str(name)
     if text.endswith((".yaml", ".yml")) or "/" in text:
         return find_config(kind, name)
     own = [path.parent for rig in rigs if rig is not None for path, _ in with_bases(rig)]
-    others = [RIGS_DIR / one for one in installed("rigs")]
-    for folders in (*([folder] for folder in own), others):
-        found = [path for folder in folders if (path := folder / kind / f"{text}.yaml").is_file()]
-        if len(found) > 1:
-            having = ", ".join(path.parent.parent.name for path in found)
-            raise RigError(f"several rigs have a {kind[:-1]} {brief(text)}: {having}; name the rig (or a .yaml file)")
-        if found:
-            return found[0]
+    for folder in own:
+        if (path := folder / kind / f"{text}.yaml").is_file():
+            return path
+    others = rig_folders().values()
+    found = [path for folder in others if (path := folder / kind / f"{text}.yaml").is_file()]
+    if len(found) > 1:
+        having = ", ".join(path.parent.parent.name for path in found)
+        raise RigError(f"several rigs have a {kind[:-1]} {brief(text)}: {having}; name the rig (or a .yaml file)")
+    if found:
+        return found[0]
     if os.path.isdir(text):
         raise RigError(f"{text}: {no_file(text)}")
     known = sorted({path.stem for folder in (*own, *others) for path in (folder / kind).glob("*.yaml")})

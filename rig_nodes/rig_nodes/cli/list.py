@@ -12,14 +12,13 @@ import json
 import os
 from typing import TYPE_CHECKING
 
-from ..base.config import RIGS_DIR
 from ..base.errors import RigError
-from ..base.names import DEFAULT_RIG, find_config, installed, with_bases
+from ..base.names import DEFAULT_RIG, RIG_FILE, find_config, installed, rig_folders, with_bases
 from ..plant.parts.part import VALUES
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from ..rig.catalogue import Catalogue, Signal, Topic
@@ -100,7 +99,7 @@ def _described(path: Path) -> str:
 def _rigs() -> list[dict[str, str]]:
     return [
         {"name": name, "description": _described(path), "picture": _shortest(path.parent / PICTURE)}
-        for name, path in ((name, find_config("rigs", name)) for name in installed("rigs"))
+        for name, path in ((name, folder / RIG_FILE) for name, folder in rig_folders().items())
     ]
 
 
@@ -117,11 +116,7 @@ def _of_rigs(kind: str) -> Callable[[str | None], list[dict[str, str]]]:
     """Return a function that lists the content of the folders of the installed rigs, or of one rig and those it is based on."""
 
     def rows(rig: str | None) -> list[dict[str, str]]:
-        folders = (
-            [(name, RIGS_DIR / name) for name in installed("rigs")]
-            if rig is None
-            else [(path.parent.name, path.parent) for path, _ in with_bases(rig)]
-        )
+        folders = rig_folders().items() if rig is None else [(path.parent.name, path.parent) for path, _ in with_bases(rig)]
         return [
             {"name": path.stem, "rig": name, "description": _described(path)}
             for name, folder in folders

@@ -3,8 +3,9 @@
 
 """The `rig` command: it finds the verb, runs its module, and turns errors into one sentence and an exit code.
 
-A verb is a module of this package with HELP (str), add_arguments(parser) and main(args) -> exit code. Modules
-are imported only when their verb is called, so that help and mistakes need no numerics, ROS or viewer. A verb
+A verb is a module of this package, or one that another package adds by an entry point, with HELP (a str in one line),
+add_arguments(parser) and main(args) -> exit code. Modules are imported only when their verb is called, so that help and
+mistakes need no numerics, ROS or viewer. A verb
 with PASSES_ON = True gets its arguments unchanged in args.passed_on; one with INTERMIXED = True accepts lists of files
 before and behind options.
 """
@@ -12,14 +13,17 @@ before and behind options.
 from __future__ import annotations
 
 import argparse
+import ast
 import contextlib
-import importlib
 import os
+import re
 import signal
 import sys
+from pathlib import Path
 
 from rig_nodes import __version__
 from rig_nodes.base.arguments import Parser
+from rig_nodes.base.entry_points import Group
 from rig_nodes.base.errors import RigError, Terminated, ended_by, printable
 from rig_nodes.cli.output_files import check_outputs
 
@@ -27,39 +31,7 @@ TYPE_CHECKING = False  # as in typing, whose import would cost time that help do
 if TYPE_CHECKING:
     from typing import Any, TextIO
 
-# A copy of the modules' HELP lines, so that help imports none of them; a test compares the two.
-VERBS = {
-    "run": "run a sequence on the ROS 2 node graph and record it",
-    "simulate": "run a test sequence without ROS traffic, as fast as it goes",
-    "procedure": "run series of a measuring procedure of the laboratory, with bags",
-    "sweep": "run a sequence for many values of its parameters, on all cores or a cluster",
-    "tune": "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use",
-    "check": "check the folder of a rig and draw its driveline",
-    "modes": "natural frequencies, critical speeds and responses of a rig's driveline; detuning",
-    "new": "write the folder of a rig of your own to begin with",
-    "controller": "check a shift controller of your own, or start one from a template",
-    "device": "start a device of its own, for a rig with source: topic",
-    "gear": "order a gear of the rig that runs",
-    "set": "set or show a value of the rig that runs",
-    "status": "show what the rig that runs does now",
-    "stop": "end the rig that runs, or with --emergency only stop it",
-    "reset": "leave the safe state of the rig that runs",
-    "compare": "lay runs, bags and loggers' files over each other, with differences in measuring errors",
-    "rerun": "run a bag again: its commands through a plant, or its transducers through a controller",
-    "replay": "publish a recorded bag again, with /clock",
-    "bag": "look into bags, check, recover, cut, merge and hash them",
-    "view": "show a run or a running rig in Rerun, or make a picture",
-    "report": "print the results of a run and rewrite its report.json, or make a page of them",
-    "calibrate": "find a rig's unknown parameters on the laboratory's rows, or on its own",
-    "calculate": "print a calculation of a rig's folder, with its values or on a recording",
-    "validate": "compare a rig with its validation rows, the HydmAG with all printed results",
-    "bench": "measure how fast the rig computes on this machine",
-    "export": "write a run as CSV, Parquet, MDF4, MAT or CAN log; an FMU, the CAN database, the Modbus registers or rig_record.h",
-    "import": "make a run of a logger's file: CSV, Parquet, MDF, MAT, xlsx or TDMS",
-    "list": "list sequences, rigs, settings, signals and what else there is",
-    "doctor": "check this machine and the environment",
-    "test": "run the tests",
-}
+VERBS = Group("verbs", "verb", __package__, "HELP")
 
 
 def on_sigterm(_number: int, _frame: object) -> None:
@@ -94,11 +66,42 @@ class Shown:
 
 def usage() -> str:
     """Return the page that `rig --help` prints."""
-    width = max(map(len, VERBS))
-    lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
+    texts = {verb: _help_line(verb) for verb in VERBS.own}
+    for verb, point in VERBS.added().items():
+        texts.setdefault(verb, f"of the package {point.dist.name}" if point.dist else "of another package")
+    width = max(map(len, texts))
+    lines = [f"  {verb:<{width}}  {text}" for verb, text in texts.items()]
     return "\n".join(
         ["usage: rig VERB ...", "", "The virtual powertrain test rig.", "", *lines, "", "'rig VERB --help' describes one of them."]
     )
+
+
+def _help_line(verb: str) -> str:
+    """Return the HELP of one of our verbs without importing its module."""
+    text = Path(__file__).with_name(f"{verb}.py").read_text(encoding="utf-8")
+    return ast.literal_eval(re.search(r"^HELP = (.+)$", text, re.MULTILINE)[1])  # type: ignore[index]
+
+
+def module_of(verb: str) -> Any:
+    """Return the module of a verb.
+
+    Raises
+    ------
+    RigError
+        When the verb does not exist, or the package that adds it is at fault.
+    """
+    if VERBS.has_own(verb):
+        return VERBS.own_module(verb)
+    point = VERBS.added().get(verb)
+    if point is None:
+        from rig_nodes.base.names import unknown
+
+        raise RigError(unknown("verb", verb, VERBS.names()))
+    module = VERBS.load(point)
+    lacking = [name for name in ("HELP", "add_arguments", "main") if not hasattr(module, name)]
+    if lacking:
+        raise VERBS.refused(point, f"has no {', '.join(lacking)}")
+    return module
 
 
 def refuse_empty(verb: str, arguments: list[str]) -> None:
@@ -117,11 +120,7 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     RigError
         When the verb does not exist or refuses its arguments.
     """
-    if verb not in VERBS:
-        from rig_nodes.base.names import unknown
-
-        raise RigError(unknown("verb", verb, VERBS))
-    module = importlib.import_module(f"rig_nodes.cli.{verb}")
+    module = module_of(verb)
     parser = Parser(prog=f"rig {verb}", description=module.HELP, allow_abbrev=False)
     module.add_arguments(parser)
     if getattr(module, "PASSES_ON", False) and arguments[:1] not in (["-h"], ["--help"]):
@@ -143,7 +142,7 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments is None:
         arguments = sys.argv[1:]
         signal.signal(signal.SIGTERM, on_sigterm)
-        if arguments and arguments[0] in VERBS:
+        if arguments and not arguments[0].startswith("-"):
             from rig_nodes.cli.temporary import own_folder
 
             own_folder()

@@ -3,13 +3,13 @@
 
 """Files of loggers and of other tools as channels with a name, a unit, values and, where the file has them, times.
 
-bags.exchange.imported makes measurements of them. Each format has a reader of its own, which is called from here.
+bags.exchange.imported makes measurements of them. Each format has a file of its own in ``formats``.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from ...base.errors import RigError, brief, no_file
 from ...base.names import meant
 from .cells import MISSING, Cells
-from .formats.format import MDF, PARQUET, TDMS, TEXT, XLSX, kind_of
+from .formats.format import format_of
 
 if TYPE_CHECKING:
     from ...base.arrays import Floats
@@ -144,7 +144,7 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
     Parameters
     ----------
     path : str or Path
-        CSV, Parquet, MDF, MAT, xlsx or TDMS, by its content.
+        A file of one of the formats, by its content.
     form : Form, optional
         Form of a CSV file; its signs hold for the texts of a table too.
 
@@ -167,26 +167,9 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
             raise RigError(f"{path}: has {size} bytes, and a file is read as a whole, at most {LARGEST}; split it")
         if not size:
             raise RigError(f"{path}: is empty")
-        return _reader(kind_of(path))(path, form or Form())
+        return format_of(path).channels(path, form or Form())
     except OSError as error:
         raise RigError(f"{path}: cannot be read ({error.strerror or error})") from None
-
-
-def _reader(kind: str) -> Callable[[Path, Form], Foreign]:
-    """Return the reader of a kind of file; the packages that it needs are loaded only then."""
-    if kind == TEXT:
-        from .formats.text import read_text as read
-    elif kind == PARQUET:
-        from .formats.parquet import read_parquet as read
-    elif kind == XLSX:
-        from .formats.xlsx import read_xlsx as read
-    elif kind == MDF:
-        from .formats.mdf import read_mdf as read
-    elif kind == TDMS:
-        from .formats.tdms import read_tdms as read
-    else:
-        from .formats.matlab import read_matlab as read
-    return read
 
 
 def named(channels: Sequence[Channel], head: str, where: str) -> Channel | None:

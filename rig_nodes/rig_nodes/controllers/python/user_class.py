@@ -10,7 +10,6 @@ and line.
 from __future__ import annotations
 
 import importlib
-import importlib.metadata
 import importlib.util
 import inspect
 import sys
@@ -19,6 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...base.entry_points import Group
 from ...base.errors import RigError, no_file
 from ...base.names import unknown
 from ..own_signals import checked_settings, checked_signals
@@ -27,7 +27,7 @@ from ..seam import LEVELS, ControllerInfo, ControllerInputs, checked_wants, erro
 if TYPE_CHECKING:
     from types import ModuleType
 
-GROUP = "rig_nodes.controllers"  # group of entry points in an installed package's metadata
+GROUP = Group("controllers", "controller")  # entry points of installed packages
 METHODS = ("initialize", "step", "terminate")
 MOST_TRACE = 20_000  # characters of a traceback that are kept: the newest
 
@@ -97,9 +97,9 @@ def _load_module(source: str) -> ModuleType:
 
 def _entry_point(name: str) -> tuple[str, str]:
     """Return (module, class) of an entry point in the group GROUP; RigError, which names the known ones, when there is none."""
-    known = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
+    known = GROUP.added()
     if name not in known:
-        raise RigError(f"controller python:{name}: {unknown(f'entry point of the group {GROUP}', name, sorted(known))}")
+        raise RigError(f"controller python:{name}: {unknown(f'entry point of the group {GROUP.group}', name, known)}")
     return known[name].module, known[name].attr
 
 

@@ -3,13 +3,15 @@
 
 """Definition of a type of device for the engine: its configuration, the numbers in its record, and its compiled stages.
 
-Every file of this folder that is a type of device ends with ``PART = Part(...)``; plant.engine.world finds it by its name.
+Every file of this folder that is a type of device ends with ``PART = Part(...)``; plant.engine.world finds it by its name. Another
+package adds one by an entry point.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -17,12 +19,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...base.entry_points import Group
 from ...base.errors import RigError
 from ...base.schema import record_dtype
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from .shown_rig import ShownRig
 
+PARTS = Group("parts", "part", __package__, "PART")
 # What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one of them may be
 # the ground), "drives" (a source or a coupling), "torque" (a torque meter, or "clutches" for the sum of the torques from the body
 # to clutches), "transducer", "output" (an output of the controller, from 1), "line" (the oil line that begins here), or a role of
@@ -211,6 +217,9 @@ class Part:
         True for a source that holds the speed of its body, whatever the load up to its limits.
     check : function, optional
         check(values) returns the name of a value and the rest of a sentence where values contradict each other, otherwise None.
+    source : str
+        Key of the file of a part of another package. It is in the type of its record, because numba's cache would otherwise give
+        an engine that was made of an earlier version of the file.
     """
 
     name: str
@@ -234,6 +243,7 @@ class Part:
     shaft: Callable[[Any], tuple[float, float]] = no_shaft
     check: Callable[[Any], tuple[str, str] | None] | None = None
     holds: bool = False
+    source: str = ""
 
     def state_dtype(self) -> np.dtype:
         """Return the type of its states: one float64 for each."""
@@ -258,25 +268,19 @@ class Part:
                 *((name, "f8") for name in self.derived),
                 *((name, "u8") for name in self.wires),
                 *((name, "f8", shapes[name]) for name in self.tables),
+                *([(f"source_{self.source}", "f8")] if self.source else []),
             ]
         )
 
 
 def parts() -> list[str]:
-    """Return the names of all types of devices that a rig's description may use."""
-    return [name for name in _files() if is_part(name)]
+    """Return the names of all types of devices that a rig's description may use, those of other packages too."""
+    return [name for name in PARTS.names() if part(name).role]
 
 
 def is_part(name: object) -> bool:
     """Return whether a rig's description may use a type of device of this name; this imports its own module only."""
-    return name in _files() and bool(part(str(name)).role)
-
-
-@cache
-def _files() -> tuple[str, ...]:
-    """The names of the files here that describe a type of device."""
-    here = Path(__file__).parent.glob("*.py")
-    return tuple(sorted(path.stem for path in here if "\nPART = " in path.read_text(encoding="utf-8")))
+    return (PARTS.has_own(str(name)) or name in PARTS.added()) and bool(part(str(name)).role)
 
 
 def bodies_of(name: str, wires: Mapping[str, Any]) -> list[str]:
@@ -315,13 +319,24 @@ def part(name: str) -> Part:
     Raises
     ------
     RigError
-        When there is no such part or it has an unknown stage.
+        When there is no such part, it has an unknown stage, or the package that adds it is at fault.
     """
-    try:
-        found = import_module(f"{__package__}.{name}").PART
-    except (ImportError, AttributeError):
-        raise RigError(f"there is no part '{name}'") from None
+    if PARTS.has_own(name):
+        found = PARTS.own_module(name).PART
+    elif point := PARTS.added().get(name):
+        found = _of_package(point)
+    else:
+        raise RigError(f"there is no part '{name}'")
     unknown = set(found.stages) - set(STAGES)
     if unknown:
         raise RigError(f"part '{name}' has the unknown stage '{sorted(unknown)[0]}'; known are {', '.join(STAGES)}")
     return found
+
+
+def _of_package(point: EntryPoint) -> Part:
+    """Return a type of device of another package, with the key of its source."""
+    found = PARTS.load(point, Part)
+    if found.name != point.name:
+        raise PARTS.refused(point, f"is a part of the name '{found.name}', expected that of the entry point")
+    source = Path(str(import_module(point.module).__file__)).read_bytes()
+    return replace(found, source=hashlib.sha256(source).hexdigest()[:16])

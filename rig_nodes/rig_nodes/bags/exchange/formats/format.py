@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a file is, by its content and not by its ending; a file that is something else is refused with the way to one that is read.
+"""What a format is, and which one a file has, by its content; a file of another is refused with the way to one that is read.
 
 bags.exchange.foreign asks it before it reads a file; report and compare ask whether a file is a run's.
 """
@@ -10,11 +10,18 @@ from __future__ import annotations
 
 import re
 import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from ....base.entry_points import Group
 from ....base.errors import RigError
 
-TEXT, PARQUET, MDF, MATLAB, XLSX, TDMS = "text", "Parquet", "MDF", "MAT", "xlsx", "TDMS"
+if TYPE_CHECKING:
+    from ..foreign import Foreign, Form
+
+FORMATS = Group("formats", "format", __package__, "FORMAT")
 READ = "CSV and other text, Parquet, MDF 2 to 4, MAT, xlsx and TDMS"
 LOOKED_AT = 1 << 16  # bytes of the beginning
 
@@ -22,8 +29,7 @@ _SIGNALS = (
     "import takes measured signals; decode the frames to signals first, e.g. with CANalyzer or asammdf and rig.dbc, as MDF or CSV"
 )
 _UNPACK = "unpack it, and import the file in it"
-# first bytes of formats that are read, and of those that are not with what they are and the remedy
-_READ = {b"PAR1": PARQUET, b"MDF     ": MDF, b"UnFinMF": MDF, b"MATLAB 5.0 MAT": MATLAB, b"MATLAB 7.3 MAT": MATLAB, b"TDSm": TDMS}
+# first bytes of formats that are not read, with what they are and the remedy
 _OTHERS = {
     b"LOGG": ("a CAN log of Vector (BLF)", _SIGNALS),
     b"TDSh": ("the index of a TDMS file", "import the .tdms beside it"),
@@ -41,8 +47,8 @@ _OTHERS = {
     b"%PDF": ("a PDF document", "export the numbers as CSV"),
     b"|CF,": ("an imc FAMOS file", "export it as MDF, Parquet or CSV"),
 }
-_OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+ARCHIVE = b"PK\x03\x04"
+_OLE, _HDF5 = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"\x89HDF\r\n\x1a\n"
 # beginnings of text formats that are no table, by a pattern of their first lines
 _TEXTS = (
     (r"\s*(//.*\s+)*date\s.*\s+base\s+(hex|dec)\s+timestamps", "a CAN trace of Vector (ASC)", _SIGNALS),
@@ -64,8 +70,47 @@ def is_loggers_file(name: str) -> bool:
     return Path(name).is_file() and not name.lower().endswith((".mcap", ".db3", ".yaml", ".json"))
 
 
-def kind_of(path: Path) -> str:
-    """Return what a file is.
+@dataclass(frozen=True)
+class Format:
+    """A format of files that is read. Each is one file of this folder, which ends with ``FORMAT = Format(...)``.
+
+    Parameters
+    ----------
+    called : str
+        What a file of it is, for errors: ``a workbook``.
+    fits : callable
+        fits(path, head) returns True for a file of it, by its path and its first LOOKED_AT bytes.
+    read : callable
+        read(path, form) returns the file's channels; ``form`` is what is known of how its texts are written.
+    ending : str
+        Ending of the files of it whose content has no mark, e.g. ``.mat``; empty for a format that always has one.
+    damage : tuple of types
+        What ``read`` raises for a damaged file; packages that read files raise errors of many classes.
+    """
+
+    called: str
+    fits: Callable[[Path, bytes], bool]
+    read: Callable[[Path, Form], Foreign]
+    ending: str = ""
+    damage: tuple[type[Exception], ...] = (Exception,)
+
+    def channels(self, path: Path, form: Form) -> Foreign:
+        """Return what ``read`` does; RigError, in one sentence, for a damaged file."""
+        try:
+            return self.read(path, form)
+        except (RigError, MemoryError):
+            raise
+        except self.damage as error:
+            raise damaged(path, self.called, error) from None
+
+
+def damaged(path: Path, called: str, error: Exception) -> RigError:
+    """Return the error on a file that is not what it begins as."""
+    return RigError(f"{path}: cannot be read as {called} ({f'{type(error).__name__}: {error}'.strip().splitlines()[0]})")
+
+
+def format_of(path: Path) -> Format:
+    """Return the format of a file.
 
     Parameters
     ----------
@@ -74,39 +119,33 @@ def kind_of(path: Path) -> str:
 
     Returns
     -------
-    str
-        TEXT, PARQUET, MDF, MATLAB, XLSX or TDMS.
+    Format
+        One of this folder, or one that another package adds.
 
     Raises
     ------
     RigError
-        When it is something else, with the remedy.
+        When it is something else, with the remedy, or a package that adds a format is at fault.
     """
     with open(path, "rb") as file:
         head = file.read(LOOKED_AT)
-    for begin, kind in _READ.items():
-        if head.startswith(begin):
-            return kind
-    for begin, (what, remedy) in _OTHERS.items():
-        if head.startswith(begin):
-            raise RigError(f"{path}: is {what}; {remedy}")
-    if _HDF5 in head[:1024]:
-        if path.suffix.lower() == ".mat":
-            return MATLAB
-        raise RigError(f"{path}: is HDF5 of another program; export its signals as MDF, Parquet or CSV")
-    if head.startswith(b"PK\x03\x04"):
-        return _of_archive(path)
-    if head.startswith(_OLE):
-        locked = "E\0n\0c\0r\0y\0p\0t".encode("latin-1") in head
-        raise RigError(
-            f"{path}: is {'a workbook of Excel with a password' if locked else 'a workbook of Excel 97 (.xls)'}; save it as .xlsx"
-            + " without one" * locked
-        )
+    own = {name: FORMATS.own_module(name).FORMAT for name in FORMATS.own}
+    for one in own.values():
+        if one.fits(path, head):
+            return one
+    for point in FORMATS.added().values():
+        found = FORMATS.load(point, Format)
+        if found.fits(path, head):
+            return found
+    _refuse_others(path, head)
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return TEXT
-    if b"\0" in head[:4096]:
-        if path.suffix.lower() == ".mat":  # version 4 has no mark
-            return MATLAB
+        return own["text"]
+    if _HDF5 in head[:1024] or b"\0" in head[:4096]:
+        for one in own.values():
+            if one.ending and path.suffix.lower() == one.ending:
+                return one
+        if _HDF5 in head[:1024]:
+            raise RigError(f"{path}: is HDF5 of another program; export its signals as MDF, Parquet or CSV")
         raise RigError(
             f"{path}: is not text, although its ending is {path.suffix}, and none of the formats that are read ({READ}); export it "
             "from its program as one of them"
@@ -115,20 +154,34 @@ def kind_of(path: Path) -> str:
     for pattern, what, remedy in _TEXTS:
         if re.match(pattern, text, re.DOTALL if "<!--" in pattern else 0):
             raise RigError(f"{path}: is {what}; {remedy}")
-    return TEXT
+    return own["text"]
 
 
-def _of_archive(path: Path) -> str:
+def _refuse_others(path: Path, head: bytes) -> None:
+    """Refuse a file of a format that is known and not read; ``head`` is its beginning."""
+    for begin, (what, remedy) in _OTHERS.items():
+        if head.startswith(begin):
+            raise RigError(f"{path}: is {what}; {remedy}")
+    if head.startswith(ARCHIVE):
+        names, mimetype = in_archive(path)
+        if "xl/workbook.bin" in names:
+            raise RigError(f"{path}: is a binary workbook of Excel (.xlsb); save it as .xlsx")
+        if b"opendocument.spreadsheet" in mimetype:
+            raise RigError(f"{path}: is a workbook of LibreOffice (.ods); save it as .xlsx or CSV")
+        raise RigError(f"{path}: is an archive; {_UNPACK}")
+    if head.startswith(_OLE):
+        locked = "E\0n\0c\0r\0y\0p\0t".encode("latin-1") in head
+        raise RigError(
+            f"{path}: is {'a workbook of Excel with a password' if locked else 'a workbook of Excel 97 (.xls)'}; save it as .xlsx"
+            + " without one" * locked
+        )
+
+
+def in_archive(path: Path) -> tuple[set[str], bytes]:
+    """Return the names in a ZIP archive, and its MIME type where it states one; RigError for a damaged one."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = set(archive.namelist())
-            mimetype = archive.read("mimetype")[:100] if "mimetype" in names else b""
+            return names, archive.read("mimetype")[:100] if "mimetype" in names else b""
     except (zipfile.BadZipFile, OSError, RuntimeError, KeyError) as error:
         raise RigError(f"{path}: is a damaged archive or workbook ({error})") from None
-    if "xl/workbook.xml" in names:
-        return XLSX
-    if "xl/workbook.bin" in names:
-        raise RigError(f"{path}: is a binary workbook of Excel (.xlsb); save it as .xlsx")
-    if b"opendocument.spreadsheet" in mimetype:
-        raise RigError(f"{path}: is a workbook of LibreOffice (.ods); save it as .xlsx or CSV")
-    raise RigError(f"{path}: is an archive; {_UNPACK}")

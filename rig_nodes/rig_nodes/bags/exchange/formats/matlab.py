@@ -18,6 +18,7 @@ from ....base.errors import RigError
 from ..foreign import Foreign, Form
 from ..packages import needed
 from ..provenance import KEY, read_provenance
+from .format import Format
 from .heads import apart
 from .matlab_forms import channels_of
 
@@ -105,15 +106,9 @@ def _objects(tree: object, name: str = "") -> Any:
 def _version_7(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of objects, which are refused here in a sentence
-            found = loadmat(path, squeeze_me=True, struct_as_record=True)
-    except (OSError, MemoryError):
-        raise
-    except Exception as error:  # scipy raises errors of many classes for files that are damaged or no MAT files
-        problem = f"{error}".strip().splitlines() or [type(error).__name__]
-        raise RigError(f"{path}: cannot be read as a MAT file ({problem[0]})") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of objects, which are refused here in a sentence
+        found = loadmat(path, squeeze_me=True, struct_as_record=True)
     tree = {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
     if isinstance(unnamed := tree.pop("None", None), Opaque):  # scipy takes the name of an object for a part of it
         tree[_part(found["None"], "s0") or "object"] = unnamed
@@ -156,13 +151,8 @@ def _part(value: Any, name: str) -> str:
 
 def _version_73(path: Path) -> dict[str, Any]:
     h5py = needed("h5py", "MAT 7.3")
-    try:
-        with h5py.File(path, "r") as file:
-            return {name: _of_hdf5(h5py, file, value) for name, value in file.items() if not name.startswith("#")}
-    except RigError:
-        raise
-    except Exception as error:  # h5py raises errors of many classes for damaged files
-        raise RigError(f"{path}: cannot be read as a MAT file of version 7.3 ({str(error).splitlines()[0]})") from None
+    with h5py.File(path, "r") as file:
+        return {name: _of_hdf5(h5py, file, value) for name, value in file.items() if not name.startswith("#")}
 
 
 def _of_hdf5(h5py: Any, file: Any, node: Any, depth: int = 0) -> Any:
@@ -194,3 +184,6 @@ def _of_hdf5(h5py: Any, file: Any, node: Any, depth: int = 0) -> Any:
 def _referred(h5py: Any, file: Any, node: Any, depth: int) -> list:
     found = [one for one in np.asarray(node[()]).T.ravel(order="F") if isinstance(one, h5py.Reference)]
     return [_of_hdf5(h5py, file, file[one], depth + 1) for one in found]
+
+
+FORMAT = Format("a MAT file", lambda _path, head: head.startswith((b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")), read_matlab, ".mat")

@@ -25,6 +25,7 @@ from ..foreign import Channel, Foreign, Form
 from ..packages import needed
 from ..provenance import KEY, read_provenance
 from ..units import unit_of
+from .format import Format, damaged
 from .heads import apart
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def read_mdf(path: Path, _form: Form) -> Foreign:
     package = needed("asammdf", "MDF")
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it has to say is said here
     found: list[tuple[list[str], Channel]] = []
-    provenance, has_frames, start, problem = None, False, None, ""
+    provenance, has_frames, start, refusal = None, False, None, None
     with _quiet():
         try:
             with package.MDF(path) as file:
@@ -73,10 +74,10 @@ def read_mdf(path: Path, _form: Form) -> Foreign:
                 for group in file.virtual_groups:
                     found += _group(path, file, group)
                 has_frames = any(name.startswith(FRAMES) for name in file.channels_db)
-        except Exception as error:  # the package raises many classes for files that are damaged or no MDF
-            problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-    if problem:
-        raise RigError(f"{path}: cannot be read as MDF of version 2.00 to 4.20 ({problem})")
+        except Exception as error:  # it is gone when _quiet collects what asammdf has left
+            refusal = damaged(path, FORMAT.called, error)
+    if refusal:
+        raise refusal
     if has_frames and all(channel.name.startswith(FRAMES) for _, channel in found):
         raise RigError(
             f"{path}: holds frames of a bus and no signals; decode it with the bus's database first, e.g. "
@@ -217,3 +218,6 @@ def _names(file: Any, place: tuple[int, int], one: Any) -> list[str]:
     ]
     lines = [(text or "").strip() for text in candidates]
     return [*("" if "\n" in text else text for text in lines), f"group {place[0] + 1}", f"group {place[0] + 1}.{place[1]}"]
+
+
+FORMAT = Format("MDF of version 2.00 to 4.20", lambda _path, head: head.startswith((b"MDF     ", b"UnFinMF")), read_mdf)

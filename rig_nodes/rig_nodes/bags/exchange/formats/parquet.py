@@ -19,6 +19,7 @@ from ..files import pyarrow
 from ..foreign import Channel, Foreign, Form
 from ..provenance import KEY, read_provenance
 from ..units import split_head
+from .format import Format
 from .heads import apart
 
 if TYPE_CHECKING:
@@ -46,11 +47,8 @@ def read_parquet(path: Path, form: Form) -> Foreign:
         When the file cannot be used; the error is one sentence.
     """
     pa, parquet = pyarrow()
-    try:
-        with parquet.ParquetFile(path) as file:  # read_table takes no heads that are there twice
-            table = file.read()
-    except (pa.ArrowException, ValueError) as error:
-        raise RigError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from None
+    with parquet.ParquetFile(path) as file:  # read_table takes no heads that are there twice
+        table = file.read()
     if not table.num_columns or table.num_rows < 2:
         raise RigError(f"{path}: holds {table.num_columns} columns with {table.num_rows} rows; a recording needs more")
     found, texts = [], [column for _, field, column in _flat(pa, table) if _is_text(pa, field.type)]
@@ -130,3 +128,6 @@ def _cells(pa: Any, kind: Any, column: Any) -> Any:
     if pa.types.is_time(kind) or _is_text(pa, kind):
         return column.to_pylist()
     return None
+
+
+FORMAT = Format("Parquet", lambda _path, head: head.startswith(b"PAR1"), read_parquet)

@@ -20,6 +20,7 @@ from ..cells import text_cells
 from ..foreign import CUT, Channel, Foreign, Form
 from ..packages import needed
 from ..units import split_head, unit_of
+from .format import Format
 from .heads import apart
 
 if TYPE_CHECKING:
@@ -51,15 +52,11 @@ def read_tdms(path: Path, _form: Form) -> Foreign:
     """
     package = needed("nptdms", "TDMS")
     package.log.log_manager.set_level(logging.CRITICAL)  # what it has to say is said here
-    try:
-        file = package.TdmsFile.read(path)
-        is_cut = file.file_status.incomplete_final_segment
-        starts = [start for group in file.groups() for one in group.channels() if (start := _start(one)) is not None]
-        start = min(starts, default=None)
-        found = [pair for group in file.groups() for pair in _group(path, group, start or 0)]
-    except Exception as error:  # npTDMS raises errors of many classes for damaged files
-        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        raise RigError(f"{path}: cannot be read as TDMS ({problem})") from None
+    file = package.TdmsFile.read(path)
+    is_cut = file.file_status.incomplete_final_segment
+    starts = [start for group in file.groups() for one in group.channels() if (start := _start(one)) is not None]
+    start = min(starts, default=None)
+    found = [pair for group in file.groups() for pair in _group(path, group, start or 0)]
     if not any(channel.kind == "numbers" for _, channel in found):
         raise RigError(f"{path}: holds no channel of numbers")
     return Foreign(path, apart(found), start=None if start is None else start * 1e-9, notes=[CUT] if is_cut else [])
@@ -123,3 +120,6 @@ def _times(one: Any, axis: Any, start: int) -> tuple[Floats | None, str]:
     late = ((_start(one) or start) - start) * 1e-9
     offset = float(one.properties.get("wf_start_offset") or 0.0)
     return np.array(late + (offset + step * np.arange(len(one))) * UNITS[unit][1], float), ""
+
+
+FORMAT = Format("TDMS", lambda _path, head: head.startswith(b"TDSm"), read_tdms)

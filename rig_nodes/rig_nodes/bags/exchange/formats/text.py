@@ -27,6 +27,7 @@ from ..cells import Cells, Signs, signs_of
 from ..foreign import Channel, Foreign, Form
 from ..provenance import KEY, csvw_path, read_provenance
 from ..units import split_head, unit_of
+from .format import Format
 from .text_form import Layout, behind_values, fields, found_form, last_row_is_cut, names_of, stated_period
 
 if TYPE_CHECKING:
@@ -232,3 +233,6 @@ def _decoded(path: Path, form: Form) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("cp1250", errors="replace")  # German and Polish letters are the same in it as in cp1252
+
+
+FORMAT = Format("text", lambda _path, _head: False, read_text, damage=())  # what nothing else claims

@@ -23,6 +23,7 @@ from ..cells import OBVIOUS, Cells, Signs, signs_of
 from ..foreign import Channel, Foreign, Form
 from ..packages import needed
 from ..units import split_head, unit_of
+from .format import ARCHIVE, Format, in_archive
 from .heads import apart
 
 LAST_ROWS = 20  # by which the number of columns of values is found
@@ -55,20 +56,14 @@ def read_xlsx(path: Path, form: Form) -> Foreign:
         When the file cannot be used; the error is one sentence.
     """
     package = needed("openpyxl", "xlsx")
-    try:
-        with open(path, "rb") as file:  # by its path, openpyxl would judge it by its ending
-            book = package.load_workbook(io.BytesIO(file.read()), read_only=True, data_only=True)
-        sheets = {sheet.title: sheet for sheet in book.worksheets if sheet.title == form.sheet or sheet.sheet_state == "visible"}
-        if form.sheet is not None and form.sheet not in sheets:
-            raise RigError(f"{path}: {unknown('sheet', form.sheet, sheets)}")
-        names = [form.sheet] if form.sheet is not None else list(sheets)
-        tables = {name: found for name in names if (found := _rows(sheets[name])) and (form.sheet or _first_row(found) is not None)}
-        book.close()
-    except RigError:
-        raise
-    except Exception as error:  # openpyxl raises errors of many classes for damaged workbooks
-        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        raise RigError(f"{path}: cannot be read as a workbook ({problem})") from None
+    # by its path, openpyxl would judge it by its ending
+    book = package.load_workbook(io.BytesIO(path.read_bytes()), read_only=True, data_only=True)
+    sheets = {sheet.title: sheet for sheet in book.worksheets if sheet.title == form.sheet or sheet.sheet_state == "visible"}
+    if form.sheet is not None and form.sheet not in sheets:
+        raise RigError(f"{path}: {unknown('sheet', form.sheet, sheets)}")
+    names = [form.sheet] if form.sheet is not None else list(sheets)
+    tables = {name: found for name in names if (found := _rows(sheets[name])) and (form.sheet or _first_row(found) is not None)}
+    book.close()
     if not tables:
         raise RigError(
             f"{path}: no sheet has a table of numbers; formulas have values only after Excel or LibreOffice has saved the workbook"
@@ -173,3 +168,6 @@ def _at(row: Row, column: int) -> Any:
 
 def _place(path: Path, sheet: str, data: int, row: int) -> str:
     return f"{path}: sheet '{sheet}' row {data + row + 1}"
+
+
+FORMAT = Format("a workbook", lambda path, head: head.startswith(ARCHIVE) and "xl/workbook.xml" in in_archive(path)[0], read_xlsx)
