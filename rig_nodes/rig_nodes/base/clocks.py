@@ -9,6 +9,5 @@ All that counts time in these units uses it; docs/background/graph.md states the
 SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
 SAMPLE = 1e-3  # s, the same
 TICK_SAMPLES = 5  # controller samples per graph tick
-ROW_NS = 100_000  # row of the 10 kHz logger
-ROW = 1e-4  # s, the same
+ROW = 1e-4  # s: rows of a logger of 10 kHz, as the laboratory's, by which shifts are measured where no bag is written
 COMMAND_TIMEOUT = 0.1  # s: a command older than this, simulated or, in real time, of wall clock, counts as silence

@@ -141,4 +141,5 @@ def _summary(config: RigConfig) -> Iterator[str]:
         yield f"inertia: {box.inertias.driving:.4g} kg m2 at the input, {box.inertias.on_output:.4g} kg m2 at the output"
     steps = ", ".join(config.settings.steps)
     yield f"setpoints of sequences: {steps}"
-    yield f"signals: {n}, of which {len(config.catalogue.logger_channels())} are logged at 10 kHz"
+    logged, rate = len(config.catalogue.logger_channels()), config.instruments.logger_rate
+    yield f"signals: {n}, of which {logged} are logged at {rate * 1e-3:g} kHz"

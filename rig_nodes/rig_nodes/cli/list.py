@@ -199,11 +199,12 @@ def _number(value: float) -> str:
 
 
 def _signals(rig: str | None) -> list[dict[str, str]]:
-    known = _known(rig).catalogue
-    return _signal_rows(known.signals.values(), known.all_topics)
+    known = _known(rig)
+    return _signal_rows(known, known.catalogue.all_topics)
 
 
-def _signal_rows(signals: Iterable[Signal], topics: Mapping[str, Topic]) -> list[dict[str, str]]:
+def _signal_rows(known: RigConfig, topics: Mapping[str, Topic]) -> list[dict[str, str]]:
+    in_block = f", {known.instruments.logger_rate * 1e-3:g} kHz in the block"
     return [
         {
             "signal": s.name,
@@ -213,11 +214,11 @@ def _signal_rows(signals: Iterable[Signal], topics: Mapping[str, Topic]) -> list
             "device": topics[s.topic].node,
             "topic": s.topic,
             "field": s.field,
-            "rate": f"{topics[s.topic].rate:g} Hz" + (", 10 kHz in the block" if s.logger is not None else ""),
+            "rate": f"{topics[s.topic].rate:g} Hz" + (in_block if s.logger is not None else ""),
             "sign": s.sign,
             "meaning": s.text,
         }
-        for s in signals
+        for s in known.catalogue.signals.values()
     ]
 
 
@@ -249,15 +250,15 @@ def markdown() -> str:
     """Return the content of docs/reference/signals.md: every topic and every signal of the installed rigs."""
     from ..base.clocks import COMMAND_TIMEOUT
 
-    kept: dict[str, tuple] = {}  # rig -> its catalogue and the other rigs with the same catalogue
+    kept: dict[str, tuple] = {}  # rig -> its configuration and the other rigs with the same catalogue
     for name in (DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)):
-        known = _known(name).catalogue
-        same = next((other for other, (have, _) in kept.items() if have == known), None)
+        known = _known(name)
+        same = next((other for other, (have, _) in kept.items() if have.catalogue == known.catalogue), None)
         if same is None:
             kept[name] = known, []
         else:
             kept[same][1].append(name)
-    parts = [line for name, (known, others) in kept.items() for line in _page_of(name, known, others)]
+    parts = [line for known, others in kept.values() for line in _page_of(known, others)]
     return "\n".join(
         [
             "# Signals and topics",
@@ -291,7 +292,7 @@ def markdown() -> str:
 PAGES = {"signals": markdown, "parts": parameters}
 
 
-def _page_of(rig: str, known: Catalogue, others: list[str]) -> list[str]:
+def _page_of(config: RigConfig, others: list[str]) -> list[str]:
     """Return the lines on one rig, which also hold for the rigs with the same topics and signals."""
 
     def table(rows: list[dict[str, str]]) -> list[str]:
@@ -299,16 +300,9 @@ def _page_of(rig: str, known: Catalogue, others: list[str]) -> list[str]:
         lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
         return [*lines, *("| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows), ""]
 
+    known = config.catalogue
     also = f"; so have {', '.join(f'`{name}`' for name in others)}" if others else ""
-    out = [
-        f"## Rig `{rig}`",
-        "",
-        f"{_described(find_config('rigs', rig))}{also}.",
-        "",
-        "Topics:",
-        "",
-        *table(_rows_of(known.topics)),
-    ]
+    out = [f"## Rig `{config.name}`", "", f"{config.description}{also}.", "", "Topics:", "", *table(_rows_of(known.topics))]
     for text, topics in (
         (
             "Only in a run with `source: topic` for the device ([cuts.md](../how_to/cuts.md)), once a tick of the cut:",
@@ -320,12 +314,4 @@ def _page_of(rig: str, known: Catalogue, others: list[str]) -> list[str]:
         ),
     ):
         out += [text, "", *table(_rows_of(topics))] if topics else []
-    return [
-        *out,
-        "Setpoints:",
-        "",
-        *table(_setpoint_rows(known)),
-        "Signals:",
-        "",
-        *table(_signal_rows(known.signals.values(), known.topics)),
-    ]
+    return [*out, "Setpoints:", "", *table(_setpoint_rows(known)), "Signals:", "", *table(_signal_rows(config, known.topics))]

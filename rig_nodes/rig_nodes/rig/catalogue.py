@@ -157,7 +157,7 @@ class Catalogue:
         return {**self.topics, **cut, **(self.controller_topics if own_signals else {})}
 
     def logger_channels(self) -> list[Signal]:
-        """Return the columns of the 10 kHz logger, in order."""
+        """Return the columns of the logger, in order."""
         columns = [s for s in self.signals.values() if s.logger is not None]
         return sorted(columns, key=lambda s: s.logger)
 

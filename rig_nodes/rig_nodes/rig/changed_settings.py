@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..base.names import installed
+from ..base.names import RIGS, installed
 from .configuration import load_rig
-from .settings import Settings
+from .sections import LOGGER_RATE
+from .settings import INSTRUMENTS, Settings
 
 NOT_SETTINGS = ("name", "structure")
 
@@ -34,10 +35,10 @@ def changed_settings(record: Mapping) -> tuple[list[tuple[str, str, str]], str]:
         Why nothing could be compared, or that the parts of the rig differ too; empty otherwise.
     """
     name = str(record.get("name", ""))
-    if name not in installed("rigs"):
-        return [], f"The rig '{name}' is none of those that come with the project, so its settings are compared with nothing."
+    if name not in installed("rigs") and name not in RIGS.added():
+        return [], f"The rig '{name}' is not installed here, so its settings are compared with nothing."
     config = load_rig(name)
-    own, ran = (dict(_flat(one)) for one in (config.as_dict(), record))
+    own, ran = ({f"{INSTRUMENTS}.logger_rate": LOGGER_RATE} | dict(_flat(one)) for one in (config.as_dict(), record))
     rows = [
         (key, _written(config.settings, key, own.get(key)), _written(config.settings, key, ran.get(key)))
         for key in dict.fromkeys([*own, *ran])

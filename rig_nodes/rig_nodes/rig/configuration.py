@@ -31,7 +31,7 @@ from .driveline import build_driveline, held_ratio, inertias_of, inputs_of, over
 from .prescribed import Prescribed, read_prescribed
 from .read import DEVICE_KEYS, KEYS, MESH_KEYS, read_structure
 from .read_elements import GROUPS
-from .sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
+from .sections import LOGGER_RATE, CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
 from .settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
 from .signals import unnamed
 from .structure import Device, Structure
@@ -176,8 +176,13 @@ class RigConfig:
         return self.replaced(**replaced)
 
     def as_dict(self) -> dict:
-        """Return plain SI values and the structure, for the record of a run; ``cut`` is there only when a device is cut out."""
+        """Return plain SI values and the structure, for the record of a run.
+
+        ``cut`` is there only when a device is cut out, and the logger's rate only when it is not that of the laboratory's.
+        """
         out = {name: asdict(value) for name, value in (("kernel", self.kernel), *self.sections.items())}
+        if out["instruments"]["logger_rate"] == LOGGER_RATE:
+            del out["instruments"]["logger_rate"]
         if self.cut_out:
             out["cut"] = {**asdict(self.cut), "devices": list(self.cut_out)}
         if self.prescribed:

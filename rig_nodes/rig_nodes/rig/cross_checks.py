@@ -11,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ..base.clocks import SAMPLE
 from ..base.errors import RigError
 from ..plant.parts import part as parts
 from .alfa46 import OUTPUT_KEYS, POINTS, check_point
 from .driveline import inertias_of
+from .sections import LOGGER_RATE
 from .transmission import tied_to
 
 if TYPE_CHECKING:
@@ -26,8 +28,8 @@ Where = Callable[[tuple[str, ...]], str]  # returns the beginning of an error ab
 def cross_check(config: RigConfig, where: Where) -> None:
     """Refuse values that cannot be true together.
 
-    These are plates that slide harder than they stick, a part that is heavier than the whole that contains it, and a profile
-    above the limit of the current.
+    These are plates that slide harder than they stick, a part that is heavier than the whole that contains it, a logger whose rows
+    do not fall on the plant's steps, and a profile above the limit of the current.
 
     Parameters
     ----------
@@ -41,6 +43,7 @@ def cross_check(config: RigConfig, where: Where) -> None:
     RigError
         When values contradict each other.
     """
+    _check_logger(config.instruments.logger_rate, config.kernel.step, where)
     for device in config.structure.of_role(parts.VALUES):
         plates = getattr(config, device.name)
         _not_above(
@@ -75,6 +78,20 @@ def cross_check(config: RigConfig, where: Where) -> None:
         names = [f"alfa46.{output}.{point}" for point in POINTS]
         for k, name in enumerate(names):
             check_point(points, k, f"{where((name, 'alfa46.current_limit', *names))}{name}", limit)
+
+
+def _check_logger(rate: float, step: float, where: Where) -> None:
+    """Refuse a logger that has no whole number of rows in a sample of the controller, or of steps from row to row.
+
+    With the usual rate any step is taken, because a run can be recorded in memory with rows at the steps.
+    """
+    steps = round(SAMPLE / step)
+    fitting = [number for number in range(1, steps + 1) if steps % number == 0]
+    if rate != LOGGER_RATE and rate * SAMPLE not in fitting:
+        raise RigError(
+            f"{where(('instruments.logger_rate', 'kernel.step'))}instruments.logger_rate of {rate * 1e-3:g} kHz does not fit the "
+            f"plant's step of {step * 1e6:g} us; expected {', '.join(map(str, fitting))} kHz"
+        )
 
 
 def _owner(config: RigConfig, body: str) -> str:

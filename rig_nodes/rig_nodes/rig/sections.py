@@ -190,7 +190,11 @@ class EffectsConfig:
     pwm_frequency: float = param("frequency", 0.0, 1e5, "Frequency of the resolved PWM of the coils; at 0 its average acts", 0.0)
 
 
+LOGGER_RATE = 1e4  # Hz: of the laboratory's logger, the HMG 4000
 OF_THE_LOGGER = {
+    "logger_rate": lambda: param(
+        "frequency", 1.0 / SAMPLE, 1e6, "Rows that the logger records per second, of all channels at once", LOGGER_RATE
+    ),
     "hum_frequency": lambda: param("frequency", 1.0, 1e3, "Frequency of the mains"),
     "anti_alias": lambda: param(
         "frequency", 0.0, 1e5, "Corner frequency of the analog channels' low pass; at 0 there is none", 0.0

@@ -15,11 +15,11 @@ import numpy as np
 
 from ..bags.cdr import encoder
 from ..bags.writer import BagWriter, Column
-from ..base.clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
+from ..base.clocks import SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Plug
 from ..rig.signals import CONTROLLER_COMMAND, absolute_pressures
 from .moments import Moments
-from .outputs import BLOCK, MEASUREMENT, ROWS_PER_TICK, Outputs
+from .outputs import BLOCK, MEASUREMENT, Outputs
 from .rig import Rig
 from .topics import SCALAR_SAMPLES, state_fields
 
@@ -188,11 +188,13 @@ class BagOutputs(Outputs):
             out += self._of_states(rank, ticks)
             rank += len(self.states.topics) + 1
             if len(full := ticks[ticks > 0]):
-                first, rows = self.rig.take_rows(ROWS_PER_TICK * len(full))
-                rows = rows.reshape(len(full), ROWS_PER_TICK, -1)
-                starts = first + ROWS_PER_TICK * np.arange(len(full))
-                fields = (starts, ROW, *rows.shape[1:], rows.reshape(len(full), -1))
-                out.append(self._column(BLOCK, rank, full, *fields, stamps=starts * ROW_NS))
+                per_sample = self.rig.rows_per_sample
+                per_tick = per_sample * TICK_SAMPLES
+                first, rows = self.rig.take_rows(per_tick * len(full))
+                rows = rows.reshape(len(full), per_tick, -1)
+                starts = first + per_tick * np.arange(len(full))
+                fields = (starts, self.rig.row_period, *rows.shape[1:], rows.reshape(len(full), -1))
+                out.append(self._column(BLOCK, rank, full, *fields, stamps=starts // per_sample * SAMPLE_NS))
                 angles[ticks > 0] = self.states.turn(rows)
             rank += 1
         scalars = ticks % SCALAR_SAMPLES == 0

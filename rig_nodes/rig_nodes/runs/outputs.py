@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..bags.cdr import encoder
-from ..base.clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
+from ..base.clocks import SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers import own_signals
 from ..controllers.plug import Plug
 from ..rig.signals import CONTROLLER_COMMAND
@@ -25,7 +25,6 @@ from .rig import Rig
 from .topics import SCALAR_SAMPLES, Readings, States
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
-ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"
 
 
@@ -112,9 +111,10 @@ class Outputs:
             for topic, fields in self.states.topics.items():
                 yield self._message(topic, now, *fields())
             if sample > 0:
-                first, rows = rig.take_rows(ROWS_PER_TICK)
+                first, rows = rig.take_rows(rig.rows_per_sample * TICK_SAMPLES)
                 self.states.turn(rows[None])
-                yield self._message(BLOCK, first * ROW_NS, first, ROW, *rows.shape, rows.ravel())
+                stamp = first // rig.rows_per_sample * SAMPLE_NS
+                yield self._message(BLOCK, stamp, first, rig.row_period, *rows.shape, rows.ravel())
         if sample % SCALAR_SAMPLES == 0:
             row = rig.row()
             yield from self._measured(now, row)
@@ -130,7 +130,7 @@ class Outputs:
         yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
         names = rig.logger_names
         units = [rig.config.catalogue.signal(name).unit for name in names]
-        yield self._message("/instruments/channels", now, names, units, ROW)
+        yield self._message("/instruments/channels", now, names, units, rig.row_period)
         for topic, fields in self.states.once():
             yield self._message(topic, now, *fields)
         if self._own:

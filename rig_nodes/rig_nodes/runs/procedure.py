@@ -16,7 +16,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..base.clocks import ROW
 from ..base.config import load_yaml
 from ..base.errors import RigError, brief
 from ..base.names import beside, find_of_rigs, rig_of, rig_with, unknown
@@ -61,8 +60,8 @@ class Series:
         Settings of the rig.
     repeats : int
         Number of runs.
-    period : float
-        Time from row to row [s].
+    period : float or None
+        Time from row to row [s]; None for that of the rig's logger.
     first_seed : int
         Seed of the first repeat; those of the others follow, and no two runs of a procedure have the same seed.
     """
@@ -76,7 +75,7 @@ class Series:
     parameters: dict[str, str]
     overrides: dict[str, str]
     repeats: int
-    period: float
+    period: float | None
     first_seed: int
 
 
@@ -139,7 +138,7 @@ def load_procedure(name: str | Path, default: str | None = None) -> Procedure:
         raise RigError(
             f"{where_of(path, node, 'repeats')}: repeats is {brief(repeats)}, expected a whole number from 1 to {MOST_REPEATS}"
         )
-    period = ROW
+    period = None
     if "period" in node:
         period = quantity(node["period"], "time", f"{where_of(path, node, 'period')}: period")
     blocks = node["series"]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..analysis.state_at_order import Moment
 from ..bags.logged import Logged, Recording
-from ..base.clocks import ROW, SAMPLE, TICK_SAMPLES
+from ..base.clocks import SAMPLE, TICK_SAMPLES
 from ..base.errors import RigError
 from ..controllers.plug import Plug
 from ..plant.parts import part as parts
@@ -271,7 +271,7 @@ def record(
     seed : int
         Seed of the run.
     rows_per_second : int, optional
-        Rows in a second; 10000 by default, as of the logger HMG 4000.
+        Rows in a second; by default as many as the rig's logger records.
     period : float, optional
         Time from row to row [s] in place of ``rows_per_second``, e.g. 8e-6 with a ``kernel.step`` of 8 us for every row of the
         kernel, as of the NI-USB 6210.
@@ -294,7 +294,7 @@ def record(
         When the rows and the plant's steps do not fit.
     """
     if period is None:
-        period = ROW if rows_per_second is None else 1.0 / rows_per_second
+        period = 1.0 / (rows_per_second or config.instruments.logger_rate)
     try:
         return _record(config, sequence, seed, period, plant_states, controller, delay)
     finally:

@@ -22,7 +22,7 @@ from ..bags.canonical import canonical_hash
 from ..bags.cdr import encoder
 from ..bags.opened import OpenedBags
 from ..bags.writer import BagWriter
-from ..base.clocks import ROW_NS, SAMPLE_NS
+from ..base.clocks import SAMPLE, SAMPLE_NS
 from ..base.errors import RigError
 from ..base.schema import SWITCH
 from ..base.uninterrupted import Uninterrupted
@@ -429,7 +429,7 @@ def _others(bag: Gathered, wants: Sequence[str]) -> Callable[[int], Sequence[flo
 
     def at(sample: int) -> list[float]:
         nonlocal newest
-        row = sample * (SAMPLE_NS // ROW_NS)
+        row = sample * round(SAMPLE / newest.period)
         while row >= newest.first + newest.rows and (more := next(stretches, None)) is not None:
             newest = more
         return [float(newest.channels[name][min(row - newest.first, newest.rows - 1)]) for name in wants]

@@ -121,7 +121,7 @@ class Rig(RigBase, ShownState):
         self.embedded = controller == "embedded" and self.shifts
         if self.embedded and (why := beyond_alfa46(config.transmission)):
             raise RigError(why)
-        self.count_steps(config.kernel.step, config.catalogue)
+        self.count_steps(config.kernel.step, config.instruments.logger_rate, config.catalogue)
         self._build()
         self._wired = [self.channels.index(name) for name in record_of(config).names] if self.shifts else []
         self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY

@@ -13,7 +13,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ..base.clocks import ROW, SAMPLE, SAMPLE_NS, TICK_SAMPLES
+from ..base.clocks import SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..base.errors import RigError
 from ..driveline.algebra import KIN1
 from ..plant import alfa46_law as law
@@ -26,8 +26,7 @@ from ..plant.parts.proportional_valve import BY_DUTY
 from ..rig.catalogue import Catalogue
 from .gauges import Gauges
 
-LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
-LOG_SAMPLES = 2_000  # rings of the embedded controller's commands and of the state at each tick, as long
+LOG_SAMPLES = 2_000  # rings of rows, of the embedded controller's commands and of the state at each tick: 2 s
 SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
 
 
@@ -55,6 +54,10 @@ class RigBase(ABC):
         Names of the columns of a row, those of the logger first.
     sample : int
         Number of controller samples since time 0.
+    row_period : float
+        Time from row to row of the logger [s].
+    rows_per_sample : int
+        Number of the logger's rows in a controller sample.
     reason : str
         Reason of a trip.
     world : World
@@ -66,13 +69,15 @@ class RigBase(ABC):
     channels: tuple[str, ...]
     drive = "motor"
 
-    def count_steps(self, step: float, catalogue: Catalogue) -> None:
-        """Compute how many of the plant's steps make a controller sample and a logger row.
+    def count_steps(self, step: float, rate: float, catalogue: Catalogue) -> None:
+        """Compute how many of the plant's steps and of the logger's rows make a controller sample.
 
         Parameters
         ----------
         step : float
             Time by which the plant moves at once [s].
+        rate : float
+            Rows per second of the logger [1/s], checked by rig.cross_checks.
         catalogue : Catalogue
             The rig's catalogue; the columns of its logger are the first of ``channels``.
 
@@ -89,7 +94,7 @@ class RigBase(ABC):
                 "sample of 1000 us; choose e.g. 100 us or 50 us"
             )
         self._steps_per_sample = round(steps)
-        self._logger_stride = round(ROW / step)
+        self.row_period, self.rows_per_sample = 1.0 / rate, round(rate * SAMPLE)
         self._drained = 0  # logger rows handed out
         self.reason, self.stopped_by_person = "", False
         self.logger_names = [s.name for s in catalogue.logger_channels()]
@@ -121,7 +126,7 @@ class RigBase(ABC):
         self._commands = np.zeros((LOG_SAMPLES, 2 + 2 * plan.outputs))
         self._moments = np.zeros((LOG_SAMPLES // TICK_SAMPLES, len(self.world.moved)), np.int64)
         self._capacities = np.zeros((len(self._moments), len(plan.system.elements)))
-        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
+        self._log = np.zeros((LOG_SAMPLES * self._steps_per_sample, len(self.channels)), order="F")
         count = len(self.channels) - plan.untouched
         self._shown = np.zeros(1, transducers.shown_dtype(count, plan.untouched, len(plan.encoders)))
         self._shown["present"], self._shown["source"] = gauges.present, self.world.source[:count]
@@ -318,7 +323,7 @@ class RigBase(ABC):
             raise RigError(f"'{name}' is not a transducer; known are {', '.join(self.channels)}") from None
 
     def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
-        """Take the next rows of the 10 kHz logger, each of them once.
+        """Take the next rows of the logger, each of them once.
 
         Parameters
         ----------
@@ -338,7 +343,7 @@ class RigBase(ABC):
             When the ring does not hold these rows.
         """
         first = self._drained
-        values = self.rows_in_ring(ROW, first, rows)[:, : len(self.logger_names)].copy()
+        values = self.rows_in_ring(self.row_period, first, rows)[:, : len(self.logger_names)].copy()
         self._drained += rows
         return first, values
 

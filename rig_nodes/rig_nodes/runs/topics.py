@@ -14,7 +14,7 @@ import numpy as np
 
 from ..bags.cdr import Form
 from ..bags.definitions import installed
-from ..base.clocks import ROW, SAMPLE, TICK_SAMPLES
+from ..base.clocks import SAMPLE, TICK_SAMPLES
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..plant.parts import part as parts
@@ -166,7 +166,7 @@ class States:
         Parameters
         ----------
         rows : (ticks, rows, channels) array of float
-            The logger's rows of each tick, one every 0.1 ms [SI].
+            The logger's rows of each tick [SI].
 
         Returns
         -------
@@ -178,7 +178,7 @@ class States:
         speeds = np.zeros((count, len(self._speeds), ticks + 1))
         for k, column in enumerate(self._speeds):
             speeds[:, k, :ticks] = rows[:, :, column].T
-        turned = (ROW * speeds.sum(axis=0)[:, :ticks]).T
+        turned = (self.rig.row_period * speeds.sum(axis=0)[:, :ticks]).T
         turned[0] += self.angles
         turned = turned.cumsum(axis=0)
         self.angles = turned[-1].tolist()
