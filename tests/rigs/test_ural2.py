@@ -17,6 +17,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.driveline.modes import modes
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rigs.ural2 import spectra
 from rig_nodes.runs.calculations import Recorded, calculations_of, module_of
 from rig_nodes.runs.record import record
 from rig_nodes.runs.rig import Rig
@@ -94,12 +95,12 @@ def test_the_flywheel_has_the_largest_amplitude_and_shaft_2_the_largest_twist_as
 def test_the_calculation_identifies_what_the_rig_has():
     calculations = module_of(RIGS_DIR / "ural2" / "calculations.py")  # the one that the rows above have run
     rig = calculations._values(load_rig("ural2"))
-    assert rig == pytest.approx(calculations.identified(), rel=1e-3)
+    assert rig == pytest.approx(spectra.identified(), rel=1e-3)
     # its slopes against differences
     x = np.log(rig)
-    slopes = calculations.spectra_of(x)[1]
+    slopes = spectra.spectra_of(x)[1]
     for k, one in enumerate(1e-6 * np.eye(10)):
-        difference = (calculations.spectra_of(x + one)[0] - calculations.spectra_of(x - one)[0]) / 2e-6
+        difference = (spectra.spectra_of(x + one)[0] - spectra.spectra_of(x - one)[0]) / 2e-6
         assert slopes[:, k] == pytest.approx(difference, rel=1e-4, abs=1e-2)
 
 

@@ -10,7 +10,7 @@ and the clutch slips in a cycle in which the torque for this motion, (13), is ab
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -20,19 +20,26 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.plant.parts.centrifugal_clutch import clutch_torque
 from rig_nodes.plant.parts.combustion_engine import full_torque
 from rig_nodes.plant.parts.saw_chain import chain_inertia, chain_mass
+from rig_nodes.rigs.chain_saw.cycles import (
+    DELTA,
+    MEAN,
+    SCATTER,
+    SPEED,
+    Case,
+    cycles_of,
+    each,
+    engagement_speed,
+    irregularity,
+    slipping,
+)
 from rig_nodes.runs.calculations import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from rig_nodes.plant.parts.centrifugal_clutch import CentrifugalConfig
     from rig_nodes.rig.configuration import RigConfig
     from rig_nodes.runs.calculations import Recorded
 
 INCH, RPM = 0.0254, np.pi / 30.0
-SPEED = 950.0  # rad/s, p. 5
-DELTA, SCATTER = 0.032, 0.013  # p. 4: mean and standard deviation of the irregularity
-MEAN, SPREAD = 3.20, 0.51  # Nm, p. 5: M_o and s_p
 WORN = 0.04107  # kg, p. 3: a shoe at the end of its life
 HEAVY = 0.063  # kg, p. 7: the shoe that prevents slip by the paper
 LIMIT = DELTA + 3.0 * SCATTER
@@ -45,7 +52,6 @@ SHELF, SHELF_LEFT = 3.5, (0.8, 1.0)  # mm, p. 3: shelf of a new shoe, and the re
 HIGHEST, CUTTING, FIG_4 = 15000.0, (8000.0, 10000.0), 8470.0  # rpm, p. 1, p. 5 and fig. 4
 BARS = (13.0, 20.0)  # in, p. 7: shortest and longest bar of this saw
 PITCH = 3.0 / 8.0  # in, p. 5: of the chain
-TURN = np.linspace(0.0, 2.0 * np.pi, 721)
 
 
 def _shoes(config: RigConfig) -> dict[str, CentrifugalConfig]:
@@ -57,10 +63,6 @@ def _shoes(config: RigConfig) -> dict[str, CentrifugalConfig]:
 def _inertia(config: RigConfig, inches: float) -> float:
     """Return J_b + m_p r_k^2 for a bar of some inches (11) [kg m2]."""
     return config.drum.inertia + chain_inertia(replace(config.chain, bar=inches * INCH))
-
-
-def _engagement(clutch: CentrifugalConfig) -> float:
-    return clutch.engagement_speed * float(np.sqrt(clutch.engagement_mass / clutch.shoe_mass))
 
 
 def clutch(config: RigConfig) -> Table:
@@ -76,7 +78,7 @@ def clutch(config: RigConfig) -> Table:
                 name,
                 one.shoe_mass,
                 one.shoe_mass / own.engagement_mass - 1.0,
-                _engagement(one),
+                engagement_speed(one),
                 torque,
                 stays,
                 at_peak / config.engine.torque_peak,
@@ -270,77 +272,12 @@ def size(config: RigConfig) -> Table:
     )
 
 
-class _Case(NamedTuple):
-    """A clutch with a bar in the static view: M_s [Nm], J_b + m_p r_k^2 [kg m2], and the paper's delta with its deviation."""
-
-    capacity: float
-    inertia: float
-
-    @property
-    def per_delta(self) -> float:
-        """Largest inertia torque for a delta of 1 [Nm]."""
-        return self.inertia * SPEED**2
-
-    def share(self, mean: float = DELTA, scatter: float = SCATTER) -> float:
-        """Return the share of cycles whose largest torque, that of inertia at the upper dead centre, is above M_s."""
-        return float(norm.sf((self.capacity / self.per_delta - mean) / scatter))
-
-    def over(self, of: Callable[[float], float]) -> float:
-        """Return the mean of a value over all cycles, by the normal law of delta."""
-        return _mean(np.array([of(one) for one in _deltas()]))
-
-    def excess(self, delta: float) -> float:
-        """Return the excess of a cycle's largest torque over M_s [Nm]."""
-        return max(0.0, self.per_delta * delta - self.capacity)
-
-    def excess_over_turn(self, delta: float) -> float:
-        """Return the mean over a turn of the excess of the torque (13) over M_s [Nm]."""
-        asked = self.per_delta * delta * np.cos(TURN) + MEAN * (1.0 - np.cos(TURN))
-        return float(np.trapezoid(np.maximum(0.0, np.abs(asked) - self.capacity), TURN) / (2.0 * np.pi))
-
-    def slip_time(self, delta: float) -> float:
-        """Return the share of a turn in which the torque of (13) is above M_s."""
-        if self.excess(delta) == 0.0:
-            return 0.0
-        return float(np.arccos((self.capacity - MEAN) / (self.per_delta * delta - MEAN)) / np.pi)
-
-    def slip_work(self) -> float:
-        """Return the mean work of slip in a turn [J] for a drum that the clutch drives from an engine with a prescribed speed.
-
-        Turns of all deltas are integrated together, from a third of a turn before the upper dead centre, where none slips.
-        """
-        delta = _deltas()
-        step = (TURN[1] - TURN[0]) / SPEED
-        drum, work = SPEED * (1.0 + delta * np.sin(TURN[480])), np.zeros(len(delta))
-        for angle in np.concatenate([TURN[480:-1] - 2.0 * np.pi, TURN]):
-            crank, ahead = (SPEED * (1.0 + delta * np.sin(one)) for one in (angle, angle + step * SPEED))
-            load = MEAN * (1.0 - np.cos(angle))
-            asked = self.per_delta * delta * np.cos(angle) + load
-            slip = crank - drum
-            locked = np.abs(slip) < 1e-9
-            way = np.where(locked, np.sign(asked), np.sign(slip))
-            after = drum + step * (way * self.capacity - load) / self.inertia
-            holds = locked & (np.abs(asked) <= self.capacity)
-            work += np.where(holds, 0.0, step * self.capacity * np.maximum(0.0, 0.5 * way * (slip + ahead - after)))
-            drum = np.where(holds | (way * (ahead - after) <= 0.0), ahead, after)
-        return _mean(work)
-
-
-def _deltas() -> np.ndarray:
-    return np.linspace(max(0.0, DELTA - 5.0 * SCATTER), DELTA + 6.0 * SCATTER, 401)
-
-
-def _mean(values: np.ndarray) -> float:
-    """Return the mean over all cycles of values at the irregularities of _deltas, by the normal law of delta."""
-    return float(np.trapezoid(values * norm.pdf(_deltas(), DELTA, SCATTER), _deltas()))
-
-
 def slips(config: RigConfig) -> Table:
     """Share of cycles that slip, and the loss by each plausible definition beside the printed one, by bar and shoes."""
     rows = []
     for name, one in _shoes(config).items():
         for bar in (13, 15, 18, 20):
-            case = _Case(clutch_torque(one, SPEED), _inertia(config, bar))
+            case = Case(clutch_torque(one, SPEED), _inertia(config, bar))
             rows.append(
                 (
                     name,
@@ -395,7 +332,7 @@ def shares_by_rounding(config: RigConfig) -> Table:
         shares = np.array([norm.sf((capacity / (one * SPEED**2) - d) / s)[fits] for one in inertias])
         low, high = float(shares.min()), float(shares.max())
         reached = low <= printed + half and high >= printed - half
-        rows.append((name, bar * INCH, printed, _Case(capacity, inertias[len(inertias) // 2]).share(), low, high, float(reached)))
+        rows.append((name, bar * INCH, printed, Case(capacity, inertias[len(inertias) // 2]).share(), low, high, float(reached)))
     return Table(
         "share of cycles that slip, for every delta and deviation that print as 0.032 and 0.013 and give the printed 13.31 Nm",
         {"shoes": "", "bar": "in", "printed": "%", "computed": "%", "least": "%", "most": "%", "reached": "-"},
@@ -462,74 +399,17 @@ def compared(config: RigConfig) -> Table:
 # ---- the same quantities from a recording
 
 
-class _Cycles(NamedTuple):
-    """Turns of the crank in a recording, from upper dead centre to upper dead centre.
-
-    Parameters
-    ----------
-    begin, end : (n,) arrays of int
-        First row of each turn, and first row of the next one.
-    angle : (rows,) array
-        Angle of the crank since the start [rad].
-    """
-
-    begin: np.ndarray
-    end: np.ndarray
-    angle: np.ndarray
-
-
-def _cycles(config: RigConfig, recording: Recorded) -> _Cycles:
-    """Return the whole turns in wood with the clutch's shoes firmly on the drum, or in the whole run when no wood is cut."""
-    w, t = np.nan_to_num(recording["n_engine"]), recording.t
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
-    turns = np.floor(angle / (2.0 * np.pi)).astype(int)
-    starts = np.flatnonzero(np.diff(turns) > 0) + 1
-    begin, end = starts[:-1], starts[1:]
-    feed = np.nan_to_num(recording["F_feed"])
-    engaged = 1.3 * _engagement(config.clutch)
-    wanted = np.minimum.reduceat(w, begin) > engaged if len(begin) else np.zeros(0, bool)
-    cutting = np.array([feed[b:e].min() for b, e in zip(begin, end)]) > 0.9 * config.chain.stated_feed
-    # a cut begins with the feed; its first quarter of a second is a transient and is left out
-    settled = np.array([feed[max(0, b - 2500) : b + 1].min() for b in begin]) > 0.9 * config.chain.stated_feed
-    wanted = wanted & cutting & settled if (wanted & cutting & settled).any() else wanted
-    if not wanted.any():
-        raise RigError(f"no turn of the crank stays above {engaged:.0f} rad/s in this recording; take one of the sequence cut")
-    return _Cycles(begin[wanted], end[wanted], angle)
-
-
-def _each(values: np.ndarray, cycles: _Cycles, of: Callable[[np.ndarray], float]) -> np.ndarray:
-    return np.array([of(values[b:e]) for b, e in zip(cycles.begin, cycles.end)])
-
-
-def _irregularity(w: np.ndarray, cycles: _Cycles) -> np.ndarray:
-    """Return delta of each turn by (8) and (9)."""
-    high, low = _each(w, cycles, np.max), _each(w, cycles, np.min)
-    return (high - low) / (high + low)
-
-
-def _slipping(config: RigConfig, recording: Recorded, cycles: _Cycles) -> tuple[np.ndarray, np.ndarray]:
-    """Return the turns in which a slip begins, and the turns with slip, as arrays of bool (turns,).
-
-    Slip is a difference of the speeds of engine and drum by more than six times the noise of their meters and 1 rad/s. A slip
-    around the upper dead centre lies in two turns but begins in one.
-    """
-    noise = config.instruments.speed_noise if config.effects.transducers else 0.0
-    slip = np.abs(recording["n_engine"] - recording["n_drum"]) > 1.0 + 6.0 * np.sqrt(2.0) * noise
-    onset = slip & ~np.concatenate([[True], slip[:-1]])
-    return _each(onset, cycles, np.any), _each(slip, cycles, np.any)
-
-
 def cut(config: RigConfig, recording: Recorded) -> Table:
     """Irregularity, load, turns that slip and loss by torque times slip in a recorded cut."""
-    cycles = _cycles(config, recording)
+    cycles = cycles_of(config, recording)
     w, drum, torque, chain = (recording[name] for name in ("n_engine", "n_drum", "M_clutch", "M_chain"))
-    delta, (slipped, touched) = _irregularity(w, cycles), _slipping(config, recording, cycles)
+    delta, (slipped, touched) = irregularity(w, cycles), slipping(config, recording, cycles)
     rows = np.concatenate([np.arange(b, e) for b, e in zip(cycles.begin, cycles.end)])
     # without this limit the noise of the meters would count as slip
     slip = np.where(np.abs(w - drum)[rows] > 1.0 + (4.0 * config.instruments.speed_noise), (w - drum)[rows], 0.0)
-    means = _each(chain, cycles, np.mean)
+    means = each(chain, cycles, np.mean)
     mean = float(w[rows].mean())
-    case = _Case(clutch_torque(config.clutch, mean), config.drum.inertia + chain_inertia(config.chain))
+    case = Case(clutch_torque(config.clutch, mean), config.drum.inertia + chain_inertia(config.chain))
     measured = norm.sf((case.capacity / (case.inertia * mean**2) - delta.mean()) / delta.std())
     return Table(
         "turns of the crank in the cut; slipping: a slip begins in them; touched: they have slip; "
@@ -569,10 +449,10 @@ def cut(config: RigConfig, recording: Recorded) -> Table:
 
 def static_and_dynamic(config: RigConfig, recording: Recorded) -> Table:
     """The result of (13) for each turn, with the turn's own irregularity, beside the recorded turn."""
-    cycles = _cycles(config, recording)
+    cycles = cycles_of(config, recording)
     w, torque = recording["n_engine"], recording["M_clutch"]
-    delta, (slipped, _) = _irregularity(w, cycles), _slipping(config, recording, cycles)
-    mean, largest = _each(w, cycles, np.mean), _each(torque, cycles, np.max)
+    delta, (slipped, _) = irregularity(w, cycles), slipping(config, recording, cycles)
+    mean, largest = each(w, cycles, np.mean), each(torque, cycles, np.max)
     inertia = config.drum.inertia + chain_inertia(config.chain)
     asked = inertia * delta * mean**2
     carried = np.array([clutch_torque(config.clutch, one) for one in mean])
@@ -612,10 +492,10 @@ def static_and_dynamic(config: RigConfig, recording: Recorded) -> Table:
 
 def harmonics(config: RigConfig, recording: Recorded) -> Table:
     """First harmonic over the crank's angle in turns without and with slip, beside the paper's assumption."""
-    cycles = _cycles(config, recording)
-    _, slipped = _slipping(config, recording, cycles)
+    cycles = cycles_of(config, recording)
+    _, slipped = slipping(config, recording, cycles)
     w = recording["n_engine"]
-    delta, mean = _irregularity(w, cycles), _each(w, cycles, np.mean)
+    delta, mean = irregularity(w, cycles), each(w, cycles, np.mean)
     inertia = config.drum.inertia + chain_inertia(config.chain)
     rows = []
     for name, these in (("holding", ~slipped), ("slipping", slipped)):
@@ -666,11 +546,12 @@ def engagement(config: RigConfig, recording: Recorded) -> Table:
         raise RigError("the clutch never slips between 0.5 and 8 Nm in this recording; take one of the sequence throttle_up")
     factor, constant = np.polyfit(w[rows] ** 2, torque[rows], 1)
     own, speed = config.clutch, float(np.sqrt(-constant / factor))
-    stated = clutch_torque(own, 1000.0) / (1000.0**2 - _engagement(own) ** 2)
+    engaged = engagement_speed(own)
+    stated = clutch_torque(own, 1000.0) / (1000.0**2 - engaged**2)
     return Table(
         "straight line through torque over speed squared of the slipping clutch, and the values of (5)",
         {"rows": "-", "speed": "rad/s", "of_shoes": "rad/s", "torque_at_950": "Nm", "by_formula": "Nm", "factor_ratio": "-"},
-        [(float(rows.sum()), speed, _engagement(own), factor * SPEED**2 + constant, clutch_torque(own, SPEED), factor / stated)],
+        [(float(rows.sum()), speed, engaged, factor * SPEED**2 + constant, clutch_torque(own, SPEED), factor / stated)],
     )
 
 
