@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
@@ -21,6 +22,7 @@ from ..base.clocks import COMMAND_TIMEOUT
 from ..base.errors import RigError
 from .plug import RECEIVED, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+from .wire import Wire, held_in
 
 if TYPE_CHECKING:
     from ..rig.configuration import RigConfig
@@ -136,6 +138,24 @@ class FreeRunning(Plug):
     def received(self, outputs: ControllerOutputs) -> None:
         """Take in a valid command that has come."""
         self._newest = outputs
+
+    def received_raw(self, raw: Sequence[int], wires: list[Wire], state: Sequence[int], where: str) -> None:
+        """Take in a valid command that came as whole numbers.
+
+        Parameters
+        ----------
+        raw : sequence of int
+            The raw number of each of ``wires``.
+        wires : list of Wire
+            The wires of a command at this level.
+        state : sequence of int
+            Gear, 1 while it shifts, flags and status of the controller.
+        where : str
+            Where the controller reports its status, in words.
+        """
+        command = held_in([wire.decode(number) for wire, number in zip(wires, raw, strict=True)], self.info, wires)
+        gear, shifting, flags, status = state
+        self.received(ControllerOutputs(command, None, gear, shifting, flags, status, f"the controller reports it {where}"))
 
     def may_command(self, who: str) -> bool:
         """Return whether a command of this controller is taken now; only the master's is, until it leaves or falls silent."""

@@ -3,7 +3,7 @@
 
 """A controller in a process of its own, as its plug sees it: start, messages, prints, and how it ended.
 
-The plugs of C libraries, Python classes and FMUs use it. guard.py is the program that is started; it loads the plug's host.
+The plugs of C libraries, Python classes and FMUs are made of it. guard.py is the program that is started; it loads the plug's host.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from typing import IO, NamedTuple
 from ..base.errors import RigError, printable
 from ..base.link import Link, LinkClosed, pair
 from .guard import END_ALL, LINE_LOST
-from .seam import shortened
+from .plug import Plug
+from .seam import Status, shortened
 
 GUARD = Path(__file__).parent / "guard.py"
 CORE = ct.CDLL(None).sched_getcpu
@@ -241,6 +242,38 @@ class Host:
             self._guard.kill()
             self._guard.wait()
         self._printed.join(END_PATIENCE)
+
+
+class HostedPlug(Plug):
+    """A plug whose controller runs in a process of its own, ``_host``."""
+
+    _host: Host
+
+    def _tell(self, message: dict) -> None:
+        """Send the host a message before the first sample."""
+        with contextlib.suppress(LinkClosed):  # the next message that is expected of it does not come, and is reported
+            self._host.send(json.dumps(message).encode())
+
+    def _asked(self, sample: int, data: bytes, limit: float | None) -> bytes:
+        """Return the host's answer to a sample within a limit [s]; ControllerFailed when none comes or the process has ended."""
+        try:
+            answer = self._host.ask(data, limit)
+        except LinkClosed as gone:
+            self._fail(Status.FATAL, sample, str(gone))
+        if answer is None:
+            self._overdue(sample)
+        return answer
+
+    @property
+    def process_id(self) -> int:
+        """Number of the controller's process, for a debugger."""
+        return self._host.process
+
+    def _abandon(self) -> None:
+        self._host.kill()
+
+    def _end(self) -> None:
+        self.end_fault = self._host.end()
 
 
 def _show(pipe: IO[bytes], name: str) -> None:

@@ -12,7 +12,7 @@ import logging
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -190,6 +190,14 @@ class Plug(ABC):
     def process_id(self) -> int | None:
         """Number of a process that works for the plug; None when there is none."""
         return None
+
+    def _outputs_in(
+        self, numbers: Sequence[float], gear: int, shifting: bool, flags: int, status: Status, text: str
+    ) -> ControllerOutputs:
+        """Return an answer whose numbers are commands, setpoints and the controller's signals, one after the other."""
+        count = len(self.info.outputs)
+        own = dict(zip(self.signals, numbers[2 * count :]))
+        return ControllerOutputs(numbers[:count], numbers[count : 2 * count], gear, shifting, flags, status, text, own)
 
     def record(self) -> dict:
         """Return the report's entry on the controller, once the controller has ended."""

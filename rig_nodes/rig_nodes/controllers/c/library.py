@@ -9,9 +9,7 @@ fatal status here. What can be checked before the library is called is checked b
 
 from __future__ import annotations
 
-import contextlib
 import ctypes as ct
-import json
 import os
 import platform
 import shlex
@@ -23,10 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...base.errors import RigError, no_file
-from ...base.link import LinkClosed
-from ..hosted import Host, Hosting
+from ..hosted import Host, HostedPlug, Hosting
 from ..own_signals import checked_settings, checked_signals
-from ..plug import DECLARED, Plug, chosen_level
+from ..plug import DECLARED, chosen_level
 from ..record import ControllerRecord, record_of
 from ..seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 from .host import ABI, TEXT, Info, Inputs, Outputs, Parameter
@@ -161,7 +158,7 @@ def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
     return abi["levels"]
 
 
-class CLibrary(Plug):
+class CLibrary(HostedPlug):
     """A controller in a library, in a process of its own.
 
     A .c or .cpp file is compiled first, into a folder that is removed afterwards.
@@ -172,7 +169,6 @@ class CLibrary(Plug):
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         """Load the library; ``rest`` is FILE.so, FILE.c or FILE.cpp."""
         name, self._made_for = f"{self.prefix}:{rest}", record_of(config)
-        self._host: Host | None = None
         try:
             bits = self._load(rest, name)
             levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)
@@ -181,7 +177,7 @@ class CLibrary(Plug):
             super().__init__(name, config, chosen_level(level, levels, name))
             self._create()
         except BaseException:
-            if self._host is not None:
+            if hasattr(self, "_host"):
                 self._host.kill()
             raise
 
@@ -216,7 +212,6 @@ class CLibrary(Plug):
         self._sample = struct.Struct(f"=IIQd{outputs + transducers + len(self.wants) + len(self.settings)}d")
         # sample, status, size, flags, gear, shifting, two pointers, message; commands, setpoints, the controller's signals
         self._reply = struct.Struct(f"=Qq4I16x{TEXT}s{2 * outputs + len(self.signals)}d")
-        self._outputs = outputs
         return bits
 
     def _create(self) -> None:
@@ -230,8 +225,7 @@ class CLibrary(Plug):
             "transducers": list(self.info.transducers.items()),
             "gears": list(self.info.gears.items()),
         }
-        with contextlib.suppress(LinkClosed):
-            self._host.send(json.dumps(info).encode())
+        self._tell(info)
         created = self._host.hear("in rig_controller_create")
         if created["damage"]:
             raise RigError(f"controller {self.name}: {created['damage']}")
@@ -242,48 +236,13 @@ class CLibrary(Plug):
             )
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        try:
-            data = self._host.ask(
-                self._sample.pack(
-                    IN_SIZE,
-                    inputs.gear_request,
-                    inputs.sample,
-                    inputs.time,
-                    *inputs.current,
-                    *inputs.measured,
-                    *inputs.others.values(),
-                    *inputs.settings.values(),
-                ),
-                self.step_timeout,
-            )
-        except LinkClosed as gone:
-            self._fail(Status.FATAL, inputs.sample, str(gone))
-        if data is None:
-            self._overdue(inputs.sample)
+        values = (*inputs.current, *inputs.measured, *inputs.others.values(), *inputs.settings.values())
+        sample = self._sample.pack(IN_SIZE, inputs.gear_request, inputs.sample, inputs.time, *values)
+        data = self._asked(inputs.sample, sample, self.step_timeout)
         if len(data) != self._reply.size or data[:8] != inputs.sample.to_bytes(8, "little"):
             self._fail(Status.FATAL, inputs.sample, self._host.unreadable(data))
         _, status, _, flags, gear, shifting, message, *values = self._reply.unpack(data)
-        count, text = self._outputs, ""
+        text = ""
         if status != Status.OK:
             text = message.partition(b"\0")[0].decode("utf-8", "replace")
-        return ControllerOutputs(
-            values[:count],
-            values[count : 2 * count],
-            gear,
-            bool(shifting),
-            flags,
-            status,
-            text,
-            dict(zip(self.signals, values[2 * count :], strict=True)),
-        )
-
-    @property
-    def process_id(self) -> int:
-        """Number of the library's process, for a debugger."""
-        return self._host.process
-
-    def _abandon(self) -> None:
-        self._host.kill()
-
-    def _end(self) -> None:
-        self.end_fault = self._host.end()
+        return self._outputs_in(values, gear, bool(shifting), flags, status, text)

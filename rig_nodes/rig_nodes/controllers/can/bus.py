@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 from ...base.errors import RigError
 from ..free_running import AT_ONCE, FreeRunning, number, split_options, timeout_of
 from ..plug import error_text
-from ..seam import ControllerInputs, ControllerOutputs
-from ..wire import commands, held_in
+from ..seam import ControllerInputs
+from ..wire import commands
 from . import database as frames
 from . import j1939
 from .frames import RigFrames
@@ -267,19 +267,9 @@ class CanBus(FreeRunning):
                 self.ignored.add(f"frame {message.name} came without the {name} of its sample before it")
                 return
         numbers = {key: value for one in self._raw.values() for key, value in one.items()}
-        command = [wire.decode(numbers[wire.name]) for wire in self._commands]
         state, self._state = self._state, None
-        self.received(
-            ControllerOutputs(
-                held_in(command, self.info, self._commands),
-                None,
-                state["gear"],
-                state["shifting"],
-                state["flags"],
-                state["status"],
-                "the controller reports it on the bus",
-            )
-        )
+        reported = [state[key] for key in ("gear", "shifting", "flags", "status")]
+        self.received_raw([numbers[wire.name] for wire in self._commands], self._commands, reported, "on the bus")
 
     def _compare(self, name: str, raw: dict) -> None:
         """Detect a second controller: the bus does not name senders, but one controller does not answer a sample in two ways."""

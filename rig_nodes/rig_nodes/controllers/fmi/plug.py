@@ -9,7 +9,6 @@ end the rig.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import struct
@@ -18,10 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from ...base.errors import RigError, no_file
-from ...base.link import LinkClosed
-from ..hosted import Host, Hosting
+from ..hosted import Host, HostedPlug, Hosting
 from ..own_signals import checked_settings, checked_signals
-from ..plug import DECLARED, DEFAULT, Plug, chosen_level
+from ..plug import DECLARED, DEFAULT, chosen_level
 from ..record import record_of
 from ..seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
@@ -38,7 +36,7 @@ FMU = Hosting(
 )
 
 
-class ControllerFmu(Plug):
+class ControllerFmu(HostedPlug):
     """A controller FMU; its variables are found by the names of the seam (docs/how_to/fmu.md)."""
 
     def __init__(self, file: str, config: RigConfig, level: str | None = None) -> None:
@@ -51,7 +49,6 @@ class ControllerFmu(Plug):
             struct.Struct(SAMPLE.format(outputs + len(names))),
             struct.Struct(ANSWER.format(2 * outputs)),
         )
-        self._outputs = outputs
         about = {
             "outputs": outputs,
             "transducers": names,
@@ -85,8 +82,7 @@ class ControllerFmu(Plug):
                 "period": self.info.period,
                 "settings": list(self.settings),
             }
-            with contextlib.suppress(LinkClosed):  # the next line reports it
-                self._host.send(json.dumps(order).encode())
+            self._tell(order)
             self._hear(name, "while it was initialized")
         except BaseException:
             self._abandon()
@@ -110,37 +106,24 @@ class ControllerFmu(Plug):
         super()._fail(status, sample, text)
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        try:
-            data = self._host.ask(
-                self._sample.pack(inputs.sample, inputs.gear_request, *inputs.current, *inputs.measured)
-                + self._behind.pack(*inputs.others.values(), *inputs.settings.values()),
-                self.step_timeout,
-            )
-        except LinkClosed as gone:
-            self._fail(Status.FATAL, inputs.sample, str(gone))
-        if data is None:
-            self._overdue(inputs.sample)
+        sample = self._sample.pack(inputs.sample, inputs.gear_request, *inputs.current, *inputs.measured)
+        behind = self._behind.pack(*inputs.others.values(), *inputs.settings.values())
+        data = self._asked(inputs.sample, sample + behind, self.step_timeout)
         if len(data) < self._answer_form.size or data[:8] != inputs.sample.to_bytes(8, "little"):
             self._fail(Status.FATAL, inputs.sample, self._host.unreadable(data))
         _, *four_and_values = self._answer_form.unpack_from(data)
         status, gear, shifting, flags = map(_whole, four_and_values[:4])
-        values = four_and_values[4:]
         if status != Status.OK:
             return ControllerOutputs(status=status, message=data[self._answer_form.size :].decode("utf-8", "replace"))
-        own = dict(zip(self.signals, self._own_values.unpack_from(data, self._answer_form.size), strict=True))
-        return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, shifting, flags, signals=own)
-
-    @property
-    def process_id(self) -> int:
-        """Number of the FMU's process, for a debugger."""
-        return self._host.process
+        numbers = (*four_and_values[4:], *self._own_values.unpack_from(data, self._answer_form.size))
+        return self._outputs_in(numbers, gear, shifting, flags, Status.OK, "")
 
     def _abandon(self) -> None:
-        self._host.kill()
+        super()._abandon()
         self._message_file.close()
 
     def _end(self) -> None:
-        self.end_fault = self._host.end()
+        super()._end()
         self._message_file.close()
 
 

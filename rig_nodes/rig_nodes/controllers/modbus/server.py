@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 from ...base.errors import RigError
 from ..free_running import FreeRunning, split_options, timeout_of
 from ..plug import error_text
-from ..seam import ControllerInputs, ControllerOutputs
-from ..wire import commands, held_in, values_of
+from ..seam import ControllerInputs
+from ..wire import commands, values_of
 from ..wire import given as given_wires
 from . import registers
 
@@ -216,19 +216,7 @@ class Modbus(FreeRunning):
             return
         self._heartbeat = written[registers.HEARTBEAT]
         first = 1 + len(self._commands)
-        gear, shifting, flags, status = written[first:]
-        command = [wire.decode(value) for wire, value in zip(self._commands, written[1:first], strict=True)]
-        self.received(
-            ControllerOutputs(
-                held_in(command, self.info, self._commands),
-                None,
-                gear,
-                shifting,
-                flags,
-                status,
-                "the controller reports it in register status",
-            )
-        )
+        self.received_raw(written[1:first], self._commands, written[first:], "in register status")
 
     def _end(self) -> None:
         async def shut() -> None:

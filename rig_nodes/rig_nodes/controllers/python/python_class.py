@@ -9,7 +9,6 @@ load.py makes it. The traceback of an error in user code is logged.
 from __future__ import annotations
 
 import dataclasses
-import json
 import signal
 import sys
 import threading
@@ -17,8 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from ...base.errors import RigError
-from ...base.link import LinkClosed
-from ..hosted import Host, Hosting
+from ..hosted import Host, HostedPlug, Hosting
 from ..plug import DECLARED, DEFAULT, LOG, STEP_TIMEOUT, Plug, chosen_level
 from ..record import record_of
 from ..seam import ControllerInputs, ControllerOutputs, Status
@@ -33,7 +31,7 @@ PYTHON = Hosting(
 )
 
 
-class PythonClass(Plug):
+class PythonClass(HostedPlug):
     """An instance of a user's class, in a process of its own (hosted.py, host.py)."""
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
@@ -56,12 +54,6 @@ class PythonClass(Plug):
             raise
         self._answered = False
 
-    def _tell(self, message: dict) -> None:
-        try:
-            self._host.send(json.dumps(message).encode())
-        except LinkClosed:
-            pass  # the next _hear() reports it
-
     def _hear(self, when: str) -> dict:
         """Return the host's next message before the first step; RigError with its sentence, or when it does not come."""
         message = self._host.hear(when)
@@ -73,12 +65,7 @@ class PythonClass(Plug):
         limit = self.step_timeout
         if self.real_time and not self._answered:
             limit = STEP_TIMEOUT  # until its first answer the rig waits, and the first step may import and compile
-        try:
-            data = self._host.ask(self._frames.sample_of(inputs), limit)
-        except LinkClosed as gone:
-            self._fail(Status.FATAL, inputs.sample, str(gone))
-        if data is None:
-            self._overdue(inputs.sample)
+        data = self._asked(inputs.sample, self._frames.sample_of(inputs), limit)
         answer = self._frames.answer_in(data, inputs.sample)
         if answer is None:
             self._fail(Status.FATAL, inputs.sample, self._host.unreadable(data))
@@ -88,28 +75,10 @@ class PythonClass(Plug):
             if trace:
                 LOG.error("controller %s, sample %d\n%s", self.name, inputs.sample, trace)
             self._fail(Status.ERROR, inputs.sample, text)
-        count = len(self.info.outputs)
-        return ControllerOutputs(
-            numbers[:count],
-            numbers[count : 2 * count],
-            gear,
-            bool(shifting),
-            flags,
-            Status(status),
-            text,
-            dict(zip(self.signals, numbers[2 * count :], strict=True)),
-        )
-
-    @property
-    def process_id(self) -> int:
-        """Number of the controller's process."""
-        return self._host.process
-
-    def _abandon(self) -> None:
-        self._host.kill()
+        return self._outputs_in(numbers, gear, bool(shifting), flags, Status(status), text)
 
     def _end(self) -> None:
-        self.end_fault = self._host.end()
+        super()._end()
         if self._host.trace:
             LOG.error("controller %s\n%s", self.name, self._host.trace)
 

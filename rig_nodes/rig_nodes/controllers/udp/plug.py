@@ -274,16 +274,7 @@ class Udp(Plug):
                 f"its answer has {len(numbers)} numbers, expected {expected}: command and setpoint of {count} outputs"
                 + (f", {len(self.signals)} signals" if self.signals else ""),
             )
-        return ControllerOutputs(
-            numbers[:count],
-            numbers[count : 2 * count],
-            gear,
-            shifting,
-            flags,
-            status,
-            text(message),
-            dict(zip(self.signals, numbers[2 * count :], strict=False)),
-        )
+        return self._outputs_in(numbers, gear, shifting, flags, status, text(message))
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
         """Return the values of the answer; None in real time while there is none."""
