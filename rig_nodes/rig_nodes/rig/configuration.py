@@ -29,8 +29,9 @@ from .catalogue import Catalogue, catalogue_of
 from .cross_checks import cross_check
 from .driveline import build_driveline, held_ratio, inertias_of, inputs_of, overrunning
 from .prescribed import Prescribed, read_prescribed
-from .read import DEVICE_KEYS, KEYS, MESH_KEYS, read_structure
+from .read import DEVICE_KEYS, KEYS, read_structure
 from .read_elements import GROUPS
+from .read_wheels import MESH_KEYS
 from .sections import LOGGER_RATE, CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
 from .settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
 from .signals import unnamed

@@ -9,7 +9,6 @@ values of the devices.
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import RigError, brief
@@ -20,19 +19,17 @@ from ..base.yaml_file import List, Map, file_of
 from ..plant.parts import part as parts
 from .quantities import QUANTITIES
 from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
-from .sections import MeshConfig
+from .read_wheels import MASSLESS, is_name, read_meshes, read_planetary_sets
 from .signals import TORQUES
-from .structure import MOST_OUTPUTS, Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
+from .structure import MOST_OUTPUTS, Device, End, GearHeld, Points, Shaft, Structure, Transducer
 from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-MASSLESS, CLUTCHES = "massless", "clutches"
-MOST_TEETH = 1000
+CLUTCHES = "clutches"
 # keys of a rig's file from which structure is read here, and those whose values are read elsewhere
 KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "signals", "names", "view")
-MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # in addition to the values of a mesh that loses
 DEVICE_KEYS = ("part", "called", "release_rate", "source")
 RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # names with which other settings begin
 # keys of the input and the output of the transmission
@@ -54,6 +51,10 @@ class _Reader:
         """Return ``file:line`` of a key or an item, or of the map or list itself."""
         return where_of(self.path, node, key)
 
+    def wrong(self, node: object, key: object, text: str) -> RigError:
+        """Return the error on what stands under a key, or on the map or list itself for the key None; it begins with the place."""
+        return RigError(f"{self.at(node, key)}: {text}")
+
     def hint(self, node: Map, what: str, key: str, known: list[str]) -> str:
         """Return which transducer could be meant; in a variant of another rig, also where its name is to be written."""
         if not known or file_of(self.path, node, what) == self.path:
@@ -68,24 +69,19 @@ class _Reader:
         if value is None:
             return Map(self.node.line)
         if not isinstance(value, Map):
-            raise RigError(f"{self.at(self.node, key)}: {key} must be a map of names, found {brief(value)}")
+            raise self.wrong(self.node, key, f"{key} must be a map of names, found {brief(value)}")
         for name in value:
             if key == "gears" and isinstance(name, int) and not isinstance(name, bool):
                 continue  # a gear may have its number as name
-            if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
-                raise RigError(
-                    f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, digits and _"
-                )
+            if not is_name(name):
+                raise self.wrong(value, name, f"{key}: the name {brief(name)} has other characters than letters, digits and _")
         return value
 
     def structure(self) -> Structure:
         """Return the structure of the file; RigError with file and line when it is not right."""
         bodies = self.map_of("bodies")
         if not bodies:
-            raise RigError(
-                f"{self.at(self.node, 'bodies') if 'bodies' in self.node else self.at(self.node)}: the rig has no "
-                "bodies; at least one turns"
-            )
+            raise self.wrong(self.node, "bodies" if "bodies" in self.node else None, "the rig has no bodies; at least one turns")
         devices = self.map_of("parts")
         self.bodies, self.shaft_names = list(bodies), list(self.map_of("shafts"))
         self.names: dict[str, str] = {}
@@ -98,19 +94,17 @@ class _Reader:
             if body == MASSLESS:
                 massless.append(name)
             elif not isinstance(body, Map):
-                raise RigError(
-                    f"{self.at(bodies, name)}: bodies.{name} is {brief(body)}, expected a map with its inertia, or {MASSLESS}"
-                )
+                raise self.wrong(bodies, name, f"bodies.{name} is {brief(body)}, expected a map with its inertia, or {MASSLESS}")
         self.part_of_device = {name: self.part_of(name, device, devices) for name, device in devices.items()}
         read = tuple(self.device(name, device) for name, device in devices.items())
-        meshes, elements = self.meshes(), read_elements(self)
+        meshes, sets, elements = read_meshes(self), read_planetary_sets(self), read_elements(self)
         transducers = self.transducers(read)
         self.check_pairs(read, devices)
         structure = Structure(
             tuple(bodies),
             tuple(massless),
             meshes,
-            self.planetary_sets(),
+            sets,
             self.shafts(),
             read,
             self.gears(),
@@ -155,96 +149,10 @@ class _Reader:
             raise RigError(f"{where}: {what} joins '{a}' with itself; two bodies are needed")
         return a, b
 
-    def teeth(self, value: object, where: str, what: str) -> tuple[int, int]:
-        """Return two whole numbers above 0."""
-        if not isinstance(value, List) or len(value) != 2:
-            raise RigError(f"{where}: {what} must be two whole numbers, found {brief(value)}")
-        for number in value:
-            if not isinstance(number, int) or isinstance(number, bool) or not 1 <= number <= MOST_TEETH:
-                raise RigError(f"{where}: {what}: {brief(number)} is no number of teeth; expected 1 to {MOST_TEETH}")
-        return value[0], value[1]
-
     def source(self, node: Map, what: str) -> None:
         """Check that the source of the numbers is given."""
         if not isinstance(node["source"], str) or not node["source"].strip():
-            raise RigError(
-                f"{self.at(node, 'source')}: {what}.source must state the source of the teeth, found {brief(node['source'])}"
-            )
-
-    def meshes(self) -> tuple[Mesh, ...]:
-        """Return the pairs of toothed wheels."""
-        nodes = self.node.get("meshes", List(self.node.line))
-        if not isinstance(nodes, List):
-            raise RigError(f"{self.at(self.node, 'meshes')}: meshes must be a list, found {brief(nodes)}")
-        out = []
-        for k, node in enumerate(nodes):
-            where, what = self.at(nodes, k), f"mesh {k + 1}"
-            check_keys(
-                self.path, node, (*MESH_KEYS, *(one.name for one in fields(MeshConfig))), ("bodies", "teeth", "source"), what, where
-            )
-            self.source(node, what)
-            turned = node.get("reversed", False)
-            if not isinstance(turned, bool) and turned not in ("yes", "no"):
-                raise RigError(f"{self.at(node, 'reversed')}: {what}.reversed is {brief(turned)}, expected yes or no")
-            name, lossy = node.get("name", ""), "efficiency" in node
-            if "name" in node:
-                if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
-                    raise RigError(f"{self.at(node, 'name')}: {what}.name is {brief(name)}, expected letters, digits and _")
-                self.new_name(name, "meshes", node, "name")
-            elif lossy:
-                raise RigError(
-                    f"{self.at(node, 'efficiency')}: {what} has an efficiency and no name; give it one, as its values are found "
-                    "by it"
-                )
-            if "back" in node and not lossy:
-                raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
-            bodies = self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies")
-            if lossy:
-                self.element_names.append(name)
-                if light := [body for body in bodies if self.node["bodies"].get(body) == MASSLESS]:
-                    raise RigError(
-                        f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; both sides of "
-                        "a mesh with an efficiency need an inertia"
-                    )
-            out.append(
-                Mesh(
-                    bodies, self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy
-                )
-            )
-        return tuple(out)
-
-    def planetary_sets(self) -> tuple[PlanetarySet, ...]:
-        """Return the simple planetary sets."""
-        nodes, out = self.map_of("planetary_sets"), []
-        for name, node in nodes.items():
-            what = f"planetary_sets.{name}"
-            keys = ("sun", "ring", "carrier", "teeth", "source")
-            check_keys(self.path, node, (*keys, *(one.name for one in fields(MeshConfig))), keys, what, self.at(nodes, name))
-            self.source(node, what)
-            lossy = "efficiency" in node
-            if "back" in node and not lossy:
-                raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
-            wheels = [self.body(node[key], self.at(node, key), f"{what}.{key}", ground=True) for key in keys[:3]]
-            sun, ring, carrier = wheels
-            if len(set(wheels)) < 3:
-                raise RigError(
-                    f"{self.at(nodes, name)}: {what}: sun, ring and carrier must be three bodies, found {', '.join(wheels)}"
-                )
-            teeth = self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth")
-            if teeth[1] <= teeth[0]:
-                raise RigError(
-                    f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; give the "
-                    "sun first, which has fewer"
-                )
-            if lossy:
-                self.element_names.append(name)
-                if light := [body for body in wheels if self.node["bodies"].get(body) == MASSLESS]:
-                    raise RigError(
-                        f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; all members of "
-                        "a set with an efficiency need an inertia"
-                    )
-            out.append(PlanetarySet(name, sun, ring, carrier, teeth, lossy))
-        return tuple(out)
+            raise self.wrong(node, "source", f"{what}.source must state the source of the teeth, found {brief(node['source'])}")
 
     def shafts(self) -> tuple[Shaft, ...]:
         """Return the compliant shafts; their values are read elsewhere."""
@@ -252,11 +160,10 @@ class _Reader:
         for name, node in nodes.items():
             what = f"shafts.{name}"
             if not isinstance(node, Map) or "joins" not in node:
-                raise RigError(f"{self.at(nodes, name)}: {what} must be a map with the key 'joins', found {brief(node)}")
+                raise self.wrong(nodes, name, f"{what} must be a map with the key 'joins', found {brief(node)}")
             if ("stiffness" in node) == ("table" in node):
-                raise RigError(
-                    f"{self.at(nodes, name)}: {what} must have one of the keys stiffness, and table for one that is no "
-                    f"straight line"
+                raise self.wrong(
+                    nodes, name, f"{what} must have one of the keys stiffness, and table for one that is no straight line"
                 )
             table = read_table(self, node, "table", f"{what}.table", "angle", "torque") if "table" in node else ()
             out.append(
@@ -299,7 +206,7 @@ class _Reader:
     def part_of(self, name: str, node: object, devices: Map) -> parts.Part:
         """Return the part of a device."""
         if not isinstance(node, Map):
-            raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
+            raise self.wrong(devices, name, f"parts.{name} must be a map with the key 'part', found {brief(node)}")
         if "part" not in node:
             of_base = [
                 other
@@ -311,11 +218,10 @@ class _Reader:
                 if of_base
                 else f"; known are {', '.join(parts.parts())}"
             )
-            raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'{hint}")
+            raise self.wrong(devices, name, f"parts.{name} lacks the key 'part'{hint}")
         if not parts.is_part(node["part"]):
-            raise RigError(
-                f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
-                f"{meant(node['part'], parts.parts())}"
+            raise self.wrong(
+                node, "part", f"parts.{name}.part: there is no part {brief(node['part'])}; {meant(node['part'], parts.parts())}"
             )
         return parts.part(node["part"])
 
@@ -324,19 +230,20 @@ class _Reader:
         part, what, wires = self.part_of_device[name], f"parts.{name}", {}
         called = node.get("called", name)
         if not isinstance(called, str) or not called.strip() or not called.isprintable() or len(called) > 40:
-            raise RigError(f"{self.at(node, 'called')}: {what}.called is {brief(called)}, expected a short name for people")
+            raise self.wrong(node, "called", f"{what}.called is {brief(called)}, expected a short name for people")
         for key, wire in part.joined.items():
             if key in node:
                 wires[key] = self.wire(node[key], wire.to, self.at(node, key), f"{what}.{key}")
             elif wire.needed:
-                raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {meaning(wire.to)}")
+                raise self.wrong(node, None, f"{what} lacks the key '{key}', {meaning(wire.to)}")
         if part.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
-            raise RigError(
-                f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
-                "for a brake of one"
+            raise self.wrong(
+                node,
+                None,
+                f"{what} must have one of the keys joins, for a clutch between two bodies, and brakes, for a brake of one",
             )
         if part.role == parts.METER and ("source" in node) == ("load" in node):
-            raise RigError(f"{self.at(node)}: {what} must name one of source and load, whose torque it measures")
+            raise self.wrong(node, None, f"{what} must name one of source and load, whose torque it measures")
         rate = 0.0
         if "release_rate" in node:
             value = node["release_rate"]
@@ -383,9 +290,10 @@ class _Reader:
                 if value is None:
                     continue
                 if value in taken:
-                    raise RigError(
-                        f"{self.at(nodes[device.name], key)}: parts.{device.name}.{key}: the {what} {value} has the valve "
-                        f"{taken[value]} already; each takes one"
+                    raise self.wrong(
+                        nodes[device.name],
+                        key,
+                        f"parts.{device.name}.{key}: the {what} {value} has the valve {taken[value]} already; each takes one",
                     )
                 taken[value] = device.name
         fed = {device.wires.get("feeds") for device in devices}
@@ -393,11 +301,12 @@ class _Reader:
         for device in devices:
             needs = "oil" in parts.part(device.part).joined or device.role == parts.VALVE
             if needs and not oil:
-                raise RigError(f"{self.at(nodes, device.name)}: parts.{device.name} needs an oil_supply, and the rig has none")
+                raise self.wrong(nodes, device.name, f"parts.{device.name} needs an oil_supply, and the rig has none")
             if device.part == "wet_clutch" and device.name not in fed:
-                raise RigError(
-                    f"{self.at(nodes, device.name)}: parts.{device.name}: no valve feeds it; give one of the "
-                    f"proportional_valve the key feeds: {device.name}"
+                raise self.wrong(
+                    nodes,
+                    device.name,
+                    f"parts.{device.name}: no valve feeds it; give one of the proportional_valve the key feeds: {device.name}",
                 )
 
     # ---- what is measured, and what it is called
@@ -417,13 +326,14 @@ class _Reader:
                 self.at(nodes, name),
             )
             if node["type"] not in TRANSDUCER_TYPES:
-                raise RigError(
-                    f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCER_TYPES)}"
+                raise self.wrong(
+                    node, "type", f"{what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCER_TYPES)}"
                 )
             if node["at"] not in hosts:
-                raise RigError(
-                    f"{self.at(node, 'at')}: {what}.at names {brief(node['at'])}, expected the device whose node "
-                    f"publishes it; {meant(node['at'], hosts)}"
+                raise self.wrong(
+                    node,
+                    "at",
+                    f"{what}.at names {brief(node['at'])}, expected the device whose node publishes it; {meant(node['at'], hosts)}",
                 )
             type_of = TRANSDUCER_TYPES[node["type"]]
             where = f"{self.at(node, 'range')}: {what}.range"
@@ -435,16 +345,18 @@ class _Reader:
                 raise RigError(f"{where} is {brief(list(ends))}; give the lowest value first")
             for key in ("text", "sign", "like", "topic"):
                 if key in node and (not isinstance(node[key], str) or not node[key].strip() or not node[key].isprintable()):
-                    raise RigError(f"{self.at(node, key)}: {what}.{key} is {brief(node[key])}, expected words")
+                    raise self.wrong(node, key, f"{what}.{key} is {brief(node[key])}, expected words")
             like = node.get("like", node["type"])
             if other := next((one for one in out if one.like == like and one.type != node["type"]), None):
-                raise RigError(
-                    f"{self.at(node, 'like' if 'like' in node else 'type')}: {what} has the errors of '{like}', which are those of "
-                    f"{other.name}, a transducer of type {other.type}; give it another name under like"
+                raise self.wrong(
+                    node,
+                    "like" if "like" in node else "type",
+                    f"{what} has the errors of '{like}', which are those of "
+                    f"{other.name}, a transducer of type {other.type}; give it another name under like",
                 )
             logged = node.get("logged", True)
             if logged not in (True, False, "yes", "no"):
-                raise RigError(f"{self.at(node, 'logged')}: {what}.logged is {brief(logged)}, expected yes or no")
+                raise self.wrong(node, "logged", f"{what}.logged is {brief(logged)}, expected yes or no")
             out.append(
                 Transducer(
                     name,
@@ -496,9 +408,11 @@ class _Reader:
         for what in ("speed", "torque"):
             known = [one.name for one in transducers if one.type == what]
             if node[what] not in known:
-                raise RigError(
-                    f"{self.at(node, what)}: {key}.{what} names {brief(node[what])}, expected a transducer of type "
-                    f"{what}; {self.hint(node, what, key, known)}"
+                raise self.wrong(
+                    node,
+                    what,
+                    f"{key}.{what} names {brief(node[what])}, expected a transducer of type "
+                    f"{what}; {self.hint(node, what, key, known)}",
                 )
         return End(*(node[one] for one in _END_KEYS))
 
@@ -543,16 +457,17 @@ class _Reader:
         nodes = self.map_of("names")
         for old, new in nodes.items():
             if not isinstance(new, str) or not new.isidentifier():
-                raise RigError(f"{self.at(nodes, old)}: names.{old} is {brief(new)}, expected a name for the signal")
+                raise self.wrong(nodes, old, f"names.{old} is {brief(new)}, expected a name for the signal")
         return dict(nodes)
 
     def extra_signals(self) -> tuple[str, ...]:
         """Return the groups of signals in addition to those of every rig."""
         nodes = self.node.get("signals", List(self.node.line))
         if not isinstance(nodes, List) or any(one != TORQUES for one in nodes):
-            raise RigError(
-                f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which records the "
-                "torques of all elements between bodies"
+            raise self.wrong(
+                self.node,
+                "signals",
+                f"signals is {brief(nodes)}, expected [{TORQUES}], which records the torques of all elements between bodies",
             )
         return tuple(dict.fromkeys(nodes))
 
@@ -561,15 +476,13 @@ class _Reader:
         nodes = self.node.get("view", Map(self.node.line))
         pages: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {}
         if not isinstance(nodes, Map):
-            raise RigError(f"{self.at(self.node, 'view')}: view must be a map of pages, found {brief(nodes)}")
+            raise self.wrong(self.node, "view", f"view must be a map of pages, found {brief(nodes)}")
         for page, plots in nodes.items():
             if not isinstance(page, str) or not page.isprintable() or not isinstance(plots, Map) or not plots:
-                raise RigError(
-                    f"{self.at(nodes, page)}: view.{page} must be a map of plots, each a title and the list of its signals"
-                )
+                raise self.wrong(nodes, page, f"view.{page} must be a map of plots, each a title and the list of its signals")
             for title, names in plots.items():
                 if not isinstance(names, List) or not names or not all(isinstance(name, str) for name in names):
-                    raise RigError(f"{self.at(plots, title)}: view.{page}.{title} must be a list of signals, found {brief(names)}")
+                    raise self.wrong(plots, title, f"view.{page}.{title} must be a list of signals, found {brief(names)}")
             pages[page] = tuple((str(title), tuple(names)) for title, names in plots.items())
         return pages
 
@@ -577,12 +490,11 @@ class _Reader:
         """Check that a rig with gears has an input, an output and a motor."""
         ends = [key for key in ("input", "output") if key in self.node]
         if structure.gears and len(ends) < 2:
-            raise RigError(
-                f"{self.at(self.node, 'gears')}: a rig with gears needs the keys input and output, found "
-                f"{', '.join(ends) or 'neither'}"
+            raise self.wrong(
+                self.node, "gears", f"a rig with gears needs the keys input and output, found {', '.join(ends) or 'neither'}"
             )
         if structure.gears and not structure.of_role(parts.SOURCE):
-            raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs a motor among its parts, e.g. part: dc_motor")
+            raise self.wrong(self.node, "gears", "a rig with gears needs a motor among its parts, e.g. part: dc_motor")
 
 
 def meaning(to: str) -> str:

@@ -152,9 +152,8 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, alo
         out.append((quantity(row[0], across, f"{at}: {what}"), quantity(row[1], along, f"{at}: {what}")))
     for k, (before, after) in enumerate(itertools.pairwise(out)):
         if after[0] < before[0]:
-            raise RigError(
-                f"{reader.at(rows, k + 1)}: {what}: {brief(rows[k + 1][0])} comes after {brief(rows[k][0])}; the points of a table "
-                "must rise"
+            raise reader.wrong(
+                rows, k + 1, f"{what}: {brief(rows[k + 1][0])} comes after {brief(rows[k][0])}; the points of a table must rise"
             )
     return tuple(out)
 
@@ -226,13 +225,15 @@ class _Element:
         keys = {"clutch": ("joins",), "torque": ("body", "joins")}.get(self.kind, ("body",))
         written = [key for key in keys if key in self.node]
         if len(written) != 1:
-            raise RigError(
-                f"{self.reader.at(self.node)}: {self.what} "
+            raise self.reader.wrong(
+                self.node,
+                None,
+                f"{self.what} "
                 + (
                     f"lacks the key '{keys[0]}'"
                     if len(keys) == 1
                     else "must have one of the keys body, for what acts on one body, and joins, for what acts between two"
-                )
+                ),
             )
         at, what = self.reader.at(self.node, written[0]), f"{self.what}.{written[0]}"
         if written == ["joins"]:
@@ -245,9 +246,10 @@ class _Element:
         self.reader.source(self.node, self.what)
         nodes = self.node["coefficients"]
         if not isinstance(nodes, Map) or len(nodes) < 2:
-            raise RigError(
-                f"{self.reader.at(self.node, 'coefficients')}: {self.what}.coefficients must be a map of two bodies or more, each "
-                f"with its coefficient, found {brief(nodes)}"
+            raise self.reader.wrong(
+                self.node,
+                "coefficients",
+                f"{self.what}.coefficients must be a map of two bodies or more, each with its coefficient, found {brief(nodes)}",
             )
         for body, value in nodes.items():
             at = self.reader.at(nodes, body)
@@ -275,9 +277,10 @@ class _Element:
         reader = self.reader
         by, of = node.get("by", by), node.get("of", "")
         if by not in _ACROSS:
-            raise RigError(
-                f"{reader.at(node, 'by')}: {what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what depends on time "
-                "belongs under inputs"
+            raise reader.wrong(
+                node,
+                "by",
+                f"{what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what depends on time belongs under inputs",
             )
         if of:
             known = [
@@ -287,9 +290,10 @@ class _Element:
                 *(name for name, part in reader.part_of_device.items() if "element" in part.wires),
             ]
             if of not in known:
-                raise RigError(
-                    f"{reader.at(node, 'of')}: {what}.of names {brief(of)}, expected a body, or a clutch or brake whose slip "
-                    f"counts; {meant(of, known)}"
+                raise reader.wrong(
+                    node,
+                    "of",
+                    f"{what}.of names {brief(of)}, expected a body, or a clutch or brake whose slip counts; {meant(of, known)}",
                 )
         numbers = [
             quantity(_sourced(node[key], reader.at(node, key), f"{what}.{key}"), "angle", f"{reader.at(node, key)}: {what}.{key}")
