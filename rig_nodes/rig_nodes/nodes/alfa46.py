@@ -16,9 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
-from rig_msgs.action import Shift
 from rig_msgs.msg import ControllerSample, Measurement, RigState
 
 from ..bags.cdr import Fields, encoder
@@ -26,13 +24,10 @@ from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..base.errors import RigError, printable
 from ..base.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
 from ..controllers import own_signals
-from ..controllers.alfa46.box import refusal
 from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
 from ..rig.configuration import check_gearbox
-from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT, SHIFT_ORDERED
-from ..runs.rig_base import RigStatus
-from .action_server import GoalServer, finish
+from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT
 from .alfa46_settings import BoxSettings
 from .device import own_nodes, publishers_of, sender
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
@@ -41,15 +36,12 @@ from .process import RIG_OPTIONS, Process, ordered, run
 from .qos import stream_profile
 from .realtime import MESSAGES, prefer, prefer_process, take_core
 from .settings import CHANGED
-from .shift_phase import ShiftPhase
+from .shift_orders import ShiftOrders
 
 if TYPE_CHECKING:
-    from rclpy.action.server import ServerGoalHandle
-
     from ..controllers.plug import Answer, Plug
     from ..rig.configuration import RigConfig
 
-FEEDBACK_SAMPLES = 50  # 20 Hz
 ANSWER_LIMIT = 0.9 * COMMAND_TIMEOUT  # s for an answer in real time, so that the rig learns why there is none before it trips
 TELL_AFTER = 0.5 * COMMAND_TIMEOUT  # s without an answer in real time until the rig learns what the plug knows of it
 OPTIONS = [
@@ -63,7 +55,7 @@ STATE = "/rig/state"
 
 
 class Alfa46Node(Node):
-    """The node that publishes /controller/* and serves /controller/shift and the parameters that can be set.
+    """The node that publishes /controller/* and serves the parameters that can be set; its ``orders`` serve /controller/shift.
 
     Parameters
     ----------
@@ -81,7 +73,7 @@ class Alfa46Node(Node):
         self.config, self.transmission = config, config.transmission
         self.gears = self.transmission.names
         self.box = load_controller(controller, config)
-        self._pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
+        self.pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
         self.box.say = reporter(process, self.box)
         self._nothing = (0.0,) * len(self.box.rig_record.outputs)
         self.frames: Frames | None = None  # in lockstep, as soon as it is known what the controller wants
@@ -99,39 +91,30 @@ class Alfa46Node(Node):
         self.first_seq = process.first_seq
         self.tap = process.tap(self.outputs)
         self.missed = 0  # samples that never arrived
-        self.refused = 0
         self._encode_command = encoder("rig_msgs/msg/ValveCommand").encode
         self._encode_event = encoder("rig_msgs/msg/Event").encode
         self._fields = Fields("rig_msgs/msg/ControllerSample")
-        self._last_sample = None
+        self.last_sample = None
         self._other_values: dict[str, float] = {}
-        self._stamp = 0
+        self.stamp = 0
         self._newest_sample_at: float | None = None  # when the newest sample came [s]
         self._silent, self._failed = False, ""
         self._answered_at, self._told = 0.0, ""  # time of the newest answer [s]; what the rig was told since
-        self._phase = None  # of the running shift; None when no shift runs
-        self._goal: ServerGoalHandle | None = None  # goal handle of the shift, as soon as it is known
-        self._t_order: float | None = None  # time of its order [s], as soon as it is known
-        self._ordered_at = -1  # newest sample at the order, which the controller takes with the next sample
-        self._refusal = None  # why the order that is being handled is refused
-        self._rig_status: int | None = None  # as received last, with its reason
-        self._rig_reason = ""
         self._asked: tuple[int, Callable[[bytes], None]] | None = None  # in lockstep: the sample that is to be answered, and how
-        self._orders = threading.RLock()  # in lockstep one thread handles the samples and another one serves ROS
         self.real_time = False  # True when samples come over their topic
-        self._server = GoalServer(self, Shift, "/controller/shift", self.on_goal, self.on_cancel, self.on_request)
+        self.orders = ShiftOrders(self)
         self.settings = BoxSettings(self, self.box, config)
         self.box.named = self.on_named
         self._watch = self.create_timer(COMMAND_TIMEOUT / 2, self.on_watch)
         self._missing = Growing()
-        self.diagnostics = Diagnostics(self, self.health, lambda: self._stamp)
+        self.diagnostics = Diagnostics(self, self.health, lambda: self.stamp)
 
     def listen(self) -> None:
         """Subscribe to the samples and the state of the rig; called when the receivers of the commands are connected."""
         self.create_subscription(
             RigState,
             STATE,
-            lambda message: self.receive_status(message.state, message.reason),
+            lambda message: self.orders.receive_status(message.state, message.reason),
             stream_profile(self.config.catalogue.topics[STATE].qos),
         )
         profile = stream_profile(self.config.catalogue.topics[SAMPLES].qos)
@@ -197,7 +180,7 @@ class Alfa46Node(Node):
         """
         if frame.startswith(STATUS):
             status, reason = frame[len(STATUS)], frame[len(STATUS) + 1 :]
-            self.receive_status(status, reason.decode())
+            self.orders.receive_status(status, reason.decode())
             return
         frames = self.frames
         sample, *values = frames.sample.unpack_from(frame)
@@ -239,12 +222,12 @@ class Alfa46Node(Node):
         ControllerFailed
             When the controller gives no usable answer.
         """
-        if self._last_sample is not None and sample > self._last_sample + 1:
-            self.missed += sample - self._last_sample - 1
-        self._last_sample, self._newest_sample_at = sample, time.monotonic()
-        self._stamp = sample * SAMPLE_NS
+        if self.last_sample is not None and sample > self.last_sample + 1:
+            self.missed += sample - self.last_sample - 1
+        self.last_sample, self._newest_sample_at = sample, time.monotonic()
+        self.stamp = sample * SAMPLE_NS
         news = [self.settings.news.popleft() for _ in range(len(self.settings.news))]
-        with self._orders:
+        with self.orders.lock:
             answer = self.box.step(sample, *wires)
         if answer is not None:
             self._failed = ""  # a controller that is a program of its own may come again
@@ -266,12 +249,12 @@ class Alfa46Node(Node):
         """
         box = self.box
         if answer is not None:
-            self._setpoint = answer.setpoint
+            self.orders.setpoint = answer.setpoint
             duty, flags = (self._nothing, box.flags) if box.level == "current" else (answer.command, 0)
             self.publish(
                 CONTROLLER_COMMAND,
                 self._encode_command(
-                    self._stamp,
+                    self.stamp,
                     self.first_seq + self.counts[CONTROLLER_COMMAND],
                     sample,
                     box.gear,
@@ -284,8 +267,7 @@ class Alfa46Node(Node):
             )
             if box.signals:
                 self.publish_own_signals(sample)
-        if self._phase is not None and sample > self._ordered_at:
-            self.follow_shift(sample, measured)
+        self.orders.follow(sample, measured)
 
     def publish_own_signals(self, sample: int) -> None:
         """Publish the controller's own signals in blocks, after one message with their names."""
@@ -341,7 +323,7 @@ class Alfa46Node(Node):
                 "level": self.box.level,
                 "answered": self.counts[CONTROLLER_COMMAND],
                 "missed": self.missed,
-                "shifts_refused": self.refused,
+                "shifts_refused": self.orders.refused,
                 "gear": self.gears[self.box.gear],
                 "shifting": self.box.shifting,
             }
@@ -356,135 +338,6 @@ class Alfa46Node(Node):
             return [Health("alfa46", WARN, "samples of the rig did not arrive", values)]
         return [Health("alfa46", OK, "answers the samples", values)]
 
-    # ---- shifts
-
-    def on_request(self, request: Shift.Goal) -> GoalResponse:
-        """Order a gear before the goal is answered, so that an accepted goal means that the order stands.
-
-        A gear that does not exist is rejected. Any other refused order is accepted as a goal all the same, and is then ended
-        with the reason.
-        """
-        gear = int(request.gear)
-        if gear not in self.gears:
-            self._refuse(f"shift refused: {refusal(gear, self.box.gear, False, self.transmission)}", gear)
-            return GoalResponse.REJECT
-        try:
-            if self._phase is not None:
-                raise RigError(f"shift refused: a shift to {self.gears[self._phase.new]} is still running; wait for its end")
-            if self._last_sample is None:
-                raise RigError("shift refused: the rig does not run yet; wait for its first sample")
-            with self._orders:
-                self._check_status()
-                old = self.box.gear
-                self.box.order(gear)
-                self._goal, self._t_order, self._ordered_at = None, None, self._last_sample
-                self._phase = ShiftPhase(self.transmission, old, gear)
-                self._refusal = None
-        except RigError as error:
-            self._refusal = str(error)
-        return GoalResponse.ACCEPT
-
-    def on_goal(self, goal: ServerGoalHandle) -> None:
-        """Keep the goal of the shift that was just ordered, or end the goal with the reason why the order was refused."""
-        with self._orders:
-            why = self._refusal
-            if why is None:
-                self._goal = goal
-                return
-        self._refuse(why, int(goal.request.gear))
-        finish(goal, Shift.Result(success=False, message=why, gear=self.box.gear))
-
-    def _refuse(self, why: str, gear: int) -> None:
-        """Count a refused order and report the reason."""
-        self.refused += 1
-        self.get_logger().warning(why)
-        self.event("shift_refused", why, float(gear))
-
-    def _check_status(self) -> None:
-        """Raise RigError when the rig would not obey the command that follows from an order."""
-        if self._rig_status == RigStatus.TRIPPED:
-            raise RigError(f"shift refused: the rig is in its safe state ({self._rig_reason}); call /rig/reset first")
-        if self._rig_status == RigStatus.STARTING:
-            raise RigError("shift refused: the rig is starting; wait until /rig/state is ready")
-
-    def receive_status(self, status: int, reason: str) -> None:
-        """Take the rig's state: after a trip the controller continues in neutral, and the running order has failed.
-
-        Parameters
-        ----------
-        status : int
-            The rig's state, a RigStatus.
-        reason : str
-            Why the rig is in this state.
-        """
-        if status == RigStatus.STARTING and self._rig_status is None:
-            return  # the rig waits for this node's first command
-        with self._orders:
-            was, self._rig_status, self._rig_reason = self._rig_status, status, reason
-            # a second start means a trip that was over before its state arrived
-            again = status == RigStatus.STARTING and was in (RigStatus.READY, RigStatus.RUNNING)
-            if not again and (status != RigStatus.TRIPPED or was == status):
-                return
-            self.box.force_neutral()
-            phase, goal, self._phase, self._goal = self._phase, self._goal, None, None
-            if phase is None:
-                return
-            why = "the rig was reset" if again else f"the rig is in its safe state: {reason}"
-            text = f"{why}; the shift to {self.gears[phase.new]} was given up"
-            if goal is None:
-                self._refusal = text  # the goal of this order has not arrived yet and will be ended with this reason
-        self.event("shift_aborted", text, float(phase.new))
-        if goal is not None:
-            finish(
-                goal,
-                Shift.Result(
-                    success=False, message=text, gear=self.box.gear, t_order=self._t_order or 0.0, t_end=self._stamp * 1e-9
-                ),
-            )
-
-    def on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
-        """Withdraw an order that the controller has not seen; a shift that has begun is carried to its end.
-
-        Half a shift has no safe end: if it were held there, either both clutches would slip under load or neither would carry it.
-        """
-        gear = int(goal.request.gear)
-        with self._orders:
-            withdrawn = goal is self._goal and self.box.withdraw()
-            if withdrawn:
-                self._phase = self._goal = None
-        if not withdrawn:
-            text = (
-                f"cancel refused: the shift to {self.gears.get(gear, gear)} has begun and is carried to its end; "
-                "order another gear then, or stop the rig with /rig/e_stop"
-            )
-            self.get_logger().warning(text)
-            self.event("cancel_refused", text, float(gear))
-            return CancelResponse.REJECT
-        text = f"shift to {self.gears[gear]} withdrawn before the controller took it"
-        self.event("shift_withdrawn", text, float(gear))
-        finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear))
-        return CancelResponse.ACCEPT
-
-    def follow_shift(self, sample: int, measured: Sequence[float]) -> None:
-        """Publish events, feedback and result of the running shift, after the controller has taken a sample."""
-        t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
-        if self._t_order is None:
-            self._t_order = t
-            self.event(SHIFT_ORDERED, f"shift to {self.gears[gear]} ordered", float(gear))
-        if goal is None:
-            return
-        if not self.box.shifting and self.box.gear == gear:
-            self._phase = None
-            self.event("shift_done", "the profiles of the shift have ended", float(gear))
-            message = f"gear {self.gears[gear]} after {t - self._t_order:.3f} s"
-            finish(goal, Shift.Result(success=True, message=message, gear=gear, t_order=self._t_order, t_end=t))
-        elif sample % FEEDBACK_SAMPLES == 0:
-            n_in, n_out = self.box.rig_record.speeds(measured)
-            phase = self._phase.name(n_in, n_out, [pressure(measured) for pressure in self._pressures])
-            goal.publish_feedback(
-                Shift.Feedback(phase=phase, slip=float(self._phase.slip(n_in, n_out)), setpoint=list(self._setpoint))
-            )
-
     def event(self, name: str, text: str, value: float) -> None:
         """Publish an event at the time of the newest sample; in lockstep both threads call this.
 
@@ -497,10 +350,10 @@ class Alfa46Node(Node):
         value : float
             Value of the event, for instance the gear.
         """
-        with self._orders:
+        with self.orders.lock:
             self.publish(
                 CONTROLLER_EVENTS,
-                self._encode_event(self._stamp, self.first_seq + self.counts[CONTROLLER_EVENTS], name, text, value),
+                self._encode_event(self.stamp, self.first_seq + self.counts[CONTROLLER_EVENTS], name, text, value),
             )
 
     def publish(self, topic: str, data: bytes) -> None:
@@ -558,7 +411,7 @@ def work(process: Process) -> None:
         node.outputs.values(),
         published=node.counts,
         samples_missed=node.missed,
-        shifts_refused=node.refused,
+        shifts_refused=node.orders.refused,
         controller=node.box.record(),
     )
 
