@@ -22,7 +22,7 @@ from scipy.stats import qmc
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rigs.hydmag.laboratory.calibration_rows import RPM, calibration, shift
-from rig_nodes.runs.rig_base import Tripped
+from rig_nodes.runs.trips import Tripped
 from rig_nodes.studies.validation.calibrate import at_shares, total
 
 UNSHIFTED = 10.0  # tolerances for a shift that does not end

@@ -16,7 +16,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.rigs.hydmag.laboratory.calibration_rows import STAGES_FILE, Miss, calibration
 from rig_nodes.runs.rig import Rig
-from rig_nodes.runs.rig_base import Tripped
+from rig_nodes.runs.trips import Tripped
 from rig_nodes.studies.tune.bench import Bench, Point
 from rig_nodes.studies.validation.calibrate import search
 

@@ -16,7 +16,7 @@ from rig_nodes.plant.kiss_point import kiss_pressure
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rigs.hydmag.laboratory import calibration_rows as rows
 from rig_nodes.rigs.hydmag.laboratory import trade_off
-from rig_nodes.runs.rig_base import Tripped
+from rig_nodes.runs.trips import Tripped
 from rig_nodes.studies.validation import calibrate as c
 
 TARGETS = rows.calibrating()

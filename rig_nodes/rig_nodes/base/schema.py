@@ -5,6 +5,9 @@
 
 rig.configuration uses it for the rig's parts; the dataclass of a part stands with its physics in plant/. A value is
 written ``key: [1500 rpm, "where it is from"]``.
+
+A library of schemas (JSON Schema, pydantic) knows neither units nor sources nor the lines of a file, which every refusal names, and
+would need the ranges once more beside the fields.
 """
 
 from __future__ import annotations

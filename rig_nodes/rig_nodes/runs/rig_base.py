@@ -25,15 +25,9 @@ from ..plant.instruments import transducers
 from ..plant.parts.proportional_valve import BY_DUTY
 from ..rig.catalogue import Catalogue
 from .gauges import Gauges
+from .trips import Tripped, not_finite, not_settled
 
 LOG_SAMPLES = 2_000  # rings of rows, of the embedded controller's commands and of the state at each tick: 2 s
-SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
-
-
-class Tripped(RigError):
-    """A rig that went into its safe state, so that nothing can be measured; the message has the reason and the time."""
-
-    exit_code = 1
 
 
 class RigStatus(IntEnum):
@@ -211,22 +205,10 @@ class RigBase(ABC):
         names : list of str
             Names of the values.
         values : (n,) array of float
-            The values that resulted; the message names the first that is not finite, and a sum of what several parts give only
-            where none of these is at fault.
+            The values that resulted.
         """
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
-        if how == NOT_SETTLED:
-            also = ", or what follows a table of the motion," if self.world.plan.driven else ""
-            self.trip(
-                f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
-                "far from any real one, or its step too long"
-            )
-            return
-        first = min(np.flatnonzero(~np.isfinite(values)), key=lambda i: (names[i].endswith(SUMS), i))
-        self.trip(
-            f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
-            "before, and a value of the rig is far from any real one"
-        )
+        self.trip(not_settled(when, self.world.plan.driven) if how == NOT_SETTLED else not_finite(when, names, values))
 
     def e_stop(self) -> None:
         """Press the red button: go into the safe state, which only ``reset`` ends."""

@@ -28,7 +28,7 @@ from ...rig.configuration import RigConfig
 from ...rig.transmission import NEUTRAL, Transmission
 from ...runs.record import moment_of
 from ...runs.rig import Rig
-from ...runs.rig_base import Tripped
+from ...runs.trips import Tripped
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests

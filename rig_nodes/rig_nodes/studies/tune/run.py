@@ -25,7 +25,7 @@ from ...base.errors import RigError, quoted
 from ...rig.alfa46 import Alfa46Config, read_alfa46
 from ...rig.configuration import RigConfig
 from ...runs.campaign import Workers
-from ...runs.rig_base import Tripped
+from ...runs.trips import Tripped
 from ..sweep.store import Journal
 from ..validation.calibrate import Calibration
 from ..validation.figures import write_pictures

@@ -27,7 +27,7 @@ from ...base.units import UNITS, quantity
 from ...rig.configuration import RigConfig
 from ...rig.settings import Setting
 from ...runs.campaign import Workers
-from ...runs.rig_base import Tripped
+from ...runs.trips import Tripped
 
 if TYPE_CHECKING:
     from ...base.arrays import Floats

@@ -1,0 +1,69 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The trips that end a run by themselves: what a rig in its safe state says of a plant that could not be moved.
+
+runs.rig_base trips a rig for them, runs.rig for commands that fall silent. A limit that trips a rig has its sentence here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.arrays import Floats
+from ..base.errors import RigError
+
+SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
+
+
+class Tripped(RigError):
+    """A rig that went into its safe state, so that nothing can be measured; the message has the reason and the time."""
+
+    exit_code = 1
+
+
+def not_settled(when: str, driven: bool) -> str:
+    """Return the reason of a trip for friction that did not settle.
+
+    Parameters
+    ----------
+    when : str
+        The sample, in words.
+    driven : bool
+        True for a rig with tables that follow its motion.
+
+    Returns
+    -------
+    str
+        The reason.
+    """
+    also = ", or what follows a table of the motion," if driven else ""
+    return (
+        f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
+        "far from any real one, or its step too long"
+    )
+
+
+def not_finite(when: str, names: list[str], values: Floats) -> str:
+    """Return the reason of a trip for a value that is no finite number.
+
+    Parameters
+    ----------
+    when : str
+        The sample, in words.
+    names : list of str
+        Names of the values.
+    values : (n,) array of float
+        The values; the reason names the first that is not finite, and a sum of what several parts give only where none of these is
+        at fault.
+
+    Returns
+    -------
+    str
+        The reason.
+    """
+    first = min(np.flatnonzero(~np.isfinite(values)), key=lambda i: (names[i].endswith(SUMS), i))
+    return (
+        f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
+        "before, and a value of the rig is far from any real one"
+    )
