@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.metrics import shifts
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import find_config
 from rig_nodes.cli.main import main

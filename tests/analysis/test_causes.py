@@ -12,8 +12,8 @@ from synthetic_shift import Shift
 
 from rig_nodes.analysis.causes import cause
 from rig_nodes.analysis.clutch_torques import put_torques
-from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.report import recording_of
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig

@@ -10,9 +10,9 @@ import pytest
 from synthetic_shift import PERIOD, RPM, FakeBag, Shift
 
 from rig_nodes.analysis.clipped import Clipping, at_an_end
-from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.bags.logged import Recording
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.transmission import Gear

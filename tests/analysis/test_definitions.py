@@ -10,8 +10,8 @@ import pytest
 from synthetic_shift import I1, Shift
 
 from rig_nodes.analysis.definitions import undefined_lines
-from rig_nodes.analysis.metrics import orders_of, shifts
-from rig_nodes.analysis.report import columns_of
+from rig_nodes.analysis.metrics import named_metrics
+from rig_nodes.analysis.shift import orders_of, shifts
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.transmission import transmission_of
 
@@ -41,7 +41,7 @@ def test_with_an_engine_the_losses_and_k_are_withheld_and_the_shift_is_valid():
     (row,) = shifts(replace(recording, transmission=box))
     assert row["valid"] and row["t_c_s"] == pytest.approx(0.7, abs=2e-3) and row["input_torque_max_nm"] is not None
     assert {key for key in WITH_A_HELD_SPEED if row[key] is None} == WITH_A_HELD_SPEED == set(row["undefined"])
-    (line,) = undefined_lines(["shift 1"], [row], columns_of(box))
+    (line,) = undefined_lines(["shift 1"], [row], named_metrics(), box)
     assert line.startswith("no t_o, k, E_loss, settled: ") and "yields to the load" in line
 
 
@@ -60,7 +60,7 @@ def test_k_is_withheld_where_the_input_outran_its_old_speed():
     channels = case.channels()
     (row,) = shifts(case.recording(n_wej=channels["n_wej"] * faster, n_wyj=channels["n_wyj"] * faster))
     assert row["k"] is None and "n_wej rose" in row["undefined"]["k"]
-    (line,) = undefined_lines(["shift 1", "shift 2"], [row, {}], columns_of(load_rig("hydmag").transmission))[:1]
+    (line,) = undefined_lines(["shift 1", "shift 2"], [row, {}], named_metrics(), load_rig("hydmag").transmission)[:1]
     assert line.startswith("shift 1: no k: ")
 
 

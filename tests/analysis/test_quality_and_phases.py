@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from synthetic_shift import FakeBag, Shift
 
-from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, phases_of, times_of
 from rig_nodes.analysis.quality import quality_of, sentence_of
 from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.rig.configuration import load_rig
 
 

@@ -13,7 +13,7 @@ import argparse
 import dataclasses
 import sys
 
-from rig_nodes.analysis.metrics import shifts
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
 from rig_nodes.base.units import UNITS
 from rig_nodes.rig.configuration import load_rig

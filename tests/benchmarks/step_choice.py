@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.analysis.metrics import shifts
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.record import record
 from rig_nodes.runs.sequence import load_sequence

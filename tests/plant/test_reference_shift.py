@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import reference_shift
 
-from rig_nodes.analysis.metrics import shift_metrics
+from rig_nodes.analysis.shift import shift_metrics
 from rig_nodes.bags.logged import Recording
 from rig_nodes.plant.parts.load_pump import relief_setting_for
 from rig_nodes.rig.configuration import load_rig

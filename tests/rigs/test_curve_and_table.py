@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.metrics import shifts
 from rig_nodes.analysis.quality import peak_ratio
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
 from rig_nodes.base.names import installed
 from rig_nodes.rig.configuration import load_rig

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from rig_nodes.analysis.metrics import STANDSTILL
+from rig_nodes.analysis.definitions import STANDSTILL
 from rig_nodes.analysis.quality import FAIR, GRADES
 from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.metrics import shifts
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.metrics import keys
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
@@ -21,7 +21,7 @@ from rig_nodes.studies.sweep.store import JOURNAL, METADATA, RESULTS, Store
 
 pq = pytest.importorskip("pyarrow.parquet")
 SHORT = str(Path(__file__).with_name("short.yaml"))
-VALUES = tuple(key for key in KEYS if key not in ("why", "undefined"))  # of a shift, as a table holds them
+VALUES = tuple(key for key in keys() if key not in ("why", "undefined"))  # of a shift, as a table holds them
 
 
 def ran(folder, plan, bags=False):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.metrics import shifts
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.alfa46 import read_alfa46

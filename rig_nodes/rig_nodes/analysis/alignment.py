@@ -16,7 +16,7 @@ from scipy.signal import correlate
 
 from ..bags.logged import Recording
 from ..base.errors import RigError
-from .metrics import BEFORE
+from .definitions import BEFORE
 
 EVENTS, CORRELATION = "events", "correlation"
 COARSE, FINE = 5e-3, 2e-4  # s, grids of the search and of the fit

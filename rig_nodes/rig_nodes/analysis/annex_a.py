@@ -13,17 +13,18 @@ import numpy as np
 
 from ..bags.logged import Recording
 from ..base.errors import RigError
-from .definitions import withhold
+from .definitions import RPM, withhold
 from .edges import first_true
 from .lacking import what_is_missing
-from .metrics import KEYS, RPM, orders_of
+from .metrics import keys, metrics
+from .shift import orders_of
 
 PERIOD = 1e-4  # s; the program counts samples of 10 kHz
 BLOCK = 10  # samples in the mean of a pressure
 BAR = 1e5
 PI = 3.14  # as printed
 # Inputs of the program: bands of the torque after a down- and an upshift, and the rise of pressure [bar] that counts as
-# the valve's reaction. The laboratory's inputs are not printed; 1.05 is the band of metrics.SETTLED_BAND.
+# the valve's reaction. The laboratory's inputs are not printed; 1.05 is the band of definitions.SETTLED_BAND.
 FACTOR_A, FACTOR_B, RISE_C = 1.05, 1.05, 0.5
 UP_FROM, UP_BELOW, UP_FALLS, UP_LATER = 20.0, 20.0, 4, 50  # bar, bar, successive means, means later
 DOWN_FROM, DOWN_BELOW, DOWN_FALLS, DOWN_LATER = 22.0, 15.0, 3, 100
@@ -39,7 +40,7 @@ VALVE_DELAY_UP, VALVE_DELAY_DOWN = 0.330576, 0.19516  # s added to t_c for the e
 
 
 def shifts_annex_a(recording: Recording, **factors: float) -> list[dict]:
-    """Return one row of :func:`shift_metrics_annex_a` for each row of :func:`metrics.shifts`, in the same order.
+    """Return one row of :func:`shift_metrics_annex_a` for each row of :func:`shift.shifts`, in the same order.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def shift_metrics_annex_a(
     b: float = FACTOR_B,
     c: float = RISE_C,
 ) -> dict:
-    """Return the metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
+    """Return the metrics of one shift by Annex A, under the keys of :func:`metrics.keys`.
 
     A value that the recipe does not give is None, with its reason in ``why``; overlap_s is not part of it and has no reason. The
     recipe does not cover engagements from neutral.
@@ -68,9 +69,9 @@ def shift_metrics_annex_a(
     Parameters
     ----------
     recording : Recording
-        As in metrics.shift_metrics, of a transmission of two gears that share no clutch.
+        As in shift.shift_metrics, of a transmission of two gears that share no clutch.
     order : (float, int, int)
-        As in metrics.shift_metrics.
+        As in shift.shift_metrics.
     next_order_time : float, optional
         Time of the next order [s]; samples after it are not read.
     set_speed : float, optional
@@ -96,7 +97,7 @@ def shift_metrics_annex_a(
         if not factor > 1.0:
             raise RigError(f"Annex A's factor {name} is {factor:g}; it is the upper edge of a band, e.g. 1.05")
     t_order, from_gear, to_gear = order
-    row = dict.fromkeys(KEYS)
+    row = dict.fromkeys(keys())
     row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
     box = recording.transmission
     moved = box.shift(from_gear, to_gear)
@@ -105,7 +106,7 @@ def shift_metrics_annex_a(
     else:
         _Program(recording, order, next_order_time, set_speed, row).run(a if to_gear < from_gear else b, c)
     row["valid"] = not row["why"]
-    withhold(row, box)
+    withhold(row, box, metrics())
     return row
 
 

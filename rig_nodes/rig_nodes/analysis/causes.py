@@ -31,7 +31,7 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     Parameters
     ----------
     row : mapping
-        Row of metrics.shift_metrics, with ``torques``.
+        Row of shift.shift_metrics, with ``torques``.
     box : Transmission
         The transmission.
     which : str

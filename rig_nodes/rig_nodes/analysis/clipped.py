@@ -3,7 +3,7 @@
 
 """Signals at the end of their transducer's range, where the true value lies beyond what is shown.
 
-analysis.metrics infers nothing from such a signal in a shift, and analysis.report names every one of a run.
+analysis.shift infers nothing from such a signal in a shift, and analysis.report names every one of a run.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ import numpy as np
 from ..base.errors import RigError
 from ..rig.catalogue import catalogue
 from ..rig.transmission import ranges_of
+from .metrics import LOAD_BEFORE, PRESSURES, SPEED_BEFORE, SPEEDS, TORQUE_AFTER, TORQUE_IN, TORQUE_OUT, metrics
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
     from ..rig.catalogue import Signal
+    from ..rig.transmission import Transmission
     from .gathered import Gathered
-    from .metrics import _Shift
+    from .shift import CutShift
 
 RPM = 30.0 / np.pi
 BEYOND = "its true values lie beyond, and nothing is concluded from it"
@@ -60,9 +62,9 @@ def at_an_end(values: np.ndarray, ends: tuple[float, float], from_zero: bool = F
     return out
 
 
-def drop_clipped(shift: _Shift, row: dict, last: int) -> None:
+def drop_clipped(shift: CutShift, row: dict) -> None:
     """Take out of ``row`` what a channel at the end of its range would decide, with the reason in place of its inferences."""
-    into, out = shift.box.input, shift.box.output
+    into, out, last = shift.box.input, shift.box.output, shift.last
     backwards = any(shift.box.ratios.get(gear, 1.0) < 0.0 for gear in (shift.old, shift.new))
     moved = [clutch.pressure for clutch in (*shift.shift.releasing, *shift.shift.engaging)]
     for name in (into.speed, out.speed, into.torque, out.torque, *moved):  # a speed takes all other reasons away
@@ -73,8 +75,12 @@ def drop_clipped(shift: _Shift, row: dict, last: int) -> None:
             continue
         row["clipped"] = [*(row["clipped"] or []), name]
         shift.why[:] = [] if name in (into.speed, out.speed) else [one for one in shift.why if not one.startswith(f"{name} ")]
-        for key in _decided_by(shift, row, name, bool(clipped[: shift.order].any()), bool(clipped[-1])):
-            row[key] = None
+        decided = _decides(shift.box, name, bool(clipped[: shift.order].any()), bool(clipped[-1]))
+        row.update(dict.fromkeys(metric.key for metric in metrics() if decided & {*metric.decided_by}))
+        if decided & {SPEEDS, TORQUE_IN}:
+            row["torques"] = None
+        if SPEEDS in decided:
+            row["in_gear"] = None
         if name == into.torque and shift.raw[name][: last + 1].max() > 0.5 * ends[1]:
             row["input_torque_at_least_nm"] = ends[1]
         end = ends[int(abs(shift.raw[name][int(clipped.argmax())] - ends[1]) < ROOM * (ends[1] - ends[0]))]
@@ -82,25 +88,18 @@ def drop_clipped(shift: _Shift, row: dict, last: int) -> None:
         shift.why.append(f"{name} is at the end of its range, {_spoken(shift, name, end)}, for {seconds:.3f} s; {BEYOND}")
 
 
-def _decided_by(shift: _Shift, row: dict, name: str, before: bool, after: bool) -> list[str]:
-    """Return the keys of a row that a channel decides, also those of the state ``before`` the order or ``after`` the shift."""
-    into, out = shift.box.input, shift.box.output
-    keep = {"from_gear", "to_gear", "t_order_s", "why", "valid", "clipped", "input_torque_at_least_nm"}
-    if name in (into.speed, out.speed):
-        keep |= {"output_torque_nm", "overlap_s", "overlap_mpas", "kiss_s", "kiss_mpas"} | (
-            set() if name == into.speed and before else {"input_speed_rpm"}
-        )
-        return [key for key in row if key not in keep]
-    if name == into.torque:
-        torques = ("input_torque_high_nm", "t_high_s", "input_torque_low_nm", "t_low_s", "reversed_s", "torques")
-        return ["input_torque_max_nm", "e_loss_j", "e_loss_settled_j", *torques, *(["t_o_s"] if after else [])]
-    if name == out.torque:
-        return ["e_loss_j", "e_loss_settled_j", *(["output_torque_nm", "reversed_s"] if before else [])]
-    window = ("t_dt_s", "input_torque_max_nm", "output_speed_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
-    return ["overlap_s", *window]
+def _decides(box: Transmission, name: str, before: bool, after: bool) -> set[str]:
+    """Return which channels of metrics.Metric a clipped one is; ``before`` the order or ``after`` the shift, these too."""
+    if name in (box.input.speed, box.output.speed):
+        return {SPEEDS, *([SPEED_BEFORE] if name == box.input.speed and before else [])}
+    if name == box.input.torque:
+        return {TORQUE_IN, *([TORQUE_AFTER] if after else [])}
+    if name == box.output.torque:
+        return {TORQUE_OUT, *([LOAD_BEFORE] if before else [])}
+    return {PRESSURES}
 
 
-def _spoken(shift: _Shift, name: str, value: float) -> str:
+def _spoken(shift: CutShift, name: str, value: float) -> str:
     """Return a value of a channel in the unit in which people read it."""
     into, out = shift.box.input, shift.box.output
     if name in (into.torque, out.torque):

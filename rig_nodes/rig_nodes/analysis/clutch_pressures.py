@@ -3,11 +3,12 @@
 
 """What the pressures of the clutches tell of a shift: the kiss point, and for how long both clutches have capacity.
 
-analysis.metrics uses it, and analysis.clutch_torques where a clutch is open.
+analysis.shift uses it, and analysis.clutch_torques where a clutch is open.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,35 +17,29 @@ from .edges import first_true, odd_width, running_mean
 
 if TYPE_CHECKING:
     from ..rig.transmission import Clutch
-    from .metrics import _Shift
+    from .shift import CutShift
 
 KISS_MEAN = 5e-3  # s
 CLOSED_MEAN = 0.1  # s at the end of the search, from which the pressure of the closed clutch is taken
 MATTERS = 0.1  # share of its closed capacity with which a clutch counts in the overlap
 
 
-def pressed(shift: _Shift, clutches: tuple[Clutch, ...]) -> np.ndarray:
+@dataclass(frozen=True)
+class Passed:
+    """A time by the pressures [s], and the rate [MPa/s] at which they pass the levels that decide it; None when not found."""
+
+    value: float | None = None
+    rate: float | None = None
+
+
+def pressed(shift: CutShift, clutches: tuple[Clutch, ...]) -> np.ndarray:
     """Return where all of some clutches have more than their kiss pressure, from the order on."""
     width = odd_width(KISS_MEAN, shift.period)
     smooth = [running_mean(shift.raw[clutch.pressure], width)[shift.order :] for clutch in clutches]
     return np.logical_and.reduce([p > clutch.kiss_pressure for p, clutch in zip(smooth, clutches)])
 
 
-def fill_pressures(row: dict, shift: _Shift) -> None:
-    """Put overlap and kiss point into a row, with the rates [MPa/s] at which the pressures pass the levels that decide them.
-
-    Parameters
-    ----------
-    row : dict
-        The row of metrics.shift_metrics.
-    shift : _Shift
-        The shift.
-    """
-    row["overlap_s"] = _overlap(row, shift)
-    row["kiss_s"] = _kiss(row, shift)
-
-
-def _overlap(row: dict, shift: _Shift) -> float | None:
+def overlap_of(shift: CutShift) -> Passed:
     """Return the time in which both the releasing and the engaging clutches have capacity that matters [s].
 
     That is a tenth of what each has when it is closed, because capacity grows with the pressure above the kiss pressure. Just
@@ -54,21 +49,20 @@ def _overlap(row: dict, shift: _Shift) -> float | None:
     open_ones = [clutch for clutch in shift.shift.engaging if not pressed(shift, (clutch,)).any()]
     shift.why += [f"{clutch.pressure} never rose above {clutch.kiss_pressure / 1e6:.2f} MPa" for clutch in open_ones]
     if open_ones or not shift.shift.engaging or not shift.shift.releasing:
-        return None
+        return Passed()
     masks, steepness = [], []
     for clutches, falling in ((shift.shift.releasing, True), (shift.shift.engaging, False)):
         found = [_capable(shift, clutch, falling) for clutch in clutches]
         if None in (rate for _, rate in found):
-            return None  # it never passes its level, for which start_of() gives the reason
+            return Passed()  # it never passes its level, for which start_of() gives the reason
         masks.append(np.logical_and.reduce([mask for mask, _ in found]))
         steepness.append(min(rate for _, rate in found if rate is not None))
     old, up = masks
     both, neither = np.count_nonzero(up & old), np.count_nonzero(~up & ~old)
-    row["overlap_mpas"] = 1e-6 / sum(1.0 / one for one in steepness)
-    return float((both if both else -neither) * shift.period)
+    return Passed(float((both if both else -neither) * shift.period), 1e-6 / sum(1.0 / one for one in steepness))
 
 
-def _capable(shift: _Shift, clutch: Clutch, falling: bool) -> tuple[np.ndarray, float | None]:
+def _capable(shift: CutShift, clutch: Clutch, falling: bool) -> tuple[np.ndarray, float | None]:
     """Return where a clutch has a tenth of its closed capacity from the order on, and the rate at its last fall or first rise."""
     raw = shift.raw[clutch.pressure]
     closed = float(np.median(raw[: shift.order] if falling else raw[-shift.samples(CLOSED_MEAN) :]))
@@ -81,26 +75,25 @@ def _capable(shift: _Shift, clutch: Clutch, falling: bool) -> tuple[np.ndarray, 
     return mask, _rate(shift, pressure, int(turns[-1 if falling else 0]) + shift.order)
 
 
-def _rate(shift: _Shift, pressure: np.ndarray, at: int) -> float:
+def _rate(shift: CutShift, pressure: np.ndarray, at: int) -> float:
     """Return how fast a pressure changes around a sample [Pa/s]."""
     first, last = max(0, at - shift.samples(KISS_MEAN)), min(pressure.size - 1, at + shift.samples(KISS_MEAN))
     return max(abs(float(pressure[last] - pressure[first])) / ((last - first) * shift.period), 1.0)
 
 
-def _kiss(row: dict, shift: _Shift) -> float | None:
+def kiss_of(shift: CutShift) -> Passed:
     """Return the time from the order until all engaging clutches have more than their kiss pressure [s]; None when never.
 
-    :func:`_overlap` gives the reason for a clutch that never has it. The pressure rises slowly through the kiss point while the
+    :func:`overlap_of` gives the reason for a clutch that never has it. The pressure rises slowly through the kiss point while the
     piston still moves; its rate is the mean from 0.7 of it on.
     """
     at = first_true(pressed(shift, shift.shift.engaging)) if shift.shift.engaging else None
     if at is None:
-        return None
+        return Passed()
     slow = []
     for clutch in shift.shift.engaging:
         pressure = running_mean(shift.raw[clutch.pressure], odd_width(KISS_MEAN, shift.period))[shift.order : shift.order + at + 1]
         low = np.flatnonzero(pressure < 0.7 * clutch.kiss_pressure)
         since = (at - int(low[-1]) if low.size else at) * shift.period
         slow.append(0.3 * clutch.kiss_pressure / max(since, shift.period))
-    row["kiss_mpas"] = 1e-6 * min(slow)
-    return at * shift.period
+    return Passed(at * shift.period, 1e-6 * min(slow))

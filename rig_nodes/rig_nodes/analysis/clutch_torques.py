@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..bags.reader import Bag
     from ..rig.transmission import Transmission
     from .gathered import Gathered
-    from .metrics import _Shift
+    from .shift import CutShift
 
 STATE = ("torque", "slip")
 SHAFTS, SPEEDS = "/gearbox/state", ("speed_in", "speed_out")
@@ -31,7 +31,7 @@ LEAST_SLIP = 1.0  # rad/s of a gear at the input, from which it shows the ratio 
 TORQUE_ERROR = 1.01  # Nm, thesis tab. 7.1
 
 
-def split_by_logger(shift: _Shift, at: int) -> dict[str, float] | None:
+def split_by_logger(shift: CutShift, at: int) -> dict[str, float] | None:
     """Return the torques of both clutches from the logger's channels.
 
     With ``a`` and ``b`` the ratios of both gears, the torques A and B that their clutches pass on from the input shaft satisfy
@@ -40,7 +40,7 @@ def split_by_logger(shift: _Shift, at: int) -> dict[str, float] | None:
 
     Parameters
     ----------
-    shift : _Shift
+    shift : CutShift
         The shift.
     at : int
         The sample.
@@ -78,7 +78,7 @@ def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> Non
     bag : Bag or Gathered
         The recording.
     rows : list of dict
-        Rows of metrics.shift_metrics.
+        Rows of shift.shift_metrics.
     box : Transmission
         The transmission.
     """

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from ..rig.catalogue import Signal
 from ..rig.transmission import Transmission
-from .report import columns_of
+from .metrics import named_metrics
 from .shown import in_unit, shown
 from .side_by_side import Comparison, short_names
 
@@ -35,15 +35,17 @@ def clock_lines(found: Comparison) -> list[str]:
 
 def metric_tables(found: Comparison, box: Transmission) -> list[Table]:
     """Return a table of the metrics for each recording after the first, with the recordings' names as heads."""
-    columns = {key: (heading, factor, digits) for heading, key, factor, digits in columns_of(box)}
+    metrics = {one.key: one for one in named_metrics()}
     names, tables = short_names(found.names), []
     for run in range(1, len(names)):
         rows = []
-        for row in (row for row in found.metrics if row["run"] == run and row["metric"] in columns):
-            heading, factor, digits = columns[row["metric"]]
-            values = [shown(*in_unit(row[key], row["error"], factor), digits + 1) for key in ("first", "other", "difference")]
-            ends = [_fixed(row["error"], factor, digits + 1), _fixed(row["in_errors"], 1.0, 2)]
-            rows.append([str(row["shift"]), heading, *values, *ends])
+        for row in (row for row in found.metrics if row["run"] == run and row["metric"] in metrics):
+            one = metrics[row["metric"]]
+            values = [
+                shown(*in_unit(row[key], row["error"], one.factor), one.digits + 1) for key in ("first", "other", "difference")
+            ]
+            ends = [_fixed(row["error"], one.factor, one.digits + 1), _fixed(row["in_errors"], 1.0, 2)]
+            rows.append([str(row["shift"]), one.heading(box), *values, *ends])
         tables.append((["shift", "metric", names[0], names[run], "difference", "+-", "in errors"], rows))
     return tables
 
@@ -64,7 +66,7 @@ def signal_tables(found: Comparison, signals: Mapping[str, Signal]) -> list[Tabl
 
 def reasons(found: Comparison, box: Transmission) -> list[str]:
     """Return a sentence for each reason why cells of the tables are empty."""
-    headings = {key: heading.rpartition(" ")[0] or heading for heading, key, *_ in columns_of(box)}
+    headings = {one.key: one.named(box) for one in named_metrics()}
     names, by_reason = short_names(found.names), {}
     for row in found.metrics:
         if row["reason"] and row["metric"] in headings:

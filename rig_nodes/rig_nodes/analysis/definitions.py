@@ -1,65 +1,62 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which metrics of a shift the definitions of the thesis allow on a rig, and what is withheld of a single shift.
+"""The numbers in the definitions of a shift's metrics, and what these definitions withhold of a rig or of a single shift.
 
-analysis.metrics uses it. The thesis defines them for a drive that holds the input's speed and a load on the output.
+analysis.shift cuts shifts by the numbers, and the records of analysis.metrics refer to them. The thesis defines the metrics for a
+drive that holds the input's speed and a load on the output.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import pi
 from typing import TYPE_CHECKING
-
-from ..rig.transmission import Transmission
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-# t_o ends when the input has its old speed again (Annex A); the energy of (6.108) includes the drive's own inertia, which lies
-# outside the torque meter and cancels only when its speed is the same at both ends
-RECOVERS = ("t_o_s", "e_loss_j", "e_loss_settled_j")
-LOSSES = ("e_loss_j", "e_loss_settled_j")
+    from ..rig.transmission import Transmission
+    from .metrics import Metric
+
+RPM = 30.0 / pi
+STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
+BEFORE = 0.2  # s before the order from which the initial state of the shift is taken
+LONGEST = 3.0  # s after the order in which a shift is searched; untuned shifts took over 1 s
+PRESSURE_MEAN = 1e-3  # s
+TORQUE_SPEED_MEAN = 2e-3  # s
+HOLD = 20e-3  # s for which the mean slip must stay within the threshold
+SLIP_UP, SLIP_DOWN = 0.05e-2, 0.1e-2  # thesis 7.1.5
+SLIP_INSTRUMENT_LIMIT = 0.3e-2
+SLIP_OLD_GEAR = 1e-2  # above it the gear counts as not engaged before the order
+DIP = 0.05  # the minimum counts as a dip below 0.95 of the input speed over i1 (Annex A)
+DIP_SEARCH = 2.0  # s in which Annex A searches the minimum of a downshift
 K_MOST = 1.01  # the output cannot turn faster than in the slower gear at the input's old speed; Annex A's edge of that speed
+# Annex A does not give its factor; 2 Nm is twice the torque meter's largest error
+SETTLED_BAND, SETTLED_BAND_NM = 0.05, 2.0
+SETTLED_FOR = 0.1  # s; Annex A: 1000 samples
+SETTLED_AFTER = 0.5  # s after the input speed has recovered, at which Annex A takes the settled torque
 
 
-def undefined_on(box: Transmission) -> dict[str, str]:
-    """Return the metrics that are not defined on a rig, each with its reason.
-
-    Parameters
-    ----------
-    box : Transmission
-        The transmission; ``drive_yields`` is what the rig's description says about its drive.
-
-    Returns
-    -------
-    dict of str to str
-        Reason by the metric's key; empty where a drive holds the input's speed.
-    """
-    if not box.drive_yields:
-        return {}
-    return dict.fromkeys(
-        (*RECOVERS, "k"), f"defined for an input whose speed is held; here {box.drive_yields} (use the clutch heat)"
-    )
-
-
-def withhold(row: dict, box: Transmission) -> None:
+def withhold(row: dict, box: Transmission, metrics: Iterable[Metric]) -> None:
     """Take out of a row of metrics what is not defined, with the reasons under its key ``undefined``.
 
     Parameters
     ----------
     row : dict
-        Row of metrics.shift_metrics.
+        Row of shift.shift_metrics.
     box : Transmission
-        The transmission that was shifted.
+        The transmission that was shifted; ``drive_yields`` is what the rig's description says about its drive.
+    metrics : iterable of Metric
+        The metrics.
     """
-    reasons = undefined_on(box)
-    if row["k"] is not None and row["k"] > K_MOST:
-        faster = f"{box.input.speed} rose: at its lowest {box.output.speed} was {row['k']:.2f} times that of the slower gear"
-        reasons.setdefault("k", f"defined for an input whose speed is held; {faster} at the old speed")
-    for key in LOSSES:
-        if row[key] is not None and row[key] < 0.0:
-            reasons.setdefault(key, f"it came out at {row[key]:.0f} J, and no loss is negative")
+    reasons = row["undefined"] or {}
+    for metric in metrics:
+        value = row[metric.key]
+        if metric.held_input and box.drive_yields:
+            reasons[metric.key] = f"defined for an input whose speed is held; here {box.drive_yields} (use the clutch heat)"
+        elif value is not None and metric.absurd and (why := metric.absurd(value, box)):
+            reasons[metric.key] = why
     row["undefined"] = reasons
     row.update(dict.fromkeys(reasons))
 
@@ -69,7 +66,7 @@ def reasons_in(row: Mapping) -> Mapping[str, str]:
     return row.get("undefined") or {}
 
 
-def undefined_lines(names: Sequence[str], rows: Iterable[Mapping], columns: Iterable[tuple[str, str, float, int]]) -> list[str]:
+def undefined_lines(names: Sequence[str], rows: Iterable[Mapping], metrics: Iterable[Metric], box: Transmission) -> list[str]:
     """Return a line for each reason with which metrics are withheld, the reasons that hold for all shifts without their names.
 
     Parameters
@@ -78,17 +75,17 @@ def undefined_lines(names: Sequence[str], rows: Iterable[Mapping], columns: Iter
         Names of the shifts.
     rows : iterable of mapping
         Their metrics.
-    columns : iterable of (str, str, float, int)
-        Heading, key, factor and digits of the metrics that are shown.
+    metrics : iterable of Metric
+        The metrics that are shown.
+    box : Transmission
+        The transmission.
     """
     found: dict[tuple[str, str], list[str]] = {}
     for name, row in zip(names, rows):
         by_reason: dict[str, list[str]] = {}
-        for heading, key, *_ in columns:
-            if reason := reasons_in(row).get(key):
-                by_reason.setdefault(reason, []).append(heading.rpartition(" ")[0] or heading)
-        for reason, metrics in by_reason.items():
-            found.setdefault((", ".join(metrics), reason), []).append(name)
-    return [
-        f"{'' if len(of) == len(names) else '; '.join(of) + ': '}no {metrics}: {reason}" for (metrics, reason), of in found.items()
-    ]
+        for metric in metrics:
+            if reason := reasons_in(row).get(metric.key):
+                by_reason.setdefault(reason, []).append(metric.named(box))
+        for reason, of_it in by_reason.items():
+            found.setdefault((", ".join(of_it), reason), []).append(name)
+    return [f"{'' if len(of) == len(names) else '; '.join(of) + ': '}no {of_it}: {reason}" for (of_it, reason), of in found.items()]

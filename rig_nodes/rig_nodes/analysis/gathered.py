@@ -32,9 +32,10 @@ from .annex_a import BLOCK as ANNEX_BLOCK
 from .annex_a import shift_metrics_annex_a
 from .clipped import Clipping
 from .clutch_torques import STATE as CLUTCH
-from .metrics import BEFORE, LONGEST, is_shift, shift_metrics, shifts, with_ends
+from .definitions import BEFORE, LONGEST
 from .press_bench import pressed_clutch
 from .ranges import LOGGER, Ranges
+from .shift import is_shift, shift_metrics, shifts, with_ends
 
 if TYPE_CHECKING:
     from ..rig.catalogue import Catalogue

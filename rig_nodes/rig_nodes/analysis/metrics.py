@@ -1,561 +1,398 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shift metrics by the laboratory's definitions (thesis 7.1.5, (6.85), (6.108), (7.3), (7.4)), on arrays.
+"""The metrics of a shift, a record each: how it is found, its name and unit, its error, and where it is shown.
 
-analysis.report uses them, and so can any script that needs the numbers of one shift; they depend neither on bags nor on ROS.
-
-All filters are symmetric in time:
-
-* pressures: mean over 1 ms, as the laboratory did (10 samples of 10 kHz). A class 0.25 transducer of 40 MPa
-  then scatters by about 0.015 MPa, which at the 13 MPa/s of an emptying clutch corresponds to 1 ms.
-* pressures against the kiss pressure and the level of the overlap: mean over 5 ms. A released clutch empties slowly there, and
-  scatter would lengthen the overlap by counting a pressure that is above the level by chance.
-* torques and speeds: mean over 2 ms, the laboratory's 20 samples for torque. Lock-up leaves a corner in the
-  speeds; 2 ms move the 0.05 % crossing of a 0.1 s speed change by less than 1 ms, and reduce scatter to less
-  than a quarter.
-* slip thresholds: the encoder resolves 0.017 rev/s, 0.07 % of 1500 rpm, which is more than the thresholds. So
-  the slip that the instruments show for a locked clutch is added to the threshold. It is the largest of the 99th percentile
-  of the old gear's filtered slip before the order, half a quantum of each encoder, and 2.6 standard deviations of the
-  filtered noise, but no more than 0.3 %. In addition the mean slip of the next 20 ms must meet the
-  threshold, so that a crossing by chance or in passing does not end a shift.
+The report, comparisons, sweeps, validation, the view and ``rig list metrics`` take the metrics from here. Another package adds one
+by an entry point of the group ``rig_nodes.metrics``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from math import pi
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING
 
-import numpy as np
+from ..base.entry_points import Group
+from . import metric_errors
+from .definitions import K_MOST, RPM
+from .shown import in_unit, shown
 
-from ..bags.logged import Recording
-from ..rig.transmission import Clutch, Shift, Transmission
-from .clipped import drop_clipped
-from .clutch_pressures import fill_pressures
-from .course import COURSE_KEYS, fill_course
-from .definitions import undefined_on, withhold
-from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
-from .lacking import what_is_missing
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
-KEYS = (
-    "from_gear",
-    "to_gear",
-    "input_speed_rpm",
-    "input_speed_change_rpm",
-    "output_torque_nm",
-    "t_dt_s",
-    "t_p_s",
-    "t_c_s",
-    "t_o_s",
-    "input_torque_max_nm",
-    "output_speed_min_rpm",
-    "k",
-    "e_loss_j",
-    "e_loss_settled_j",
-    "overlap_s",
-    "overlap_mpas",
-    "kiss_s",
-    "kiss_mpas",
-    "departure_s",
-    *COURSE_KEYS,
-    "valid",
-    "t_order_s",
-    "why",
-    "undefined",
-)
-# keys of a row in addition, which are no metrics: course.fill_course, clipped.drop_clipped, and whether the old gear was in
-DETAILS = ("torques", "clipped", "in_gear")
+    from ..rig.transmission import Transmission
+    from .metric_errors import ErrorBasis
+    from .shift import CutShift
+
+ADDED = Group("metrics", "metric")
 UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J", "mpas": "MPa/s"}  # unit of a key by its last word; any other key has no unit
-RPM = 30.0 / pi
-STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
-
-BEFORE = 0.2  # s before the order from which the initial state of the shift is taken
-LONGEST = 3.0  # s after the order in which a shift is searched; untuned shifts took over 1 s
-PRESSURE_MEAN = 1e-3  # s
-TORQUE_SPEED_MEAN = 2e-3  # s
-HOLD = 20e-3  # s for which the mean slip must stay within the threshold
-SLIP_UP, SLIP_DOWN = 0.05e-2, 0.1e-2  # thesis 7.1.5
-SLIP_INSTRUMENT_LIMIT = 0.3e-2
-SLIP_OLD_GEAR = 1e-2  # above it the gear counts as not engaged before the order
-DIP = 0.05  # the minimum counts as a dip below 0.95 of the input speed over i1 (Annex A)
-DIP_SEARCH = 2.0  # s in which Annex A searches the minimum of a downshift
-# Annex A does not give its factor; 2 Nm is twice the torque meter's largest error
-SETTLED_BAND, SETTLED_BAND_NM = 0.05, 2.0
-SETTLED_FOR = 0.1  # s; Annex A: 1000 samples
-SETTLED_AFTER = 0.5  # s after the input speed has recovered, at which Annex A takes the settled torque
+# where a metric is shown beside the places that have them all: the table of shifts, or that of their course from order to settled
+# torque; the results by Annex A; the short tables of sweeps and of many runs; the plots of a campaign
+TABLE, COURSE, ANNEX, SHORT, PLOTS = "table", "course", "annex", "short", "plots"
+# the channels that decide a metric, which has no value where one of them is at the end of its range: at any time in the shift, or
+# in the state before the order or after the shift
+SPEEDS, TORQUE_IN, TORQUE_OUT, PRESSURES = "speeds", "input torque", "output torque", "pressures"
+SPEED_BEFORE, TORQUE_AFTER, LOAD_BEFORE = "input speed before", "input torque after", "output torque before"
+# keys of a row beside its metrics, in front of them and behind them
+GEARS, ENDS = ("from_gear", "to_gear"), ("valid", "t_order_s", "why", "undefined")
+# keys of a row that no report has as a result: course.course_of, clipped.drop_clipped, and whether the old gear was in
+DETAILS = ("torques", "clipped", "in_gear")
 
 
-def shifts(recording: Recording) -> list[dict]:
-    """Return one row of metrics for each order of a driving gear; an order of neutral only ends the shift before it.
+@dataclass(frozen=True)
+class Metric:
+    """A metric of a shift.
 
-    A gear that is engaged while the input shaft stands still is not a shift and gets no row.
-    """
-    return [shift_metrics(recording, order, end) for order, end in orders_of(recording)]
-
-
-def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float | None]]:
-    """Return the orders that are shifts, each with the time of the order after it (None for the last)."""
-    return [(order, end) for order, end in with_ends(recording.orders) if is_shift(recording, order)]
-
-
-def with_ends(orders: Iterable[tuple[float, int, int]]) -> list[tuple[tuple[float, int, int], float | None]]:
-    """Return the orders of another gear by time, each with the time of the order after it (None for the last)."""
-    orders = sorted(order for order in orders if order[1] != order[2])
-    return list(zip(orders, [order[0] for order in orders[1:]] + [None]))
-
-
-def is_shift(recording: Recording, order: tuple[float, int, int]) -> bool:
-    """Return True when the ordered gear drives and is not engaged from neutral without slip, at standstill or in step."""
-    return order[2] in recording.transmission.ratios and not (order[1] == 0 and without_slip(recording, order))
-
-
-def without_slip(recording: Recording, order: tuple[float, int, int]) -> bool:
-    """Return True when the input shaft stands still at an order, or turns with the output in the ratio of the open gear ordered."""
-    box, t = recording.transmission, order[0]
-    if stands(recording, t):
-        return True
-    around = {name: recording.part(name, *_around(recording, t)) for name in box.channels}
-    if order[2] not in box.ratios or not all(len(one) and np.all(np.isfinite(one)) for one in around.values()):
-        return False
-    mean = {name: float(np.mean(one)) for name, one in around.items()}
-    slip = box.slip(order[2], max(mean[box.input.speed], STANDSTILL), mean[box.output.speed])
-    opened = any(mean[clutch.pressure] <= clutch.kiss_pressure for clutch in box.engaged(order[2]))
-    return opened and abs(slip) <= SLIP_OLD_GEAR
-
-
-def _around(recording: Recording, t: float) -> tuple[int, int]:
-    """Return the first row of 0.01 s before and the one after 0.01 s behind a time [s], at 10 kHz."""
-    at = int((t - recording.t0) / recording.period)
-    return at - 100, at + 100
-
-
-def stands(recording: Recording, t: float) -> bool:
-    """Return True when the input shaft stands still around a time [s]."""
-    around = recording.part(recording.transmission.input.speed, *_around(recording, t))
-    return len(around) > 0 and bool(np.nanmax(np.abs(around)) < STANDSTILL)
-
-
-def shift_metrics(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None) -> dict:
-    """Return the metrics of one shift under :data:`KEYS`; a bad shift does not raise an error.
-
-    A value that cannot be found is None, with its reason in ``why``; one that is not defined on this rig or in this shift is None
-    with its reason by its key in ``undefined`` (analysis.definitions), which makes no shift invalid. ``valid`` is True when the
-    shift was completed, everything was found and the output never stood still: a shift under load does not interrupt the drive, and
-    k has no meaning for an output that stood still. A missing dip does not make a shift invalid; ``k`` shows it. An engagement from
-    neutral releases no clutch: there t_dt starts with the rise of the engaging pressure, and k and overlap_s are None without a
-    reason. When several clutches are released, the one whose pressure falls first begins the shift. A clutch that stays engaged is
-    not considered.
-
-    Parameters
+    Attributes
     ----------
-    recording : Recording
-        The logger's channels.
-    order : (float, int, int)
-        Time [s], gear before, gear ordered.
-    next_order_time : float, optional
-        Time of the next order [s], where the search ends at the latest.
-
-    Returns
-    -------
-    dict
-        One value per key.
+    key : str
+        Its key in rows and reports; it ends with the unit, one of :data:`UNITS`, unless the metric has none.
+    text : str
+        What it is.
+    of : function
+        of(shift) returns the value of a cut shift, None where it was not found.
+    name : str
+        Its name in tables, without unit, with ``{n_in}, {M_in}, {n_out}, {M_out}`` for the signals of both shafts; empty for a
+        metric that only files and validation rows have.
+    digits : int
+        Digits behind the decimal point that are shown.
+    error : function, optional
+        error(basis) returns its largest error in its unit, None where that is not known.
+    places : tuple of str
+        Where it is shown.
+    decided_by : tuple of str
+        The channels that decide it.
+    held_input : bool
+        True when it is only defined where a drive holds the input's speed.
+    absurd : function, optional
+        absurd(value, transmission) returns why a value is no result, or None.
+    package : str
+        The package that adds it; empty for ours.
     """
-    t_order, from_gear, to_gear = order
-    row = dict.fromkeys((*KEYS, *DETAILS))
-    row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
-    shift = _Shift.cut(recording, order, next_order_time, row["why"])
-    if shift is not None:
-        shift.fill(row)
-    row["valid"] = not row["why"]
-    withhold(row, recording.transmission)
-    return row
 
-
-@dataclass
-class _Shift:
-    """One shift cut out of a recording: raw and filtered channels; sample 0 lies BEFORE ahead of the order."""
-
-    box: Transmission
-    shift: Shift
-    period: float
-    order: int  # index of the order
-    raw: dict[str, np.ndarray]
-    smooth: dict[str, np.ndarray]
-    over: str  # a sentence on what ends the search for the shift
-    why: list[str]
-
-    @classmethod
-    def cut(
-        cls, recording: Recording, order: tuple[float, int, int], next_order_time: float | None, why: list[str]
-    ) -> _Shift | None:
-        """Return the samples around an order, or None with the reason in ``why``."""
-        t_order, from_gear, to_gear = order
-        at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
-        first = max(0, at - int(round(BEFORE / recording.period)))
-        over = f"a shift is looked for {LONGEST:g} s long"
-        until = t_order + LONGEST
-        if next_order_time is not None and next_order_time < until:
-            until, over = next_order_time, f"the next order came at {next_order_time:.3f} s"
-        last = int((until - recording.t0) / recording.period) + 1
-        if last > recording.rows:
-            last, over = recording.rows, f"the recording ends at {recording.t0 + recording.period * recording.rows:.3f} s"
-        hold = int(round(HOLD / recording.period))
-        if until == next_order_time and last - at < 2 * hold:
-            why.append(f"{over}, {next_order_time - t_order:.3f} s after this one")
-            return None
-        if at - first < hold or last - at < 2 * hold:
-            why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
-            return None
-        box = recording.transmission
-        raw = {name: recording.part(name, first, last) for name in box.channels}
-        if missing := what_is_missing(raw, recording.t0 + first * recording.period, recording.period):
-            why.append(missing)
-            return None
-        shift = cls(
-            box,
-            box.shift(int(from_gear), int(to_gear)),
-            recording.period,
-            at - first,
-            raw,
-            smoothed(box, raw, recording.period),
-            over,
-            why,
-        )
-        if shift.before(box.input.speed) < 1.0:
-            why.append("the input shaft did not turn when the shift was ordered")
-            return None
-        return shift
-
-    def before(self, name: str) -> float:
-        """Return the mean of a channel before the order."""
-        return float(np.mean(self.raw[name][: self.order]))
-
-    def change_before(self, name: str) -> float:
-        """Return by how much a channel changed in BEFORE ahead of the order, by the line through it."""
-        rows = np.arange(self.order) - 0.5 * (self.order - 1)
-        return float(np.dot(rows, self.raw[name][: self.order]) / np.dot(rows, rows)) * self.samples(BEFORE)
-
-    def samples(self, seconds: float) -> int:
-        """Return the number of samples in a time [s], at least one."""
-        return max(1, int(round(seconds / self.period)))
-
-    def slip(self, gear: int, source: dict[str, np.ndarray]) -> np.ndarray:
-        """Return the slip of a gear (6.85) as a share of the input speed, not in percent."""
-        return self.box.slip(gear, np.maximum(source[self.box.input.speed], 1.0), source[self.box.output.speed])
+    key: str
+    text: str
+    of: Callable[[CutShift], float | None]
+    name: str = ""
+    digits: int = 0
+    error: Callable[[ErrorBasis], float | None] | None = None
+    places: tuple[str, ...] = (TABLE,)
+    decided_by: tuple[str, ...] = (SPEEDS, TORQUE_IN, TORQUE_OUT, PRESSURES)
+    held_input: bool = False
+    absurd: Callable[[float, Transmission], str | None] | None = None
+    package: str = ""
 
     @property
-    def new(self) -> int:
-        """The gear that is ordered."""
-        return self.shift.to_gear
+    def unit(self) -> str:
+        """Unit of its values in rows and reports; ``-`` without one."""
+        return UNITS.get(self.key.rpartition("_")[2], "-")
 
     @property
-    def old(self) -> int | None:
-        """The gear that drove before the order; None from neutral."""
-        return self.shift.from_gear if self.shift.from_gear in self.box.ratios else None
+    def shown_unit(self) -> str:
+        """Unit in which people read it."""
+        return "ms" if self.unit == "s" else self.unit
 
     @property
-    def down(self) -> bool:
-        """True for a shift to a slower output."""
-        return self.shift.to_gear < self.shift.from_gear
+    def factor(self) -> float:
+        """Factor from its unit to the one in which people read it."""
+        return 1e3 if self.unit == "s" else 1.0
 
-    @property
-    def name(self) -> str:
-        """Name of the gear that is ordered."""
-        return self.box.names[self.new]
+    def named(self, box: Transmission) -> str:
+        """Return its name on a transmission, without unit."""
+        return self.name.format(n_in=box.input.speed, M_in=box.input.torque, n_out=box.output.speed, M_out=box.output.torque)
 
-    @property
-    def way(self) -> float:
-        """1 where the output of the ordered gear turns forwards, -1 where it turns backwards."""
-        return 1.0 if self.box.ratios[self.new] > 0.0 else -1.0
+    def heading(self, box: Transmission) -> str:
+        """Return its name on a transmission with the unit in which people read it."""
+        return self.named(box) if self.unit == "-" else f"{self.named(box)} {self.shown_unit}"
 
-    @property
-    def turns_round(self) -> bool:
-        """True for a change of direction."""
-        return self.box.turns_round(self.shift.from_gear, self.shift.to_gear)
+    def cell(self, row: Mapping, errors: Mapping) -> str:
+        """Return its value in a row as text, beside the errors of the row."""
+        return shown(*in_unit(row.get(self.key), errors.get(self.key), self.factor), self.digits)
 
-    def lowest(self, first: int, last: int) -> float:
-        """Return the output speed that is lowest in the direction of the ordered gear, between two samples [rad/s]."""
-        return self.way * float((self.way * self.smooth[self.box.output.speed][first : last + 1]).min())
-
-    def fill(self, row: dict) -> None:
-        """Put every metric that can be found into ``row``, and a reason for every other one."""
-        drop_clipped(self, row, self.measure(row))
-
-    def measure(self, row: dict) -> int:
-        """Put the metrics and their reasons into ``row`` as the channels show them; return the last sample that was used."""
-        last = self.raw[self.box.input.speed].size - 1
-        row["input_speed_rpm"] = self.before(self.box.input.speed) * RPM
-        row["input_speed_change_rpm"] = self.change_before(self.box.input.speed) * RPM
-        row["output_torque_nm"] = self.before(self.box.output.torque)
-        if self.was_in():
-            return last
-        old_slip = self.check_old_gear()
-        fill_pressures(row, self)
-        start = self.pressure_start()
-        end = self.slip_end(start)
-        if end is not None and end < self.order:
-            self.why.append(f"the speeds were those of gear {self.name} before it was ordered")
-            return last
-        departure = self.speed_departure(old_slip)
-        if departure is not None:
-            row["departure_s"] = (departure - self.order) * self.period
-            if self.old is not None and self.shift.engaging:
-                kiss = (last - self.order) * self.period if row["kiss_s"] is None else row["kiss_s"]
-                row["interrupted_s"] = max(0.0, kiss - row["departure_s"])
-        elif end is not None and (self.old is None or old_slip is not None):
-            self.why.append(f"{self.box.output.speed} never left its old value")
-        settled = None if end is None or "t_o_s" in undefined_on(self.box) else self.settled(end)
-        if end is not None:  # one that never settled is judged as long as the settled torque is looked for
-            last = min(last, end + self.samples(SETTLED_AFTER)) if settled is None else settled
-        row["course_s"] = (last - self.order) * self.period
-        row["in_gear"] = self.old is None or old_slip is not None
-        fill_course(row, self, last)
-        if end is None:
-            self.check_slipping()
-            return last
-        row["t_c_s"] = (end - self.order) * self.period
-        if departure is not None:
-            row["t_p_s"] = (end - departure) * self.period
-        if settled is not None:
-            row["t_o_s"] = (settled - end) * self.period
-        if start is not None:
-            self.fill_window(row, start, end, settled)
-        return last
-
-    def fill_window(self, row: dict, start: float, end: int, settled: int | None) -> None:
-        """Put in the metrics of the time t_d from the start of a pressure's change to the end of the shift."""
-        row["t_dt_s"] = (end - start) * self.period
-        first = int(round(start))
-        row["input_torque_max_nm"] = float(self.smooth[self.box.input.torque][first : end + 1].max())
-        row["e_loss_j"] = self.energy_loss(first, end)
-        if settled is not None:
-            row["e_loss_settled_j"] = self.energy_loss(first, settled)
-        if self.turns_round:
-            return  # the output passes standstill by intent
-        lowest = self.lowest(first, end)
-        row["output_speed_min_rpm"] = lowest * RPM
-        if self.old is not None:
-            # the input speed is that before the order, which is the laboratory's nominal speed
-            row["k"] = self.way * lowest / self.before(self.box.input.speed) * self.box.slower_ratio(self.old, self.new)
-            self.check_standstill(first, end)
-
-    def was_in(self) -> bool:
-        """Return True, and add a reason, when a gear was engaged although the order was given as one from neutral."""
-        if self.old is not None:
-            return False
-        for gear in self.box.ratios:
-            mean = abs(float(np.mean(self.slip(gear, self.raw)[: self.order])))
-            # the output may coast at the ratio of a gear that is not ordered
-            if mean <= SLIP_OLD_GEAR and (
-                gear == self.new or all(self.before(clutch.pressure) > clutch.kiss_pressure for clutch in self.box.engaged(gear))
-            ):
-                self.why.append(
-                    f"gear {self.box.names[gear]} was in when {self.name} was ordered from neutral (slip {100.0 * mean:.1f} %)"
-                )
-                return True
-        return False
-
-    def check_old_gear(self) -> float | None:
-        """Return the mean slip of the old gear before the order; None, with the reason, when that gear was not engaged."""
-        if self.old is None:
-            return None
-        mean = float(np.mean(self.slip(self.old, self.raw)[: self.order]))
-        if abs(mean) <= SLIP_OLD_GEAR:
-            return mean
-        self.why.append(f"gear {self.box.names[self.old]} was not in when {self.name} was ordered (slip {100.0 * mean:.1f} %)")
+    def formed(self, shift: CutShift, row: dict) -> float | None:
+        """Return its value of a shift; None, with the reason in ``row``, where the function of another package fails."""
+        if not self.package:
+            return self.of(shift)
+        try:
+            found = self.of(shift)
+            if found is None or math.isfinite(found):
+                return None if found is None else float(found)
+            why = f"its value is {found}"
+        except Exception as error:  # what another package's code raises
+            why = f"{type(error).__name__}: {error}"
+        row["undefined"] = {**(row["undefined"] or {}), self.key: f"the package {self.package} failed ({why})"}
         return None
 
-    def pressure_start(self) -> float | None:
-        """Return the start [sample] of the first releasing pressure's fall, or without one of the first engaging one's rise."""
-        falling = bool(self.shift.releasing)
-        starts = [self.start_of(clutch, falling) for clutch in (self.shift.releasing if falling else self.shift.engaging)]
-        return None if None in starts else min(starts, default=None)
 
-    def start_of(self, clutch: Clutch, falling: bool) -> float | None:
-        """Return the start of a pressure's fall or rise [sample]; None, with the reason, when it has none.
-
-        The fall starts at the last crossing of a level a little under the old pressure before half of it is reached,
-        so that a short sag before does not count; the crossing is followed back along its slope to the old pressure. The
-        laboratory required four falling means in a row and that the pressure has vanished 50 to 100 ms later. The
-        intention is the same, but that rule depends on noise and on the pressures of that rig.
-        """
-        name, kiss = clutch.pressure, clutch.kiss_pressure
-        sign = -1.0 if falling else 1.0
-        raw, smooth = self.raw[name], self.smooth[name]
-        rest = float(np.median(smooth[: self.order]))
-        if falling and rest < 2.0 * kiss:
-            self.why.append(f"{name} was not up before the order, so it could not fall")
-            return None
-        size = rest if falling else kiss
-        # half of the fall; the kiss point for a rise
-        distance = 0.5 * size if falling else max(kiss - rest, 0.0)
-        far = first_true(sign * (smooth - rest) >= distance, self.order)
-        if far is None:
-            self.why.append(f"{name} did not {'fall' if falling else f'rise above {kiss / 1e6:.2f} MPa'}")
-            return None
-        if falling and first_true(smooth < kiss, far) is None:
-            self.why.append(f"{name} did not fall below {kiss / 1e6:.2f} MPa")
-        # the level may drift between order and fall, so it is taken up to the fall, which is short in comparison
-        rest = float(np.median(smooth[max(0, self.order - self.samples(BEFORE)) : far]))
-        rise, moved = sign * (raw - rest), sign * (smooth - rest)
-        noise = float(np.std(smooth[: self.order]))
-        level = min(max(4.0 * noise, 0.02 * size), 0.4 * size)
-        below = np.flatnonzero(moved[:far] < level)
-        at = int(below[-1]) + 1 if below.size else far
-        return ramp_start(rise, moved, at, 0.1 * size, self.samples(20e-3))
-
-    def threshold(self) -> tuple[float, float]:
-        """Return the slip threshold of the definition and the slip that the instruments add to it (module docstring)."""
-        n_in, n_out = self.box.input.speed, self.box.output.speed
-        ratio, speed = abs(self.box.ratios[self.new]), self.before(n_in)
-        half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
-        width = odd_width(TORQUE_SPEED_MEAN, self.period)
-        noise = (
-            2.6
-            * np.hypot(white_noise(self.raw[n_in][: self.order]), ratio * white_noise(self.raw[n_out][: self.order]))
-            / speed
-            / np.sqrt(width)
-        )
-        shown = 0.0
-        if self.old is not None:
-            shown = float(np.percentile(np.abs(self.slip(self.old, self.smooth)[: self.order]), 99.0))
-        limit = SLIP_DOWN if self.down else SLIP_UP
-        return limit, min(max(half_steps, noise, shown), SLIP_INSTRUMENT_LIMIT)
-
-    def slip_end(self, start: float | None) -> int | None:
-        """Return the end of the shift [sample], when the new gear's slip is below its threshold and stays there, or None.
-
-        Upshifts: below +0.05 %. Downshifts: within +-0.1 %. When the output dips below 0.95 of the input speed over i of the
-        new gear, only samples after the deepest point of the dip count. The dip is measured at the input speed of the moment, so
-        that a slowing input is not a dip.
-        """
-        slip = self.slip(self.new, self.smooth)
-        limit, shown = self.threshold()
-        limit += shown
-        met = (np.abs(slip) < limit) if self.down else (slip < limit)
-        met &= np.abs(mean_ahead(slip, self.samples(HOLD))) < limit
-        begin = self.order if start is None else int(round(start))
-        if self.down:
-            deep = slip[begin : begin + self.samples(DIP_SEARCH)]
-            if deep.size and deep.max() > DIP:
-                begin += int(deep.argmax())
-        end = first_true(met, begin)
-        if end is None:
-            rest = np.abs(slip[begin:])
-            best = f" (closest {100.0 * rest.min():.2f} %)" if rest.size else ""
-            self.why.append(f"the output never settled on the ratio of gear {self.name}{best}; {self.over}")
-        return end
-
-    def check_standstill(self, first: int, end: int) -> None:
-        """Add a reason when the output stood still between two samples of the shift, because the drive was interrupted."""
-        stood = self.way * self.smooth[self.box.output.speed][first : end + 1] < STANDSTILL
-        if stood.any():
-            self.why.append(f"the output stood still for {np.count_nonzero(stood) * self.period:.3f} s, the drive was interrupted")
-
-    def check_slipping(self) -> None:
-        """Add a reason when the new gear's clutches are steadily pressed and slip: the torque they carry and the torque demanded.
-
-        The clutches' torque follows from the torque meter at the output and the output's inertia: output torque + J dw/dt. The
-        demanded torque is the one before the order.
-        """
-        tail = slice(-self.samples(SETTLED_FOR), None)
-        mean = {name: float(np.mean(values[tail])) for name, values in self.raw.items()}
-        w_in, w_out, torque = mean[self.box.input.speed], mean[self.box.output.speed], mean[self.box.output.torque]
-        slip = w_in - self.box.ratios[self.new] * w_out
-        if w_in < STANDSTILL or slip < SLIP_OLD_GEAR * w_in:
-            return
-        for clutch in self.shift.engaging:
-            pressure, earlier = (self.raw[clutch.pressure][part] for part in (tail, slice(2 * tail.start, tail.start)))
-            if pressure.mean() < clutch.kiss_pressure or abs(pressure.mean() - earlier.mean()) > 0.05 * pressure.mean():
-                return  # the clutch is open, which clutch_pressures reports, or its pressure still moves
-        speed = self.smooth[self.box.output.speed][tail]
-        growth = float(speed[-1] - speed[0]) / ((speed.size - 1) * self.period)
-        carried = torque + self.box.inertias.on_output * growth
-        before = self.before(self.box.output.torque)
-        asked = "" if self.old is None else f", {before:.0f} Nm were asked before the order"
-        names, pressed = (
-            [form(clutch) for clutch in self.shift.engaging]
-            for form in (lambda clutch: clutch.name, lambda clutch: f"{mean[clutch.pressure] / 1e6:.2f}")
-        )
-        several = len(names) > 1
-        what = f"clutches {' and '.join(names)} still slip" if several else f"clutch {names[0]} still slips"
-        self.why.append(
-            f"{what} at the end by {slip * RPM:.0f} rpm of the input: {'they carry' if several else 'it carries'} "
-            f"{carried:.0f} Nm to the output at {' and '.join(pressed)} MPa{asked}"
-        )
-
-    def speed_departure(self, old_slip: float | None) -> float | None:
-        """Return the first departure of the output speed from its old value [sample].
-
-        The old value is the input speed of the moment over the old ratio: while the old clutch still holds, a tie-up
-        slows input and output together and the speed change has not begun. The level of 0.2 % of speed (or 4
-        standard deviations) must be held for 5 ms; the delay of this detection is corrected along the slope. From neutral it is
-        the first turn of the output.
-        """
-        if self.old is not None:
-            if old_slip is None:
-                return None
-            raw, smooth = (self.slip(self.old, s) - old_slip for s in (self.raw, self.smooth))
-        else:
-            raw, smooth = (1.0 - self.slip(self.new, s) for s in (self.raw, self.smooth))
-            rest = float(np.mean(raw[: self.order]))
-            raw, smooth = raw - rest, smooth - rest
-        level = max(4.0 * float(np.std(smooth[: self.order])), 0.2e-2)
-        at = first_true(all_ahead(np.abs(smooth) > level, self.samples(5e-3)), self.order)
-        if at is None:
-            return None
-        sign = np.sign(smooth[at])
-        return ramp_start(sign * raw, sign * smooth, at, 2e-2, self.samples(20e-3))
-
-    def settled(self, end: int) -> int | None:
-        """Return when the input torque has settled after the end of the shift [sample], or None with the reason.
-
-        As in Annex A, the input speed must be back above 99 % (up) or below 101 % (down) of its value before the order. The settled
-        torque is the mean over 0.1 s, 0.5 s after that (or the last 0.1 s of a shorter recording). The torque has settled when
-        it stays in a band around this value for 0.1 s. The band of 5 %, at least 2 Nm, is this project's choice.
-        """
-        name = self.box.input.torque
-        speed, torque = self.smooth[self.box.input.speed], self.smooth[name]
-        nominal, span = self.before(self.box.input.speed), self.samples(SETTLED_FOR)
-        back = speed < 1.01 * nominal if self.down else speed > 0.99 * nominal
-        recovered = first_true(back, end)
-        late = (end if recovered is None else recovered) + self.samples(SETTLED_AFTER)
-        late = min(late, torque.size - span)
-        if late < end:
-            self.why.append(f"{name} had no time to settle: {self.over}")
-            return None
-        value = float(np.mean(self.raw[name][late : late + span]))
-        band = max(SETTLED_BAND * abs(value), SETTLED_BAND_NM)
-        settled = first_true(all_ahead(np.abs(torque - value) < band, span), end)
-        if settled is None:
-            self.why.append(f"{name} did not settle at {value:.1f} Nm")
-        return settled
-
-    def energy_loss(self, first: int, last: int) -> float:
-        """Return (6.108): work in minus work out minus growth of kinetic energy between two samples [J].
-
-        The powers are integrated unfiltered, because an integral averages already; the speeds at both ends are filtered.
-        """
-        part, into, out = slice(first, last + 1), self.box.input, self.box.output
-        power = self.raw[into.torque][part] * self.raw[into.speed][part] - self.raw[out.torque][part] * self.raw[out.speed][part]
-        work = float(np.sum(0.5 * (power[1:] + power[:-1])) * self.period)
-        stored = [self.box.inertias.kinetic(self.smooth[into.speed][i], self.smooth[out.speed][i]) for i in (first, last)]
-        return work - float(stored[1] - stored[0])
+def _no_loss(value: float, _box: Transmission) -> str | None:
+    """Return why a loss is no result."""
+    return f"it came out at {value:.0f} J, and no loss is negative" if value < 0.0 else None
 
 
-def smoothed(box: Transmission, raw: dict[str, np.ndarray], period: float) -> dict[str, np.ndarray]:
-    """Return the channels of the shift metrics after their filters (module docstring).
+def _too_fast(value: float, box: Transmission) -> str | None:
+    """Return why a lowest speed is no share of that of the slower gear."""
+    if value <= K_MOST:
+        return None
+    faster = f"{box.input.speed} rose: at its lowest {box.output.speed} was {value:.2f} times that of the slower gear"
+    return f"defined for an input whose speed is held; {faster} at the old speed"
 
-    Parameters
-    ----------
-    box : Transmission
-        Gives the role of each channel.
-    raw : dict of str to (n,) array of float
-        The channels.
-    period : float
-        Time between samples [s].
+
+OWN = (
+    Metric(
+        "input_speed_rpm",
+        "input speed, mean of 0.2 s before the order",
+        lambda shift: shift.before(shift.box.input.speed) * RPM,
+        "{n_in}",
+        error=lambda basis: basis.speed * RPM,
+        places=(TABLE, ANNEX),
+        decided_by=(SPEED_BEFORE,),
+    ),
+    Metric(
+        "input_speed_change_rpm",
+        "by how much the input speed changed in 0.2 s before the order",
+        lambda shift: shift.change_before(shift.box.input.speed) * RPM,
+        decided_by=(SPEEDS,),
+    ),
+    Metric(
+        "output_torque_nm",
+        "output torque, mean of 0.2 s before the order",
+        lambda shift: shift.before(shift.box.output.torque),
+        "{M_out}",
+        1,
+        error=lambda basis: basis.torque,
+        places=(TABLE, ANNEX),
+        decided_by=(LOAD_BEFORE,),
+    ),
+    Metric(
+        "t_dt_s",
+        "from the first change of a clutch's pressure to the end of the slip",
+        lambda shift: shift.seconds(shift.start, shift.end),
+        "t_d",
+        error=metric_errors.window,
+        places=(TABLE, ANNEX, SHORT, PLOTS),
+        decided_by=(SPEEDS, PRESSURES),
+    ),
+    Metric(
+        "t_p_s",
+        "from the departure of the output speed to the end of the slip",
+        lambda shift: shift.seconds(shift.departure, shift.end),
+        "t_p",
+        error=lambda basis: None if basis.slip_end is None else 2.0 * basis.slip_end,
+        places=(TABLE, ANNEX, PLOTS),
+        decided_by=(SPEEDS,),
+    ),
+    Metric(
+        "t_c_s",
+        "from the order to the end of the slip",
+        lambda shift: shift.seconds(shift.order, shift.end),
+        "t_c",
+        error=lambda basis: basis.slip_end,
+        places=(TABLE, ANNEX, SHORT, PLOTS),
+        decided_by=(SPEEDS,),
+    ),
+    Metric(
+        "t_o_s",
+        "from the end of the slip until the input torque has settled",
+        lambda shift: shift.seconds(shift.end, shift.settled),
+        "t_o",
+        error=metric_errors.settling,
+        places=(TABLE, ANNEX, PLOTS),
+        decided_by=(SPEEDS, TORQUE_AFTER),
+        held_input=True,
+    ),
+    Metric(
+        "input_torque_max_nm",
+        "highest input torque during t_d",
+        lambda shift: None if shift.window is None else float(shift.smooth[shift.box.input.torque][shift.window].max()),
+        "{M_in} max",
+        1,
+        error=metric_errors.peak,
+        places=(TABLE, ANNEX, SHORT, PLOTS),
+        decided_by=(SPEEDS, TORQUE_IN, PRESSURES),
+    ),
+    Metric(
+        "output_speed_min_rpm",
+        "lowest output speed during t_d",
+        lambda shift: None if shift.lowest_speed is None else shift.lowest_speed * RPM,
+        "{n_out} min",
+        error=lambda basis: basis.speed * RPM,
+        places=(TABLE, ANNEX),
+        decided_by=(SPEEDS, PRESSURES),
+    ),
+    Metric(
+        "k",
+        "lowest output speed during t_d as a share of that of the slower gear",
+        lambda shift: shift.speed_ratio,
+        "k",
+        3,
+        error=metric_errors.speed_ratio,
+        places=(TABLE, ANNEX, SHORT, PLOTS),
+        decided_by=(SPEEDS, PRESSURES),
+        held_input=True,
+        absurd=_too_fast,
+    ),
+    Metric(
+        "e_loss_j",
+        "energy lost during t_d",
+        lambda shift: shift.energy_loss(shift.end),
+        "E_loss",
+        error=lambda basis: basis.loss("e_loss_j"),
+        places=(TABLE, ANNEX, SHORT, PLOTS),
+        held_input=True,
+        absurd=_no_loss,
+    ),
+    Metric(
+        "e_loss_settled_j",
+        "energy lost from the beginning of t_d until the input torque has settled",
+        lambda shift: shift.energy_loss(shift.settled),
+        "settled",
+        error=lambda basis: basis.loss("e_loss_settled_j", "t_o_s"),
+        places=(TABLE, ANNEX),
+        held_input=True,
+        absurd=_no_loss,
+    ),
+    Metric(
+        "overlap_s",
+        "time in which both the releasing and the engaging clutches have capacity; negative: in which neither have it",
+        lambda shift: shift.overlap.value,
+        "overlap",
+        error=metric_errors.overlap,
+        places=(TABLE, PLOTS),
+        decided_by=(PRESSURES,),
+    ),
+    Metric("overlap_mpas", "rate of the pressures at the ends of the overlap", lambda shift: shift.overlap.rate, decided_by=()),
+    Metric(
+        "kiss_s",
+        "from the order until all engaging clutches have their kiss pressure",
+        lambda shift: shift.kiss.value,
+        error=metric_errors.kiss,
+        decided_by=(),
+    ),
+    Metric("kiss_mpas", "rate of the pressure at the kiss point", lambda shift: shift.kiss.rate, decided_by=()),
+    Metric(
+        "departure_s",
+        "from the order to the departure of the output speed",
+        lambda shift: shift.seconds(shift.order, shift.departure),
+        error=metric_errors.departure,
+        decided_by=(SPEEDS,),
+    ),
+    Metric(
+        "input_torque_high_nm",
+        "highest input torque from the order until it has settled",
+        lambda shift: shift.course and shift.course.extremes["high"],
+        "{M_in} high",
+        1,
+        error=metric_errors.extreme,
+        places=(COURSE,),
+        decided_by=(SPEEDS, TORQUE_IN),
+    ),
+    Metric(
+        "t_high_s",
+        "from the order to the highest input torque",
+        lambda shift: shift.course and shift.course.times.get("high"),
+        "t_high",
+        error=metric_errors.time_of_extreme,
+        places=(COURSE,),
+        decided_by=(SPEEDS, TORQUE_IN),
+    ),
+    Metric(
+        "input_torque_low_nm",
+        "lowest input torque from the order until it has settled",
+        lambda shift: shift.course and shift.course.extremes["low"],
+        "{M_in} low",
+        1,
+        error=metric_errors.extreme,
+        places=(COURSE,),
+        decided_by=(SPEEDS, TORQUE_IN),
+    ),
+    Metric(
+        "t_low_s",
+        "from the order to the lowest input torque",  # which may lie anywhere on a flat stretch, so that it has no error
+        lambda shift: shift.course and shift.course.times.get("low"),
+        "t_low",
+        places=(COURSE,),
+        decided_by=(SPEEDS, TORQUE_IN),
+    ),
+    Metric(
+        "reversed_s",
+        "time in which the input torque acts against the load",
+        lambda shift: shift.course and shift.course.reversed,
+        "reversed",
+        error=metric_errors.reversal,
+        places=(COURSE,),
+        decided_by=(SPEEDS, TORQUE_IN, LOAD_BEFORE),
+    ),
+    Metric(
+        "output_speed_low_rpm",
+        "lowest output speed from the order until the input torque has settled",
+        lambda shift: shift.course and shift.course.lowest,
+        "{n_out} low",
+        error=lambda basis: basis.speed * RPM,
+        places=(COURSE,),
+        decided_by=(SPEEDS,),
+    ),
+    Metric(
+        "interrupted_s",
+        "from the departure of the output speed to the kiss point",
+        lambda shift: shift.interrupted,
+        "interrupted",
+        error=metric_errors.interruption,
+        places=(COURSE,),
+        decided_by=(SPEEDS,),
+    ),
+    Metric(
+        "input_torque_at_least_nm",
+        "end of the torque meter's range, where the input torque went beyond it",
+        lambda _: None,  # clipped.drop_clipped puts it in
+        decided_by=(),
+    ),
+    Metric(
+        "course_s",
+        "from the order until the input torque has settled, or where its search ends",
+        lambda shift: shift.seconds(shift.order, shift.last) if shift.course else None,
+        decided_by=(SPEEDS,),
+    ),
+)
+
+
+@cache
+def metrics() -> tuple[Metric, ...]:
+    """Return all metrics in the order in which reports have them, ours first.
+
+    Raises
+    ------
+    RigError
+        When a package that adds a metric is at fault.
     """
-    pressures = {clutch.pressure for clutch in box.clutches}
-    lengths = {name: PRESSURE_MEAN if name in pressures else TORQUE_SPEED_MEAN for name in box.channels}
-    return {name: running_mean(raw[name], odd_width(length, period)) for name, length in lengths.items()}
+    found = {metric.key: metric for metric in OWN}
+    for point in ADDED.added().values():
+        metric = _of_package(point)
+        if metric.key in (*found, *GEARS, *ENDS, *DETAILS):
+            raise ADDED.refused(point, f"has the key '{metric.key}', which is taken")
+        found[metric.key] = metric
+    return tuple(found.values())
+
+
+def _of_package(point: EntryPoint) -> Metric:
+    """Return the metric of another package."""
+    found = ADDED.load(point, Metric)
+    if not found.key.isidentifier() or not callable(found.of):
+        raise ADDED.refused(point, "has no key of letters, digits and _, or no function 'of'")
+    try:
+        found.name.format(n_in="", M_in="", n_out="", M_out="")
+    except (KeyError, ValueError, IndexError):
+        raise ADDED.refused(point, f"has the name '{found.name}', expected only {{n_in}}, {{M_in}}, {{n_out}}, {{M_out}}") from None
+    return replace(found, package=point.dist.name if point.dist else point.module)
+
+
+def keys() -> tuple[str, ...]:
+    """Return the keys of a row of a report: its gears, its metrics, and whether, when and why."""
+    return (*GEARS, *(metric.key for metric in metrics()), *ENDS)
+
+
+def named_metrics(place: str = "") -> list[Metric]:
+    """Return the metrics that tables show, all or those of one place."""
+    return [metric for metric in metrics() if metric.name and (not place or place in metric.places)]

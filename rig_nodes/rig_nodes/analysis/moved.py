@@ -11,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from .definitions import reasons_in
-from .metrics import KEYS
-from .report import columns_of, shift_name, shown_transmission
+from .metrics import metrics, named_metrics
+from .report import shift_name, shown_transmission
 from .shown import in_unit, shown_shortly
 
 REST = 1e-9  # share of two numbers below which their difference is one of rounding
-NOT_MEASURED = ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined")
 
 
 def differences(first: Mapping, other: Mapping) -> list[dict]:
@@ -39,7 +38,7 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
     for i, (a, b) in enumerate(zip(first["shifts"], other["shifts"])):
         if (a["from_gear"], a["to_gear"]) != (b["from_gear"], b["to_gear"]):
             continue
-        for key in (key for key in KEYS if key not in NOT_MEASURED):
+        for key in (metric.key for metric in metrics()):
             known = [side[i][key] for side in errors if i < len(side) and side[i].get(key) is not None]
             error = max(known, default=None)
             difference = None if a.get(key) is None or b.get(key) is None else without_rest(b[key] - a[key], a[key], b[key])
@@ -89,19 +88,19 @@ def moved_lines(first: Mapping, other: Mapping) -> list[str]:
     could not distinguish its two values. One without a known error moved when the texts of its two values differ.
     """
     box = shown_transmission(dict(first))
-    names = {key: (heading, factor) for heading, key, factor, _ in columns_of(box)}
-    rows = [row for row in differences(first, other) if row["metric"] in names and row["first"] != row["other"]]
+    named = {one.key: one for one in named_metrics()}
+    rows = [row for row in differences(first, other) if row["metric"] in named and row["first"] != row["other"]]
     rows.sort(key=lambda row: -abs(row["in_errors"] or 0.0))
     lines, within = [], []
     for row in rows:
-        (heading, factor), times = names[row["metric"]], row["in_errors"]
-        values = [shown_shortly(*in_unit(row[side], row["error"], factor)) for side in ("first", "other")]
+        metric, times = named[row["metric"]], row["in_errors"]
+        values = [shown_shortly(*in_unit(row[side], row["error"], metric.factor)) for side in ("first", "other")]
         if values[0] == values[1] if times is None else abs(times) <= 1.0:
             within.append(abs(times or 0.0))
             continue
         error = "" if times is None else f" ({times:+.2f} times the largest error)"
         shift = shift_name(row["shift"], first["shifts"][row["shift"] - 1], box)
-        lines.append(f"moved: {shift}, {heading}: {values[0]} -> {values[1]}{error}")
+        lines.append(f"moved: {shift}, {metric.heading(box)}: {values[0]} -> {values[1]}{error}")
     if within:
         more = f", by at most {max(within):.2f} of it" if max(within) else ""
         lines.append(f"{len(within)} metrics of shifts differ by less than their largest measuring error{more}")

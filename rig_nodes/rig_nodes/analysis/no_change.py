@@ -19,8 +19,9 @@ from ..base.errors import RigError
 from ..rig.signals import CONTROLLER_COMMAND
 from ..rig.transmission import Transmission
 from .coast_down import coast_down
+from .definitions import RPM, STANDSTILL
 from .engagement import engagement_metrics
-from .metrics import RPM, STANDSTILL, orders_of, stands
+from .shift import orders_of, stands
 from .shown import in_unit, shown
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..rig.transmission import Transmission
-from .definitions import reasons_in
-from .metrics import RPM
+from .definitions import RPM, reasons_in
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag
@@ -52,7 +51,7 @@ def metrics_of_states(states: States, row: dict, box: Transmission, next_order_t
     states : States
         Result of :func:`states_of`.
     row : dict
-        The shift's row of metrics.shift_metrics.
+        The shift's row of shift.shift_metrics.
     box : Transmission
         That of the rig.
     next_order_time : float, optional

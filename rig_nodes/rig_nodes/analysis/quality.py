@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from ..rig.transmission import Transmission
 from .causes import cause
 from .course import LEAST_TORQUE, asked_of_input
-from .metrics import RPM, STANDSTILL
+from .definitions import RPM, STANDSTILL
 
 GOOD, FAIR, POOR, FAILED = GRADES = ("good", "fair", "poor", "failed")  # from the best to the worst
 # k (7.3), (7.4): the thesis calls n_wyj below 0.95 n_wej / i1 a dip (Annex A) and its own shifts stay above it (7.4.2.3). Half of
@@ -41,7 +41,7 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
     Parameters
     ----------
     row : mapping
-        Row of metrics.shift_metrics.
+        Row of shift.shift_metrics.
     box : Transmission
         The transmission that was shifted.
 

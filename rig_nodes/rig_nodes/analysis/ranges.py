@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.errors import RigError
+from .shown import aligned
 
 if TYPE_CHECKING:
     from ..bags.reader import Bag, Logger
@@ -91,10 +92,4 @@ def range_lines(rows: Iterable[Mapping]) -> list[str]:
     """Return the ranges as a table for the terminal."""
     table = [["signal", "unit", "lowest", "mean", "highest"]]
     table += [[row["signal"], row["unit"], *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest"))] for row in rows]
-    if len(table) == 1:
-        return []
-    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return [
-        "  ".join(cell.ljust(width) if i < 2 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths)))
-        for line in table
-    ]
+    return aligned(table, 2) if len(table) > 1 else []

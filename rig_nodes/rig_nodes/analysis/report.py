@@ -32,16 +32,16 @@ from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
 from .comparison import annex_lines, truth_lines
-from .course import COURSE_KEYS
-from .definitions import reasons_in, undefined_lines
+from .definitions import RPM, reasons_in, undefined_lines
 from .energy import Series, balance, clutch_heat, energies_of
 from .gathered import Gathered
-from .metrics import RPM, shifts
+from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
 from .quality import quality_of, sentence_of
 from .ranges import range_lines, signal_ranges
-from .shown import in_unit, shown
+from .shift import shifts
+from .shown import aligned
 from .state_at_order import begun_lines, put_states
 from .uncertainty import Instrument, instruments_of, uncertainty
 
@@ -53,32 +53,6 @@ _NOTHING_SHOWN = Transmission(
     *[End("", "input speed", "input torque"), End("", "output speed", "output torque")], (), (), Inertias(0.0, 0.0)
 )
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
-
-
-def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
-    """Return the columns of the tables of shifts: heading, key of a shift, factor to the displayed unit, digits."""
-    into, out = box.input, box.output
-    return (
-        (f"{into.speed} rpm", "input_speed_rpm", 1.0, 0),
-        (f"{out.torque} Nm", "output_torque_nm", 1.0, 1),
-        ("t_d ms", "t_dt_s", 1e3, 0),
-        ("t_p ms", "t_p_s", 1e3, 0),
-        ("t_c ms", "t_c_s", 1e3, 0),
-        ("t_o ms", "t_o_s", 1e3, 0),
-        (f"{into.torque} max Nm", "input_torque_max_nm", 1.0, 1),
-        (f"{out.speed} min rpm", "output_speed_min_rpm", 1.0, 0),
-        ("k", "k", 1.0, 3),
-        ("E_loss J", "e_loss_j", 1.0, 0),
-        ("settled J", "e_loss_settled_j", 1.0, 0),
-        ("overlap ms", "overlap_s", 1e3, 0),
-        (f"{into.torque} high Nm", "input_torque_high_nm", 1.0, 1),
-        ("t_high ms", "t_high_s", 1e3, 0),
-        (f"{into.torque} low Nm", "input_torque_low_nm", 1.0, 1),
-        ("t_low ms", "t_low_s", 1e3, 0),
-        ("reversed ms", "reversed_s", 1e3, 0),
-        (f"{out.speed} low rpm", "output_speed_low_rpm", 1.0, 0),
-        ("interrupted ms", "interrupted_s", 1e3, 0),
-    )
 
 
 def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
@@ -397,12 +371,12 @@ def format_report(report: dict) -> str:
     for name, row, verdict in zip(names, rows, verdicts):
         lines += [f"  {name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         lines += [f"  {name}, is not valid: {reason}" for reason in row["why"]]
-    lines += [f"  {line}" for line in undefined_lines(names, rows, columns_of(box))]
+    lines += [f"  {line}" for line in undefined_lines(names, rows, named_metrics(), box)]
     lines += [f"  {line}" for line in begun_lines(names, rows, errors, box)]
     lines += [WHERE_DEFINED] if rows else []
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     if "annex_a" in report:
-        lines += ["", *annex_lines(columns_of(box), names, rows, errors, report["annex_a"])]
+        lines += ["", *annex_lines(names, rows, errors, report["annex_a"], box)]
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, errors, report["truth"], box)]
     return _shown([*lines, "", *_energy_lines(report, box), *_basis_lines(report), *_run_lines(report["run"])])
@@ -477,36 +451,25 @@ def _shift_tables(rows: list[dict], errors: list[dict], verdicts: list[dict | No
     """Return the metrics of the definitions with the verdicts, then those of the course from order to settled torque."""
     ends = [["valid", "quality"]]
     ends += [["yes" if row["valid"] else "NO", (verdict or {}).get("grade") or "-"] for row, verdict in zip(rows, verdicts)]
-    columns = columns_of(box)
-    course = [one for one in columns if one[1] in COURSE_KEYS]
-    tables = [_shift_table(rows, errors, [one for one in columns if one not in course], ends, "shift", box)]
+    course = named_metrics(COURSE)
+    tables = [_shift_table(rows, errors, [one for one in named_metrics() if one not in course], ends, "shift", box)]
     if any(row.get("input_torque_high_nm") is not None for row in rows):
         tables.append(_shift_table(rows, errors, course, [[]] * len(ends), "from order to settled", box))
     return [line for table in tables for line in table]
 
 
 def _shift_table(
-    rows: list[dict],
-    errors: list[dict],
-    columns: Sequence[tuple[str, str, float, int]],
-    ends: list[list[str]],
-    title: str,
-    box: Transmission,
+    rows: list[dict], errors: list[dict], columns: Sequence[Metric], ends: list[list[str]], title: str, box: Transmission
 ) -> list[str]:
     """Return a row for each shift, and one with its errors; ``ends`` has the head and the cells of the last columns."""
-    table = [[title, *(heading for heading, *_ in columns), *ends[0]]]
+    table = [[title, *(one.heading(box) for one in columns), *ends[0]]]
     for i, row in enumerate(rows):
         own = errors[i]
-        cells = [shown(*in_unit(row.get(key), own.get(key), factor), digits) for _, key, factor, digits in columns]
-        table.append([numbered_way(i + 1, row, box), *cells, *ends[i + 1]])
+        table.append([numbered_way(i + 1, row, box), *(one.cell(row, own) for one in columns), *ends[i + 1]])
         if own:
-            table.append(["  +-", *(f"{own[key] * factor:.{digits}f}" if key in own else "" for _, key, factor, digits in columns)])
-            table[-1] += [""] * len(ends[0])
-    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return [
-        "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths)))
-        for line in table
-    ]
+            found = [f"{own[one.key] * one.factor:.{one.digits}f}" if one.key in own else "" for one in columns]
+            table.append(["  +-", *found, *[""] * len(ends[0])])
+    return aligned(table)
 
 
 def _energy_lines(report: dict, box: Transmission) -> list[str]:

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 from ..base.units import UNITS
 from ..rig.transmission import Transmission
+from .metrics import named_metrics
 from .press_bench import bench_numbers
-from .report import columns_of, shift_name, shown_transmission
-from .shown import shown
+from .report import shift_name, shown_transmission
+from .shown import aligned, shown
 
 TIMES, CURVES = 1e3, 1e-6  # factors to ms and MPa
 ENDS = ("lowest", "highest")  # the kinds of results that are the range of a signal
@@ -125,16 +126,10 @@ def _of_shifts(report: Mapping, box: Transmission) -> list[Result]:
         place = shift_name(i + 1, row, box)
         kind = box.way(row["from_gear"], row["to_gear"], "-")
         own = errors[i] if i < len(errors) else {}
-        for heading, key, factor, digits in columns_of(box):
-            name, unit = name_and_unit(heading)
-            found.append(Result(key, name, place, kind, unit, digits, _times(row.get(key), factor), _times(own.get(key), factor)))
+        for one in named_metrics():
+            values = (_times(values.get(one.key), one.factor) for values in (row, own))
+            found.append(Result(one.key, one.named(box), place, kind, one.shown_unit, one.digits, *values))
     return found
-
-
-def name_and_unit(heading: str) -> tuple[str, str]:
-    """Return the name and the unit of a heading of columns_of; a number without a unit has ``-``."""
-    name, _, unit = heading.rpartition(" ")
-    return (name, unit) if name and unit in UNITS else (heading, "-")
 
 
 def _of_row(row: Mapping, known: Mapping[str, tuple[str, str, float, int]], place: str, kind: str) -> list[Result]:
@@ -220,8 +215,4 @@ def spread_lines(rows: Iterable[Mapping]) -> list[str]:
         table.append(
             [row["kind"], row["name"], row["unit"], str(row["runs"]), *spread_cells(row), number(row["error"], row["digits"])]
         )
-    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return [
-        "  ".join(cell.ljust(width) if i < 3 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths))).rstrip()
-        for line in table
-    ]
+    return aligned(table, 3)

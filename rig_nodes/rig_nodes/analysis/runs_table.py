@@ -18,7 +18,7 @@ from ..base.atomic_write import atomic_write
 from ..base.errors import RigError
 from ..rig.transmission import Transmission
 from .limits import Limit, Verdict, judged
-from .metrics import KEYS
+from .metrics import SHORT, keys, named_metrics
 from .quality import GRADES
 from .report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
 from .results import ENDS, Result, results_of, spread
@@ -26,7 +26,6 @@ from .shown import shown
 from .state_at_order import unlike
 
 PROCEDURE_FILE = "procedure.json"
-SHORT = ("t_dt_s", "t_c_s", "input_torque_max_nm", "k", "e_loss_j")  # metrics of a shift that the table has
 MOST_NAMED = 12  # runs that are named in a warning
 _REPEAT = re.compile(r"-\d+$")
 
@@ -136,14 +135,15 @@ def write_procedure(folder: Path, about: Mapping, series: Iterable[Mapping], mem
 def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
     """Return headings and rows: a row for each label with the mean of its runs.
 
-    Of the metrics of shifts the table has those of SHORT, for shifts under load; results that only one kind of run has, such as an
-    inertia, are there in full.
+    Of the metrics of shifts the table has those of the place SHORT, for shifts under load; results that only one kind of run has,
+    such as an inertia, are there in full.
     """
     columns: dict[tuple[str, str], Result] = {}
+    of_shifts, short = keys(), [metric.key for metric in named_metrics(SHORT)]
     for one in (one for member in members for one in member.results):
         if one.value is None or one.kind in ENDS:
             continue
-        if one.key not in KEYS or (one.key in SHORT and not one.kind.startswith("0-")):
+        if one.key not in of_shifts or (one.key in short and not one.kind.startswith("0-")):
             columns.setdefault((one.kind, one.key), one)
     several = len({one.kind for one in columns.values()}) > 1
     head = ["series", "runs", *(_heading(one, several) for one in columns.values())]
@@ -165,16 +165,6 @@ def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
 def _heading(one: Result, several: bool) -> str:
     unit = "" if one.unit == "-" else f" {one.unit}"
     return f"{one.kind} {one.name}{unit}" if several else f"{one.name}{unit}"
-
-
-def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return a table for the terminal."""
-    lines = [list(head), *map(list, rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-    return [
-        "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths))).rstrip()
-        for line in lines
-    ]
 
 
 def warnings_of(members: Sequence[Member]) -> list[str]:

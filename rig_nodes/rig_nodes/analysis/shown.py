@@ -8,6 +8,8 @@ A value that is smaller than its error could as well be 0 or have the other sign
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 def shown(value: float | None, error: float | None, digits: int) -> str:
     """Return a value as people read it.
@@ -48,3 +50,20 @@ def drowned(value: float | None, error: float | None) -> bool:
 def in_unit(value: float | None, error: float | None, factor: float) -> tuple[float | None, float | None]:
     """Return a value and its error times the factor to the unit in which they are read."""
     return None if value is None else value * factor, None if error is None else error * factor
+
+
+def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Return a table for the terminal, a line for each row of cells, the first one its head.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        The cells, as many in each row.
+    left : int
+        Columns, from the first one, that are words and not numbers.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return [
+        "  ".join(cell.ljust(width) if i < left else cell.rjust(width) for i, (cell, width) in enumerate(zip(row, widths))).rstrip()
+        for row in rows
+    ]

@@ -63,7 +63,7 @@ def put_states(bag: Bag | Gathered, record: Mapping, box: Transmission, rows: It
     box : Transmission
         Its transmission.
     rows : iterable of dict
-        Rows of metrics.shift_metrics.
+        Rows of shift.shift_metrics.
     """
     structure = structure_of(record["structure"])
     series: dict[str, tuple[np.ndarray, list[np.ndarray]]] = {}

@@ -9,15 +9,15 @@ results: a row of shift metrics, of a single engagement, or of a coast-down.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..base.clocks import ROW
 from ..rig.transmission import Transmission, transmission_of
-from .metrics import RPM, SETTLED_BAND, SETTLED_BAND_NM, TORQUE_SPEED_MEAN
+from .definitions import TORQUE_SPEED_MEAN
+from .metric_errors import STEEP_RISE, ErrorBasis
+from .metrics import metrics
 
-STEEP_RISE = 45e-3  # s in which the steeper pressure of chapter 9, and with it the torque, rises from contact to its end
 TORQUE_CLEAR = 10.0  # Nm, a change that is certainly a rise of torque
 
 
@@ -83,7 +83,9 @@ def temperature_error(oil: float) -> float:
     return 0.3 + 0.005 * abs(oil)
 
 
-def uncertainty(row: dict, instruments: dict[str, Instrument], transmission: Transmission, period: float = ROW) -> dict[str, float]:
+def uncertainty(
+    row: Mapping, instruments: dict[str, Instrument], transmission: Transmission, period: float = ROW
+) -> dict[str, float]:
     """Return the largest error of each metric of a row, under the metric's own key and in its unit.
 
     Metrics that are None have no error. The errors are bounds, not standard deviations: all errors are taken at their largest
@@ -105,8 +107,8 @@ def uncertainty(row: dict, instruments: dict[str, Instrument], transmission: Tra
 
     Parameters
     ----------
-    row : dict
-        Row of metrics.shift_metrics.
+    row : mapping
+        Row of shift.shift_metrics.
     instruments : dict of str to Instrument
         Torque, speed and each clutch's pressure (instruments_of).
     transmission : Transmission
@@ -119,103 +121,11 @@ def uncertainty(row: dict, instruments: dict[str, Instrument], transmission: Tra
     dict of str to float
         Largest error by key.
     """
-    torque, speed = instruments["torque"].error, instruments["speed"].error
-    found = {"input_speed_rpm": speed * RPM, "output_torque_nm": torque}
-    found |= dict.fromkeys(("output_speed_min_rpm", "output_speed_low_rpm"), speed * RPM)
-    if row["input_torque_max_nm"] is not None:
-        found["input_torque_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["input_torque_max_nm"]) / STEEP_RISE
-    w_in = None if row["input_speed_rpm"] is None else row["input_speed_rpm"] / RPM
-    if row["k"] is not None:
-        # not divided by the lowest speed, which may be 0
-        ratio = transmission.slower_ratio(row["from_gear"], row["to_gear"])
-        found["k"] = (
-            ratio * speed * RPM / row["input_speed_rpm"] * (1.0 + abs(row["output_speed_min_rpm"]) / row["input_speed_rpm"])
-        )
-    if w_in:
-        found |= _times(row, instruments, w_in, transmission, period) | _course(row, torque, period)
-        found |= _energies(row, found, torque, speed, w_in, transmission)
-    return {key: value for key, value in found.items() if row.get(key) is not None}
-
-
-def _course(row: dict, torque: float, period: float) -> dict[str, float]:
-    """Return the errors of the extremes of the input torque, of their times, and of the time in which it is reversed."""
-    ends, found = period + 0.5 * TORQUE_SPEED_MEAN, {}
-    high, low = row.get("input_torque_high_nm"), row.get("input_torque_low_nm")
-    if high is None or low is None:
-        return found
-    swing, rise = max(high - low, torque), min(STEEP_RISE, row["t_p_s"] or STEEP_RISE)  # at low speed a shift is over sooner
-    found |= dict.fromkeys(
-        ("input_torque_high_nm", "input_torque_low_nm"), torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * swing / rise
-    )
-    found["t_high_s"] = ends + torque * STEEP_RISE / swing  # the lowest may lie anywhere on a flat stretch
-    if reversed_s := row.get("reversed_s"):
-        found["reversed_s"] = 2.0 * (
-            ends + torque * reversed_s / (math.pi * max(-low if row["output_torque_nm"] > 0.0 else high, torque))
-        )
-    return found
-
-
-def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission, period: float) -> dict[str, float]:
-    """Return the errors of the times; those whose inputs are missing are left out."""
-    ends = period + 0.5 * TORQUE_SPEED_MEAN
-    new, old = row["to_gear"], row["from_gear"]
-    moved, found = box.shift(old, new), {}
-    slip_end = None
-    if row["t_p_s"]:
-        # from neutral, the slip of the new gear goes from 1 to 0
-        change = abs(1.0 - box.ratios[new] / box.ratios[old]) if old in box.ratios else 1.0
-        resolution = use["speed"].error * (1.0 + abs(box.ratios[new])) / w_in
-        slip_end = ends + resolution * row["t_p_s"] / change
-        found["t_p_s"] = 2.0 * slip_end
-        found["t_c_s"] = slip_end
-        found["t_dt_s"] = (
-            slip_end + ends + max(use[clutch.pressure].error / clutch.fall_rate for clutch in moved.releasing or moved.engaging)
-        )
-    if slip_end is not None and row["t_o_s"] is not None and row["input_torque_max_nm"]:
-        found["t_o_s"] = slip_end + ends + _settling_error(row, use["torque"].error, box)
-    pressure = max((use[clutch.pressure].error for clutch in (*moved.releasing, *moved.engaging)), default=0.0)
-    if row.get("overlap_mpas"):
-        found["overlap_s"] = 2.0 * ends + 1e-6 * pressure / row["overlap_mpas"]
-    if row.get("kiss_mpas"):
-        found["kiss_s"] = ends + 1e-6 * pressure / row["kiss_mpas"]
-    if row.get("departure_s") is not None:
-        change = abs(1.0 - box.ratios[new] / box.ratios[old]) if old in box.ratios else 1.0
-        span = row["t_p_s"] or row.get("interrupted_s") or 0.0
-        found["departure_s"] = ends + use["speed"].error * (1.0 + abs(box.ratios[new])) / w_in * span / change
-        if row.get("interrupted_s"):
-            found["interrupted_s"] = found["departure_s"] + found.get("kiss_s", 0.0)
-    return found
-
-
-def _settling_error(row: dict, torque: float, box: Transmission) -> float:
-    """Return the torque meter's error over the slope with which the torque enters its settled band [s].
-
-    A torque that decays as exp(-t/T) from an excess P into a band B within t_o = T ln(P/B) enters it with the slope B/T.
-    """
-    peak = row["input_torque_max_nm"]
-    settled = abs(row["output_torque_nm"] or 0.0) / abs(box.ratios[row["to_gear"]])
-    band = max(SETTLED_BAND * settled, SETTLED_BAND_NM)
-    excess = max(peak - settled, math.e * band)  # a lower peak enters its band more steeply than this
-    return torque * row["t_o_s"] / (band * math.log(excess / band))
-
-
-def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, box: Transmission) -> dict[str, float]:
-    """Return the errors of both energy losses; empty when the row lacks their inputs."""
-    needed = ("input_torque_max_nm", "t_dt_s", "output_torque_nm")
-    if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
-        return {}
-    w_out = w_in / abs(box.ratios[row["to_gear"]])
-    rate = torque * (w_in + w_out) + speed * (row["input_torque_max_nm"] + abs(row["output_torque_nm"]))
-    ends = 2.0 * speed * (box.inertias.driving * w_in + box.inertias.on_output * w_out)
-    found = {}
-    for key, span, error in (
-        ("e_loss_j", row["t_dt_s"], errors["t_dt_s"]),
-        ("e_loss_settled_j", row["t_dt_s"] + (row["t_o_s"] or 0.0), errors["t_dt_s"] + errors.get("t_o_s", 0.0)),
-    ):
-        if row[key] is not None and span > 0.0:
-            # the error of the window cuts off the mean power of the loss
-            found[key] = rate * span + ends + abs(row[key]) / span * error
-    return found
+    basis = ErrorBasis(row, instruments, transmission, period)
+    for metric in metrics():
+        if row.get(metric.key) is not None and metric.error is not None and (error := metric.error(basis)) is not None:
+            basis.found[metric.key] = error
+    return basis.found
 
 
 def engagement_uncertainty(

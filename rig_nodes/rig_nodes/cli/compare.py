@@ -127,12 +127,12 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 
 def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) -> list[str]:
     from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
-    from ..analysis.runs_table import table_lines
+    from ..analysis.shown import aligned
     from ..base.errors import printable
 
     lines = clock_lines(found)
     for head, rows in (*metric_tables(found, box), *signal_tables(found, signals)):
-        lines += ["", *table_lines(head, rows)] if rows else []
+        lines += ["", *aligned([head, *rows])] if rows else []
     if why := reasons(found, box):
         lines += ["", *(f"-: {one}" for one in why)]
     return [printable(line) for line in lines]

@@ -39,6 +39,7 @@ WHAT = {
     ),
     "parts": ("types of devices with unit and range of each value", "part: NAME in a rig's rig.yaml"),
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
+    "metrics": ("results of a shift with unit, meaning and where they are shown", "./rig report RUN --limit 'NAME=.. VALUE'"),
     "signals": ("signals of a rig with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
 }
 
@@ -222,6 +223,21 @@ def _signal_rows(known: RigConfig, topics: Mapping[str, Topic]) -> list[dict[str
     ]
 
 
+def _metrics() -> list[dict[str, str]]:
+    from ..analysis.metrics import metrics
+
+    return [
+        {
+            "metric": one.key,
+            "unit": one.unit,
+            "what it is": one.text,
+            "shown": ", ".join(one.places) if one.name else "",
+            "of package": one.package,
+        }
+        for one in metrics()
+    ]
+
+
 def _parts() -> list[dict[str, str]]:
     from ..rig.reference import rows_of_parts
 
@@ -235,7 +251,7 @@ def parameters() -> str:
     return page()
 
 
-_ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts}
+_ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts, "metrics": _metrics}
 OF_A_RIG = {
     "sequences": _of_rigs("sequences"),
     "procedures": _of_rigs("procedures"),

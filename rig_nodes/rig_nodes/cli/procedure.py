@@ -39,7 +39,8 @@ def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
     from ..analysis.gather import gather
     from ..analysis.report import build_report, format_report, write_report
-    from ..analysis.runs_table import Member, member_of, table_lines, table_of, write_procedure
+    from ..analysis.runs_table import Member, member_of, table_of, write_procedure
+    from ..analysis.shown import aligned
     from ..base.errors import interrupted_code, printable, quoted
     from ..base.names import DEFAULT_RIG
     from ..controllers.load import embedded_line
@@ -79,6 +80,7 @@ def main(args: argparse.Namespace) -> int:
                 failed += 1
                 print(f"rig: series {series.label}: {run['end']['reason']}", file=sys.stderr)
     print(f"found by {procedure.name}, means of the runs of each series:")
-    print("\n".join(map(printable, table_lines(*table_of(members)))))
+    head, rows = table_of(members)
+    print("\n".join(map(printable, aligned([head, *rows]))))
     print(f"written to {folder}; look at one with: ./rig view {quoted(folder)}/<series>-<run>", flush=True)
     return 1 if failed else 0

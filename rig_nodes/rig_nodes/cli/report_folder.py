@@ -12,16 +12,8 @@ from typing import TYPE_CHECKING
 
 from ..analysis.limits import MET, limit_lines
 from ..analysis.results import spread, spread_lines
-from ..analysis.runs_table import (
-    Member,
-    judged_members,
-    members_in,
-    named_shifts,
-    read_procedure,
-    table_lines,
-    table_of,
-    warnings_of,
-)
+from ..analysis.runs_table import Member, judged_members, members_in, named_shifts, read_procedure, table_of, warnings_of
+from ..analysis.shown import aligned
 from ..base.atomic_write import atomic_write
 from ..base.errors import RigError, printable, quoted
 
@@ -74,7 +66,7 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
         content = {"runs": runs, "spread": spreads, "limits": verdicts}
         print(json.dumps(content, indent=2, ensure_ascii=False), flush=True)
     else:
-        lines = [*table_lines(head, rows), "", "spread over all runs", *spread_lines(spreads), *warnings, *limit_lines(listed)]
+        lines = [*aligned([head, *rows]), "", "spread over all runs", *spread_lines(spreads), *warnings, *limit_lines(listed)]
         print("\n".join(map(printable, lines)), flush=True)
 
     def make() -> str:

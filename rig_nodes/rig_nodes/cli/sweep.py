@@ -23,13 +23,6 @@ if TYPE_CHECKING:
     from ..studies.sweep.plan import Plan
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
-SHOWN = (
-    ("t_dt_s", "t_d ms", 1e3, 0),
-    ("t_c_s", "t_c ms", 1e3, 0),
-    ("input_torque_max_nm", "peak Nm", 1.0, 1),
-    ("k", "k", 1.0, 3),
-    ("e_loss_j", "E_loss J", 1.0, 0),
-)
 MOST_REASONS = 5
 OF_A_PLAN = (
     "vary",
@@ -131,6 +124,7 @@ def main(args: argparse.Namespace) -> int:
     parquet()
     manifest = manifest_of(plan, bags)
     folder = folder or (free_folder(plan.name) if args.out is None else Path(args.out))
+    config = load_rig(plan.rig, plan.fixed)
     with Store(folder, manifest) as store:
         of, begun, start = manifest["members"], len(store.done), time.monotonic()
         if begun:
@@ -161,12 +155,12 @@ def main(args: argparse.Namespace) -> int:
             "finished_before": begun,
             "seconds": round(seconds, 3),
             "members_per_second": round(now / seconds, 3) if now and seconds else None,
-            **_what_came(store.entries(), load_rig(plan.rig, plan.fixed)),
+            **_what_came(store.entries(), config),
         }
     if args.json:
         print(json.dumps(summary, indent=1, ensure_ascii=False))
     else:
-        print(_text(summary))
+        print(_text(summary, config))
     if interrupted:
         print(f"rig: {interrupted[0]}; go on with: ./rig sweep {quoted(folder)}", file=sys.stderr)
         return interrupted[1]
@@ -240,6 +234,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     """Return ends, reasons and the spread of the metrics of the finished members."""
     import numpy as np
 
+    from ..analysis.metrics import SHORT, named_metrics
     from ..analysis.state_at_order import unlike
     from ..analysis.uncertainty import instruments_of, uncertainty
 
@@ -250,6 +245,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     values: dict[str, dict[str, list[float]]] = {}
     errors: dict[str, dict[str, float]] = {}
     instruments = instruments_of(config.as_dict()) if box else {}
+    shown = [metric.key for metric in named_metrics(SHORT)]
     table: dict[str, list[float]] = {}
     shifts = valid = 0
     starts: list[tuple[str, dict, dict]] = []
@@ -273,21 +269,22 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
             way = box.way(row["from_gear"], row["to_gear"])
             for key, error in uncertainty(row, instruments, box).items():
                 errors.setdefault(way, {})[key] = max(error, errors.get(way, {}).get(key, 0.0))
-            for key, *_ in SHOWN:
+            for key in shown:
                 if row[key] is not None:
                     values.setdefault(way, {}).setdefault(key, []).append(row[key])
     spread = {
         way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()} for way, of in values.items()
     }
     summed = {name: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for name, x in table.items()}
-    largest = {way: {key: of[key] for key, *_ in SHOWN if key in of} for way, of in errors.items()}
+    largest = {way: {key: of[key] for key in shown if key in of} for way, of in errors.items()}
     found = {"ends": ends, "reasons": reasons, "faults_at_the_end": faults, "shifts": shifts, "valid_shifts": valid}
     starts_differ = unlike(starts, box, "shifts") if box else []
     return {**found, "spread": spread, "largest_errors": largest, "table": summed, "starts": starts_differ}
 
 
-def _text(summary: dict) -> str:
-    from ..analysis.shown import in_unit, shown
+def _text(summary: dict, config: RigConfig) -> str:
+    from ..analysis.metrics import SHORT, named_metrics
+    from ..analysis.shown import aligned
     from ..base.errors import quoted
 
     lines = [
@@ -304,10 +301,10 @@ def _text(summary: dict) -> str:
         lines.append(f"and {len(reasons) - MOST_REASONS} more reasons, in the column 'reason'")
     for way, of in summary["spread"].items():
         lines.append(f"{way}, valid shifts: lowest, median, highest")
-        for key, name, factor, digits in SHOWN:
-            if key in of:
-                error = summary["largest_errors"].get(way, {}).get(key)
-                lines.append(f"  {name:<13}" + "".join(f"{shown(*in_unit(x, error, factor), digits):>10}" for x in of[key]))
+        shown, errors = [one for one in named_metrics(SHORT) if one.key in of], summary["largest_errors"].get(way, {})
+        cells = [[one.cell({one.key: x}, errors) for x in of[one.key]] for one in shown]
+        headings = [f"  {one.heading(config.transmission)}" for one in shown]
+        lines += aligned([[heading, *(f"{cell:>8}" for cell in row)] for heading, row in zip(headings, cells)])
     lines += summary["starts"]
     if summary["table"]:
         width = max(map(len, summary["table"]))

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.metrics import RPM
-from ..analysis.report import REPORT_FILE, columns_of, read_report, shown_transmission
+from ..analysis.definitions import RPM
+from ..analysis.metrics import PLOTS, Metric, named_metrics
+from ..analysis.report import REPORT_FILE, read_report, shown_transmission
 from ..analysis.runs_table import read_procedure
-from ..analysis.shown import in_unit, shown
 from ..analysis.uncertainty import instruments_of, uncertainty
 from ..bags.opened import KINDS
 from ..bags.pieces import PACKED
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 SWEEP = "sweep.json"  # of a sweep that has begun
 RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # results of a sweep, and the key of its metadata on how it was made
 AXIS = "condition"  # timeline on which the values of conditions are shown
-PLOTTED = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "overlap_s")
 MOST_CONDITIONS, MOST_ROWS = 3, 200
 ROOM = 0.3  # share of an axis left free behind the points, for the legend
 DOT = 0.01  # size of a point, as a share of the axis
@@ -208,8 +207,7 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
     found, target = read_campaign(path), picture or Path(path, VIEW_FILE)
     shown = dict(list(found.conditions.items())[:MOST_CONDITIONS]) or {"row": ("", [float(n + 1) for n in range(len(found.rows))])}
     ways = list(dict.fromkeys(_way(found, row) for row in found.rows))
-    columns = {key: (heading, factor) for heading, key, factor, _ in columns_of(found.box) if key in PLOTTED}
-    keys = [key for key in PLOTTED if key in columns and any(row.get(key) is not None for row in found.rows)]
+    metrics = [one for one in named_metrics(PLOTS) if any(row.get(one.key) is not None for row in found.rows)]
     rec = rr.RecordingStream(APPLICATION, recording_id="campaign", send_properties=False)
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=target.parent)
@@ -218,21 +216,21 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
     os.close(handle)
     try:
         document, width = _document(found, shown)
-        plots = {key: (columns[key][0], _height(found, key, columns[key][1])) for key in keys}
+        plots = {one.key: (one.heading(found.box), _height(found, one)) for one in metrics}
         rec.save(name, default_blueprint=_blueprint(shown, plots, min(COLUMN * width, MOST_TEXT), only))
         # the viewer draws the line of its present time at the very first row
         left = min(_ends(values)[0] for _, values in shown.values())
         for condition, (_, values) in shown.items():
-            for key in keys:
+            for one in metrics:
                 for n, way in enumerate(ways):
                     points = [
-                        (round(x), row[key] * columns[key][1])
+                        (round(x), row[one.key] * one.factor)
                         for x, row in zip(values, found.rows)
-                        if _way(found, row) == way and row.get(key) is not None and np.isfinite(x)
+                        if _way(found, row) == way and row.get(one.key) is not None and np.isfinite(x)
                     ]
                     if points:
                         at, y = zip((left, np.nan), *sorted(points))
-                        place = f"{key}/{condition.replace('.', '_')}/{n}"
+                        place = f"{one.key}/{condition.replace('.', '_')}/{n}"
                         look = rr.SeriesPoints(names=way, colors=hues(n)[0], markers="circle", marker_sizes=3.5)
                         rec.log(place, look, static=True)
                         rec.send_columns(place, [rr.TimeColumn(AXIS, sequence=at)], rr.Scalars.columns(scalars=y))
@@ -258,8 +256,8 @@ def _ends(values: Sequence[float]) -> tuple[int, int]:
     return round(low - room), round(high + room + ROOM * (high - low))
 
 
-def _height(found: Campaign, key: str, factor: float) -> tuple[float, float]:
-    values = [row[key] * factor for row in found.rows if row.get(key) is not None]
+def _height(found: Campaign, metric: Metric) -> tuple[float, float]:
+    values = [row[metric.key] * metric.factor for row in found.rows if row.get(metric.key) is not None]
     return layout.height(min(values), max(values))
 
 
@@ -294,13 +292,14 @@ def _blueprint(
 
 def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]) -> tuple[str, int]:
     """Return the table of all shifts as a document, and its number of columns."""
-    columns = [one for one in columns_of(found.box) if one[1] in PLOTTED]
+    columns = named_metrics(PLOTS)
     head = ["run", *(f"{name} {unit}".strip() for name, (unit, _) in conditions.items() if name != "row"), "shift"]
-    rows = [[*head, *(heading for heading, *_ in columns), "valid"]]
+    rows = [[*head, *(one.heading(found.box) for one in columns), "valid"]]
     for n, (name, row, own) in enumerate(zip(found.names, found.rows, found.errors)):
         held = [f"{values[n]:g}" for condition, (_, values) in conditions.items() if condition != "row"]
-        cells = [shown(*in_unit(row.get(key), own.get(key), factor), digits) for _, key, factor, digits in columns]
-        rows.append([name, *held, _way(found, row), *cells, "yes" if row.get("valid") else "**no**"])
+        rows.append(
+            [name, *held, _way(found, row), *(one.cell(row, own) for one in columns), "yes" if row.get("valid") else "**no**"]
+        )
     more = len(rows) - 1 - MOST_ROWS
     parts = [f"# {found.title}", f"{len(set(found.names))} runs, {len(found.rows)} shifts", markdown_table(rows[: MOST_ROWS + 1])]
     return "\n\n".join(parts + ([f"and {more} more"] if more > 0 else [])) + "\n", len(rows[0])

@@ -12,12 +12,12 @@ from itertools import zip_longest
 
 from ..analysis.definitions import undefined_lines
 from ..analysis.energy import clutch_heat
+from ..analysis.metrics import named_metrics
 from ..analysis.no_change import measured_lines
 from ..analysis.press_bench import bench_lines
 from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
-from ..analysis.report import columns_of, no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
-from ..analysis.shown import in_unit, shown
+from ..analysis.report import no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
 from ..analysis.state_at_order import begun_lines
 from ..rig.transmission import Transmission
 
@@ -52,7 +52,7 @@ def report_document(report: dict, problems: list[str]) -> str:
         parts += [f"{name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         parts += [f"{name}, is not valid: {reason}" for reason in row.get("why", [])]
     names = [shift_name(number, row, box, ARROW) for number, row in enumerate(report["shifts"], 1)]
-    parts += undefined_lines(names, report["shifts"], columns_of(box))
+    parts += undefined_lines(names, report["shifts"], named_metrics(), box)
     parts += begun_lines(names, report["shifts"], report.get("uncertainty") or [], box)
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
@@ -65,11 +65,11 @@ def report_document(report: dict, problems: list[str]) -> str:
 
 
 def _shift_table(report: dict, box: Transmission) -> str:
-    columns, rows, errors = columns_of(box), report["shifts"], report.get("uncertainty") or []
-    table = [["shift", *(heading for heading, *_ in columns), "valid", "quality"]]
+    metrics, rows, errors = named_metrics(), report["shifts"], report.get("uncertainty") or []
+    table = [["shift", *(one.heading(box) for one in metrics), "valid", "quality"]]
     for number, (row, verdict) in enumerate(zip(rows, verdicts_in(report)), 1):
         own = errors[number - 1] if number <= len(errors) else {}
-        cells = [shown(*in_unit(row.get(key), own.get(key), factor), digits) for _, key, factor, digits in columns]
+        cells = [one.cell(row, own) for one in metrics]
         title = numbered_way(number, row, box, ARROW)
         table.append([title, *cells, "yes" if row.get("valid") else "**no**", (verdict or {}).get("grade") or "-"])
     if len(rows) <= WIDEST:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING
 
-from ..analysis.metrics import with_ends
+from ..analysis.shift import with_ends
 from ..base.errors import RigError
 from ..rig.catalogue import Signal
 from ..rig.transmission import NEUTRAL, Transmission

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.metrics import LONGEST, RPM, shift_metrics, without_slip
+from ..analysis.definitions import LONGEST, RPM
 from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, Part, moments_of, phases_of, times_of
+from ..analysis.shift import shift_metrics, without_slip
 from ..bags import cdr
 from ..bags.logged import Recording
 from ..bags.reader import UNREADABLE

@@ -14,11 +14,12 @@ from html import escape
 from ..analysis.definitions import undefined_lines
 from ..analysis.energy import energy_names
 from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
+from ..analysis.metrics import named_metrics
 from ..analysis.no_change import measured_lines
 from ..analysis.press_bench import OF_A_RUN, bench_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
-from ..analysis.report import columns_of, shown_transmission, verdicts_in
-from ..analysis.results import ENDS, Result, name_and_unit, number, results_of, spread_cells
+from ..analysis.report import shown_transmission, verdicts_in
+from ..analysis.results import ENDS, Result, number, results_of, spread_cells
 from ..analysis.shown import shown
 from ..analysis.state_at_order import begun_lines
 from ..rig.transmission import Transmission
@@ -185,22 +186,22 @@ def _limits(verdicts: Sequence[Mapping]) -> list[str]:
 
 def _shifts(report: Mapping, box: Transmission) -> list[str]:
     rows, verdicts, parts = report["shifts"], verdicts_in(report), []
-    by_place = _by_shift(results_of(report), len(rows), len(columns_of(box)))
+    metrics = named_metrics()
+    by_place = _by_shift(results_of(report), len(rows), len(metrics))
     judged = {(one["place"], one["key"]): one["verdict"] for one in report.get("limits") or []}
     for first in range(0, min(len(rows), MOST_IN_TABLES), ABREAST):
         part = range(first, min(first + ABREAST, len(rows), MOST_IN_TABLES))
         lines: list[list[Cell]] = []
-        for column, (heading, *_) in enumerate(columns_of(box)):
-            name, unit = name_and_unit(heading)
+        for column, metric in enumerate(metrics):
             cells = [_cell(by_place[i][column], judged) for i in part]
             if any(by_place[i][column].value is not None for i in part):
-                lines.append([f"{name}{'' if unit == '-' else f' [{unit}]'}", *cells])
+                lines.append([f"{metric.named(box)}{'' if metric.unit == '-' else f' [{metric.shown_unit}]'}", *cells])
         lines.append(["valid", *(("yes", "") if rows[i]["valid"] else ("no", "failed") for i in part)])
         grades = [(verdicts[i] or {}).get("grade") or "-" for i in part]
         lines.append(["quality", *((grade, grade if grade in GRADES else "") for grade in grades)])
         parts.append(table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], lines))
     names = [heading_of(i + 1, row, box) for i, row in enumerate(rows)]
-    parts += [_words([f"{line}."], "note") for line in undefined_lines(names, rows, columns_of(box))]
+    parts += [_words([f"{line}."], "note") for line in undefined_lines(names, rows, metrics, box)]
     parts += [_words([f"{line}."], "note") for line in begun_lines(names, rows, report.get("uncertainty") or [], box)]
     if len(rows) > MOST_IN_TABLES:
         parts.append(_words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note"))
@@ -228,7 +229,7 @@ def _cell(result: Result, judged: Mapping[tuple[str, str], str]) -> Cell:
 def _measured(report: Mapping, box: Transmission) -> list[str]:
     if "measured" not in report:
         return []
-    results = results_of(report)[len(report["shifts"]) * len(columns_of(box)) :]
+    results = results_of(report)[len(report["shifts"]) * len(named_metrics()) :]
     rows = [[f"{one.name}\n{one.place}", one.text, "" if one.unit == "-" else one.unit] for one in results if one.value is not None]
     lines = measured_lines(report["measured"], box)
     return _section("What was measured", [table(["result", "value", "unit"], rows) if rows else "", _words(lines, "note")])

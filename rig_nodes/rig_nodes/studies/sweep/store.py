@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...analysis.metrics import KEYS, UNITS
+from ...analysis.metrics import keys, metrics
 from ...analysis.state_at_order import flat, unit_of
 from ...base.atomic_write import atomic_write
 from ...base.errors import RigError, no_pyarrow
@@ -36,7 +36,7 @@ KINDS = {
     "undefined": "string",
     "from_gear": "int8",
     "to_gear": "int8",
-}  # types of metrics that are no float
+}  # types of what a row has beside its metrics
 METADATA = b"rig_nodes.sweep"
 
 
@@ -214,12 +214,12 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
         table = entry.get("table", {"columns": {}, "rows": [[]]})
         return [{**shared, **dict(zip(map(column_of, table["columns"]), row))} for row in table["rows"]]
     out = []
-    for number, metrics in enumerate(entry["shifts"] or [None], 1):
-        row = {**shared, "shift": None if metrics is None else number}
-        for key in KEYS:
-            value = None if metrics is None else metrics.get(key)
+    for number, found in enumerate(entry["shifts"] or [None], 1):
+        row = {**shared, "shift": None if found is None else number}
+        for key in keys():
+            value = None if found is None else found.get(key)
             row[key] = _text_of(value) if KINDS.get(key) == "string" else value
-        out.append(row | flat(metrics or {}))
+        out.append(row | flat(found or {}))
     return out
 
 
@@ -254,8 +254,9 @@ def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str], states: Iter
         columns.append(
             column(column_of(name), pa.float64() if unit else pa.string(), unit, f"of the calculation {plan.calculation}")
         )
-    for key in KEYS if not plan.calculation else ():
-        columns.append(column(key, getattr(pa, KINDS.get(key, "float64"))(), UNITS.get(key.rpartition("_")[2])))
+    if not plan.calculation:
+        units = {"t_order_s": "s", **{metric.key: metric.unit for metric in metrics() if metric.unit != "-"}}
+        columns += [column(key, getattr(pa, KINDS.get(key, "float64"))(), units.get(key)) for key in keys()]
     columns += [column(name, pa.float64(), unit_of(name), "of the rig when the shift was ordered") for name in states]
     columns += [column("end", pa.string(), about="how the run ended"), column("reason", pa.string())]
     return pa.schema(columns, metadata={METADATA: json.dumps(manifest, ensure_ascii=False).encode()})

@@ -14,9 +14,9 @@ from math import pi
 
 import numpy as np
 
-from ...analysis.definitions import K_MOST
+from ...analysis.definitions import BEFORE, K_MOST, TORQUE_SPEED_MEAN
 from ...analysis.edges import odd_width, running_mean
-from ...analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, shift_metrics
+from ...analysis.shift import shift_metrics
 from ...analysis.state_at_order import Moment, put_known
 from ...bags.logged import Recording
 from ...base.clocks import ROW, SAMPLE

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...analysis.metrics import shifts
+from ...analysis.shift import shifts
 from ...rig.alfa46 import Alfa46Config
 from ...rig.configuration import RigConfig
 from ...runs.campaign import Workers

@@ -23,8 +23,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ...analysis.metrics import KEYS, shifts
-from ...analysis.metrics import UNITS as UNITS_OF_KEYS
+from ...analysis.metrics import metrics
+from ...analysis.shift import shifts
 from ...bags.logged import Recording
 from ...base.config import load_yaml
 from ...base.errors import RigError, brief
@@ -38,7 +38,6 @@ from ...runs.sequence import DIMENSIONS, load_sequence
 from ...runs.workers import Workers
 from .rows import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, Target
 
-METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why", "undefined"))
 ROLES = ("calibrate", "predict", "contradiction")
 STEADY = 0.3  # s before the next order over which a gear's values are averaged, unless the row says otherwise
 _KEYS = (
@@ -281,10 +280,11 @@ class _Reader:
         node = self.node
         if more := next((key for key in ("gear", "over", "from", "to") if key in node), None):
             self.refuse(more, "goes with value; a metric is that of a shift")
-        if node["metric"] not in METRICS:
-            self.refuse("metric", f"is {brief(node['metric'])}; {unknown('metric', str(node['metric']), METRICS)}")
-        if UNITS[unit_of(node["metric"])][0] != dimension:
-            self.refuse("low", f"is {brief(node['low'])}, but {node['metric']} is given in {unit_of(node['metric'])}")
+        units = {metric.key: metric.unit for metric in metrics()}
+        if node["metric"] not in units:
+            self.refuse("metric", f"is {brief(node['metric'])}; {unknown('metric', str(node['metric']), units)}")
+        if UNITS[units[node["metric"]]][0] != dimension:
+            self.refuse("low", f"is {brief(node['low'])}, but {node['metric']} is given in {units[node['metric']]}")
         old, dash, new = str(node.get("shift", "")).partition("-")
         if not dash:
             self.refuse("shift" if "shift" in node else "metric", "needs the key shift: two gears with a dash, e.g. 1-2")
@@ -341,11 +341,6 @@ class _Reader:
         if value < 0.0:
             self.refuse(key, f"is {self.node[key]}, expected 0 s or more")
         return value
-
-
-def unit_of(metric: str) -> str:
-    """Return the unit of a key of the report's shifts, which its ending names."""
-    return UNITS_OF_KEYS.get(metric.rpartition("_")[2], "-")
 
 
 # ---- expressions
@@ -437,9 +432,9 @@ def measure_rows(config: RigConfig, rig: str | Path, rows: list[OwnRow]) -> list
     )
     if run.end["state"] != "ended":
         return [(None, run.end["reason"])] * len(rows)
-    metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
+    rows_of_shifts = shifts(run.recording) if isinstance(run.recording, Recording) else []
     return [
-        _of_table(row, tables) if row.calculation else _of_metric(row, metrics) if row.metric else _of_signals(row, run)
+        _of_table(row, tables) if row.calculation else _of_metric(row, rows_of_shifts) if row.metric else _of_signals(row, run)
         for row in rows
     ]
 
@@ -457,13 +452,14 @@ def _of_table(row: OwnRow, tables: Mapping[str, Table]) -> tuple[float | None, s
     return (None, "the calculation gives no value") if found is None else (found, "")
 
 
-def _of_metric(row: OwnRow, metrics: list[dict]) -> tuple[float | None, str]:
-    found = next((one for one in metrics if (one["from_gear"], one["to_gear"]) == row.shift), None)
+def _of_metric(row: OwnRow, shifts_found: list[dict]) -> tuple[float | None, str]:
+    found = next((one for one in shifts_found if (one["from_gear"], one["to_gear"]) == row.shift), None)
     if found is None:
         return None, "the run has no such shift"
     if found[row.metric] is None:
         return None, found["undefined"].get(row.metric, "; ".join(found["why"]) or "was not found")
-    return found[row.metric] * UNITS[unit_of(row.metric)][1], ""
+    unit = next(metric.unit for metric in metrics() if metric.key == row.metric)
+    return found[row.metric] * UNITS[unit][1], ""
 
 
 def _of_signals(row: OwnRow, run: Run) -> tuple[float | None, str]:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.analysis.metrics import shift_metrics
+from rig_nodes.analysis.shift import shift_metrics
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.clocks import ROW, SAMPLE
 from rig_nodes.base.config import load_yaml

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig_nodes.analysis.coast_down import coast_down as fit_coast_down
+from rig_nodes.analysis.definitions import PRESSURE_MEAN
 from rig_nodes.analysis.edges import first_true, odd_width, ramp_start, running_mean
 from rig_nodes.analysis.engagement import engagement_metrics
-from rig_nodes.analysis.metrics import PRESSURE_MEAN, shifts
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.analysis.uncertainty import Instrument, instruments_of
 from rig_nodes.analysis.valve_response import valve_delay
 from rig_nodes.bags.logged import Recording
