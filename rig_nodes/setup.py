@@ -62,7 +62,7 @@ setup(
     extras_require={
         "view": ["rerun-sdk"],
         "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
-        "sweep": ["pyarrow", "dask", "distributed", "optuna"],
+        "sweep": ["pyarrow", "dask", "distributed", "cmaes", "optuna"],
         "files": ["asammdf", "openpyxl", "npTDMS", "h5py"],
         "test": ["pytest", "mcap-ros2-support"],
     },

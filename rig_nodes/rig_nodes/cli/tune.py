@@ -111,7 +111,7 @@ def main(args: argparse.Namespace) -> int:
     from ..runs.campaign import Workers
     from ..runs.folders import free_folder
     from ..studies.sweep.store import parquet
-    from ..studies.tune import document, run, search
+    from ..studies.tune import document, run, scout, search
     from ..studies.tune.folder import open_journal
     from ..studies.tune.uncertainty import spreads_of
 
@@ -123,6 +123,7 @@ def main(args: argparse.Namespace) -> int:
     page = document.page() if args.write_docs else None
     parquet()
     search.load_optuna()
+    scout.load_cmaes()
     folder = free_folder("tune") if args.out is None else Path(args.out)
     problem = _problem(args)
     _check_folder(folder, problem.manifest(), args.spreads is not None)

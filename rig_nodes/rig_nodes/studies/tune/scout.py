@@ -13,78 +13,23 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...base.errors import RigError
 from ...rig.alfa46 import Alfa46Config
 from ...runs.campaign import Workers
 from .problem import INVALID, REFUSED, Ground, Task, excess, hardest_first, sought
 from .space import BOUNDS, refused, settings
 
+if TYPE_CHECKING:
+    from types import ModuleType
+
 POPULATION = 16
-SIGMA, DONE = 0.03, 0.004  # standard deviation at the start and at the end of the search, as shares of the bounds
+SIGMA, DONE = 0.03, 0.004  # standard deviation of the first and of the last generation, as shares of the bounds
 POWER = 32.0  # exponent of the mean over shifts: the mean is close to the worst shift, but every shift counts
 BOUND_WEIGHT = 2.0
-
-
-class Cma:
-    """CMA-ES over shares of the bounds, used by calling ``ask`` and then ``tell``.
-
-    Parameters
-    ----------
-    start : (n,) array of float
-        Where the search starts, as shares of the bounds.
-    sigma : float
-        Standard deviation of the first generation.
-    seed : int
-        Seed of the draws.
-
-    References
-    ----------
-    Hansen, The CMA evolution strategy: a tutorial, 2016.
-    """
-
-    def __init__(self, start: np.ndarray, sigma: float, seed: int) -> None:
-        n = len(start)
-        self.mean, self.sigma, self.seed, self.generation = np.array(start, dtype=float), sigma, seed, 0
-        half = POPULATION // 2
-        weights = np.log(half + 0.5) - np.log(np.arange(1, half + 1))
-        self.weights = weights / weights.sum()
-        self.mu = 1.0 / np.sum(self.weights**2)
-        self.c_sigma = (self.mu + 2.0) / (n + self.mu + 5.0)
-        self.damping = 1.0 + self.c_sigma + 2.0 * max(0.0, np.sqrt((self.mu - 1.0) / (n + 1.0)) - 1.0)
-        self.c_path = (4.0 + self.mu / n) / (n + 4.0 + 2.0 * self.mu / n)
-        self.c_one = 2.0 / ((n + 1.3) ** 2 + self.mu)
-        self.c_mu = min(1.0 - self.c_one, 2.0 * (self.mu - 2.0 + 1.0 / self.mu) / ((n + 2.0) ** 2 + self.mu))
-        self.length = np.sqrt(n) * (1.0 - 1.0 / (4.0 * n) + 1.0 / (21.0 * n * n))  # expected length of a normal vector
-        self.covariance = np.eye(n)
-        self.path, self.path_sigma = np.zeros(n), np.zeros(n)
-
-    def ask(self) -> np.ndarray:
-        """Return (POPULATION, n) places to try, which are the same in each call until ``tell``."""
-        values, vectors = np.linalg.eigh(self.covariance)
-        self._axes, self._vectors = np.sqrt(np.maximum(values, 1e-14)), vectors
-        normal = np.random.default_rng([self.seed, self.generation]).standard_normal((POPULATION, len(self.mean)))
-        self._steps = normal * self._axes @ vectors.T
-        return self.mean + self.sigma * self._steps
-
-    def tell(self, found: list[float]) -> None:
-        """Take the values that were found at these places, of which less is better."""
-        n = len(self.mean)
-        best = self._steps[np.argsort(found, kind="stable")[: len(self.weights)]]
-        step = self.weights @ best
-        self.mean = self.mean + self.sigma * step
-        white = self._vectors @ ((self._vectors.T @ step) / self._axes)
-        self.path_sigma = (1.0 - self.c_sigma) * self.path_sigma + np.sqrt(self.c_sigma * (2.0 - self.c_sigma) * self.mu) * white
-        length = np.linalg.norm(self.path_sigma)
-        self.generation += 1
-        steady = length / np.sqrt(1.0 - (1.0 - self.c_sigma) ** (2 * self.generation)) < (1.4 + 2.0 / (n + 1.0)) * self.length
-        self.path = (1.0 - self.c_path) * self.path + steady * np.sqrt(self.c_path * (2.0 - self.c_path) * self.mu) * step
-        one = np.outer(self.path, self.path) + (1.0 - steady) * self.c_path * (2.0 - self.c_path) * self.covariance
-        self.covariance = (
-            (1.0 - self.c_one - self.c_mu) * self.covariance + self.c_one * one + self.c_mu * (best.T * self.weights) @ best
-        )
-        self.sigma *= float(np.exp(self.c_sigma / self.damping * (length / self.length - 1.0)))
 
 
 @dataclass
@@ -140,27 +85,41 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
         Takes each new generation as a list of entries, and its CPU time [s].
     until : callable
         Returns True when the search is to stop.
+
+    Raises
+    ------
+    RigError
+        When cmaes is not installed.
     """
     low, high = (np.array(column, dtype=float) for column in zip(*BOUNDS.values()))
-    cma = Cma((np.array([scout.start[name] for name in BOUNDS]) - low) / (high - low), SIGMA, scout.seed)
+    shares = np.array([scout.start[name] for name in BOUNDS] - low) / (high - low)
+    within = np.tile([0.0, 1.0], (len(BOUNDS), 1))
+    cma = load_cmaes().CMA(shares, SIGMA, bounds=within, seed=scout.seed % 2**32, population_size=POPULATION)
     known = list(scout.entries)
-    while cma.sigma > DONE and (known or not until()):
-        shares = cma.ask()
+    spread = SIGMA
+    while spread > DONE and (known or not until()):
+        asked = [cma.ask() for _ in range(POPULATION)]
+        spread = float(np.std(asked, axis=0).mean())
         if known:
             entries, known = known[:POPULATION], known[POPULATION:]
         else:
-            tries = [
-                {name: int(value) for name, value in zip(BOUNDS, row)}
-                for row in np.rint(low + np.clip(shares, 0.0, 1.0) * (high - low))
-            ]
+            tries = [{name: int(value) for name, value in zip(BOUNDS, np.rint(low + one * (high - low)))} for one in asked]
             judge = partial(evaluate, scout.task.pickled(), scout.way, scout.base, scout.cut(), scout.order())
             found = workers.map(judge, tries)
             cpu = sum(one.pop("cpu") for one in found)
             entries = [{"values": values, **one} for values, one in zip(tries, found)]
             scout.entries += entries
             note(entries, cpu)
-        outside = np.sum(np.maximum(0.0, shares - 1.0) + np.maximum(0.0, -shares), axis=1)
-        cma.tell([entry["value"] + float(far) for entry, far in zip(entries, outside)])
+        cma.tell([(one, entry["value"]) for one, entry in zip(asked, entries)])
+
+
+def load_cmaes() -> ModuleType:
+    """Return cmaes; RigError when it is not installed."""
+    try:
+        import cmaes
+    except ImportError:
+        raise RigError("rig tune searches with cmaes, which is not installed; install the extra 'rig_nodes[sweep]'") from None
+    return cmaes
 
 
 def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: list[int], values: dict[str, int]) -> dict:
