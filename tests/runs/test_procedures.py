@@ -288,15 +288,21 @@ def broken(item):
     return 1 / item
 
 
-def test_a_killed_process_and_a_fault_end_a_campaign_with_a_sentence():
+def deadly(_item):
+    """Ends its process as a lack of memory does."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_killed_process_is_replaced_and_a_fault_or_a_deadly_item_ends_a_campaign_with_a_sentence():
     with Workers(2) as workers:
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
             workers.map(broken, [1, 0, 2])
         pids = set(workers.map(pid_of, range(50)))
         assert os.getpid() not in pids and 1 <= len(pids) <= 2
         os.kill(pids.pop(), signal.SIGKILL)
-        with pytest.raises(RigError, match="a process of the campaign was killed"):
-            workers.map(pid_of, range(50))
+        assert len(workers.map(pid_of, range(50))) == 50
+        with pytest.raises(RigError, match="2 processes were killed from outside while they ran it; where memory is short"):
+            workers.map(deadly, range(4))
 
 
 def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):

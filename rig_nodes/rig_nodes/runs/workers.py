@@ -14,8 +14,8 @@ import signal
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
 from multiprocessing import connection, forkserver, get_context
 from typing import Any
 
@@ -72,14 +72,12 @@ class Workers:
         self.jobs = max(1, jobs)
         self._processes: list = []
         self._ends: list[connection.Connection] = []
-        self._busy: dict[connection.Connection, int] = {}  # by the end of a process: the task that it works on
-        self._task = 0  # tasks given so far
 
     def __enter__(self) -> Workers:
         if self.jobs > 1:
             start_server()
-            for _ in range(self.jobs):
-                self._start()
+            while len(self._ends) < self.jobs:
+                self._start()  # they load while this process goes on
         return self
 
     def _start(self) -> None:
@@ -112,12 +110,10 @@ class Workers:
     def _leave(self) -> None:
         for end in self._ends:
             end.close()
-        self._ends, self._busy = [], {}
+        self._ends = []
 
     def map(self, function: Callable[[Any], Any], items: Iterable, progress: Callable[[int, int], None] | None = None) -> list:
         """Return the results of all items, in the order of the items.
-
-        After an interrupt, or when a process was killed, nothing but ``__exit__`` may be called.
 
         Parameters
         ----------
@@ -136,32 +132,26 @@ class Workers:
         Raises
         ------
         RigError
-            When an item raised it, or when a process was killed.
+            When an item raised it, or has lost TRIES processes.
         RuntimeError
-            With the traceback, when an item raised anything else in another process; with one job the error itself is raised.
+            With the traceback, when an item raised anything else.
         """
         items = list(items)
-        if self.jobs == 1:
-            results = []
-            for item in items:
-                results.append(function(item))
+        results = [None] * len(items)
+        with closing(self.stream(function, items)) as answers:
+            for done, (place, result, error) in enumerate(answers, 1):
+                if error is not None:
+                    raise error
+                results[place] = result
                 if progress:
-                    progress(len(results), len(items))
-            return results
-        try:
-            return self._map(function, items, progress)
-        except KeyboardInterrupt:
-            self._leave()
-            raise
-        except (EOFError, ConnectionError):
-            self._leave()
-            raise RigError("a process of the campaign was killed from outside; where memory is short, give it one job") from None
+                    progress(done, len(items))
+        return results
 
-    def stream(self, function: Callable[[Any], Any], items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
+    def stream(self, function: Callable[[Any], Any], items: Iterable) -> Generator[tuple[int, Any, Exception | None]]:
         """Yield the result of each item as it arrives, for long lists that no failing item may stop.
 
         A process that is killed is replaced by a new one, which tries its item again; an item that has lost TRIES processes
-        yields a RigError. An interrupt is passed on; after it nothing but ``__exit__`` may be called.
+        yields a RigError. An interrupt is passed on. The processes end when the caller does not take all results.
 
         Parameters
         ----------
@@ -184,9 +174,11 @@ class Workers:
                 error, result = _answer(function, item)
                 yield place, result, error
             return
+        while len(self._ends) < self.jobs:
+            self._start()
         try:
             yield from self._stream(function, enumerate(items))
-        except (KeyboardInterrupt, GeneratorExit):
+        except BaseException:
             self._leave()
             raise
 
@@ -219,30 +211,9 @@ class Workers:
                     if lost[place] < TRIES:
                         again.append((place, item))
                         continue
-                    error, result = RigError(f"{TRIES} processes were killed from outside while they ran it"), None
+                    lack = "where memory is short, give it fewer jobs"
+                    error, result = RigError(f"{TRIES} processes were killed from outside while they ran it; {lack}"), None
                 yield place, result, error
-
-    def _map(self, function: Callable[[Any], Any], items: list, progress: Callable[[int, int], None] | None) -> list:
-        results, done = [None] * len(items), 0
-        left, places = deque(range(len(items))), {}  # items not begun; task -> item
-        while done < len(items):
-            for end in self._ends:
-                if end not in self._busy and left:
-                    self._task += 1
-                    self._busy[end], places[self._task] = self._task, left.popleft()
-                    end.send((function, items[places[self._task]]))
-            for end in connection.wait(list(self._busy)):
-                error, result = end.recv()
-                place = places.get(self._busy.pop(end))
-                if place is None:
-                    continue  # the item belongs to an earlier list that ended with an error
-                if error is not None:
-                    raise error
-                results[place] = result
-                done += 1
-                if progress:
-                    progress(done, len(items))
-        return results
 
 
 def _work(end: connection.Connection) -> None:
