@@ -12,7 +12,7 @@ from synthetic_shift import Shift
 
 from rig_nodes.analysis.causes import cause
 from rig_nodes.analysis.clutch_torques import put_torques
-from rig_nodes.analysis.report import recording_of
+from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.analysis.shift import shifts
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main

@@ -11,7 +11,8 @@ from synthetic_shift import PERIOD, RPM, FakeBag, Shift
 
 from rig_nodes.analysis.clipped import Clipping, at_an_end
 from rig_nodes.analysis.quality import quality_of, sentence_of
-from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.report_text import format_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.analysis.shift import shifts
 from rig_nodes.bags.logged import Recording
 from rig_nodes.rig.configuration import load_rig

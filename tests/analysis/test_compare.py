@@ -13,7 +13,7 @@ import pytest
 
 from rig_nodes.analysis.alignment import CORRELATION, EVENTS, align
 from rig_nodes.analysis.compare_tables import metric_tables, reasons
-from rig_nodes.analysis.report import recording_of
+from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.analysis.side_by_side import Source, compare, short_names
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError

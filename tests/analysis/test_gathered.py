@@ -9,7 +9,7 @@ import pytest
 from mcap.writer import Writer
 
 from rig_nodes.analysis.gather import gathering
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter

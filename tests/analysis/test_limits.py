@@ -7,8 +7,8 @@ import pytest
 from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.limits import judged, limit_lines, parse_limits, read_limits
-from rig_nodes.analysis.report import build_report
 from rig_nodes.analysis.results import Result, results_of, spread, spread_lines
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.base.errors import RigError
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from synthetic_shift import PERIOD, FakeBag, Shift
 
-from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.report_text import format_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.logged import Recording
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig

@@ -14,7 +14,8 @@ from synthetic_shift import I1, I2, FakeBag, Shift
 
 from rig_nodes.analysis.metrics import keys
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
-from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.report_text import format_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.rig.configuration import load_rig
 

@@ -9,7 +9,8 @@ from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, phases_of, times_of
 from rig_nodes.analysis.quality import quality_of, sentence_of
-from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.report_text import format_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.analysis.shift import shifts
 from rig_nodes.rig.configuration import load_rig
 

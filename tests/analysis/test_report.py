@@ -16,8 +16,9 @@ import pytest
 from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.metrics import keys, named_metrics
-from rig_nodes.analysis.report import build_report, format_report, read_report, write_report
+from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.results import results_of
+from rig_nodes.analysis.run_report import build_report, read_report, write_report
 from rig_nodes.base.errors import BagError, RigError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.document import report_document

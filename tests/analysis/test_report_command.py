@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from synthetic_shift import FakeBag, Shift
 
-from rig_nodes.analysis.report import build_report, write_report
+from rig_nodes.analysis.run_report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import RigError

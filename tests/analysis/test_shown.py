@@ -10,8 +10,9 @@ import pytest
 from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.moved import moved_lines
-from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.results import results_of, spread, spread_lines
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.analysis.runs_table import Member, table_of
 from rig_nodes.analysis.shown import shown, shown_shortly
 from rig_nodes.analysis.uncertainty import instruments_of, uncertainty

@@ -15,7 +15,7 @@ from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
 from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
-from rig_nodes.analysis.report import shown_transmission
+from rig_nodes.analysis.run_report import shown_transmission
 from rig_nodes.analysis.shift import shifts
 from rig_nodes.analysis.uncertainty import Instrument, instruments_of, uncertainty
 from rig_nodes.bags.exchange.orders import parse_orders

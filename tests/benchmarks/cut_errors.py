@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig

@@ -19,7 +19,7 @@ import numpy as np
 import pymodbus.client
 import pytest
 
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.analysis.report import recording_of
+from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.bags.reader import Bag
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"

@@ -12,7 +12,7 @@ from rig_msgs.action import RunSequence
 from rig_msgs.msg import ControllerSample, RigState, ValveCommand
 from running_graph import SHORT, Client, Graph
 
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.nodes.processes.result import facts_of, lost_messages
 

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence

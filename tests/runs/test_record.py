@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.report import recording_of
+from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig, with_overrides

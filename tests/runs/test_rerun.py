@@ -11,7 +11,7 @@ import pytest
 
 from rig_nodes.analysis.gather import gather
 from rig_nodes.analysis.moved import moved_lines
-from rig_nodes.analysis.report import build_report
+from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.analysis.report import build_report, write_report
+from rig_nodes.analysis.run_report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.rig.configuration import load_rig

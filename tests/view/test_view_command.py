@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import rerun
 
-from rig_nodes.analysis.report import write_report
+from rig_nodes.analysis.run_report import write_report
 from rig_nodes.analysis.runs_table import Member, write_procedure
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main

@@ -10,7 +10,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.report import format_report
+from rig_nodes.analysis.report_text import format_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import BagError, RigError

@@ -20,7 +20,7 @@ from PIL import Image
 from pixels import BAR, LONGEST, curve_pixels, dots, has, image_of, lanes, legend_text, of_state, text_pixels, upright
 
 from rig_nodes.analysis.metrics import keys
-from rig_nodes.analysis.report import write_report
+from rig_nodes.analysis.run_report import write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.cli.output_files import KINDS

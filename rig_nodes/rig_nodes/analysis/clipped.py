@@ -3,7 +3,7 @@
 
 """Signals at the end of their transducer's range, where the true value lies beyond what is shown.
 
-analysis.shift infers nothing from such a signal in a shift, and analysis.report names every one of a run.
+analysis.shift infers nothing from such a signal in a shift, and analysis.run_report names every one of a run.
 """
 
 from __future__ import annotations

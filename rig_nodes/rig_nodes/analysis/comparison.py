@@ -3,7 +3,7 @@
 
 """Report lines that compare the plain metrics with Annex A's recipe and with the states of the plant.
 
-analysis.report uses them. They only format results.
+analysis.run_report uses them. They only format results.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 """Energy balance of a run or of one shift, from energies that the plant integrates one by one.
 
-analysis.report uses it; the tests compare the residual with the clutch heat of the same window.
+analysis.run_report uses it; the tests compare the residual with the clutch heat of the same window.
 """
 
 from __future__ import annotations

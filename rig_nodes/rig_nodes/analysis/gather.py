@@ -15,7 +15,7 @@ from ..base.errors import RigError
 from ..rig.transmission import transmission_of
 from .clutch_torques import put_torques
 from .gathered import SMALL, Gathered, Thinned
-from .report import info_of, no_rig, plain, record_of
+from .run_report import info_of, no_rig, plain, record_of
 from .state_at_order import put_states
 from .uncertainty import instruments_of, uncertainty
 
@@ -30,9 +30,9 @@ def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None =
     small : Bag
         Events and description of the whole run, with the names of all topics (OpenedBags.bag).
     run : dict
-        As in :func:`analysis.report.build_report`.
+        As in :func:`analysis.run_report.build_report`.
     annex_a : float, optional
-        As in :func:`analysis.report.build_report`.
+        As in :func:`analysis.run_report.build_report`.
     thinner : Thinned, optional
         As in Gathered.
 
@@ -63,9 +63,9 @@ def gather(
     source : Path or str
         The run's folder or file.
     run : dict, optional
-        As in :func:`analysis.report.build_report`; by default what the bag records.
+        As in :func:`analysis.run_report.build_report`; by default what the bag records.
     annex_a : float, optional
-        As in :func:`analysis.report.build_report`.
+        As in :func:`analysis.run_report.build_report`.
     recover : bool
         True to read the undamaged part of a cut or damaged bag.
     most_rows : int

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 
 from .definitions import reasons_in
 from .metrics import metrics, named_metrics
-from .report import shift_name, shown_transmission
+from .report_text import shift_name
+from .run_report import shown_transmission
 from .shown import in_unit, shown_shortly
 
 REST = 1e-9  # share of two numbers below which their difference is one of rounding

@@ -3,7 +3,7 @@
 
 """Measurements of a run without a change between gears: a valve at standstill, an engagement from neutral, a coast-down.
 
-analysis.report uses it for such a run, which has no shift to show. The evaluations are those of the measuring
+analysis.run_report uses it for such a run, which has no shift to show. The evaluations are those of the measuring
 procedures: valve_response, engagement, coast_down.
 """
 

@@ -3,9 +3,8 @@
 
 """The verdict on a shift: does the output keep turning, how far does the torque leave the load, how long does it take.
 
-analysis.report puts it beside the metrics from which alone it follows, which cover the course from the order until the torque has
-settled. The limits and their sources are explained in
-docs/how_to/report.md.
+analysis.run_report puts it beside the metrics from which alone it follows, which cover the course from the order until the torque
+has settled. The limits and their sources are explained in docs/how_to/report.md.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 """The range of each signal of a run: the results of a rig without gears and without a bench's evaluation.
 
-analysis.report uses it for rigs without gears.
+analysis.run_report uses it for rigs without gears.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ from ..base.units import UNITS
 from ..rig.transmission import Transmission
 from .metrics import named_metrics
 from .press_bench import bench_numbers
-from .report import shift_name, shown_transmission
+from .report_text import shift_name
+from .run_report import shown_transmission
 from .shown import aligned, shown
 
 TIMES, CURVES = 1e3, 1e-6  # factors to ms and MPa

@@ -20,8 +20,8 @@ from ..rig.transmission import Transmission
 from .limits import Limit, Verdict, judged
 from .metrics import SHORT, keys, named_metrics
 from .quality import GRADES
-from .report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
 from .results import ENDS, Result, results_of, spread
+from .run_report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
 from .shown import shown
 from .state_at_order import unlike
 

@@ -18,7 +18,7 @@ from ..bags.logged import Recording
 from ..rig.transmission import Transmission
 from .alignment import Clock, align
 from .moved import REST, differences
-from .report import plain, report_of_recording
+from .run_report import plain, report_of_recording
 from .state_at_order import unlike
 from .uncertainty import instruments_of
 

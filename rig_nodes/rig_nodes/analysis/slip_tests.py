@@ -3,7 +3,7 @@
 
 """Evaluation of the clutch bench (thesis 8.1.6, 8.2.3, (8.3)-(8.6)): torque at slip, its line, k_kor and M_rest.
 
-analysis.report and the validation use it. It needs only the logger's channels, as the laboratory did, named by what they show:
+analysis.run_report and the validation use it. It needs only the logger's channels, as the laboratory did, named by what they show:
 press_bench.of_press. The evaluations of the spring and the cylinder bench (8.2.1, 8.2.2) are here, too.
 """
 

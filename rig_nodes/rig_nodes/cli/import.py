@@ -64,7 +64,8 @@ def main(args: argparse.Namespace) -> int:
     import shutil
 
     from ..analysis.gather import gather
-    from ..analysis.report import build_report, format_report, info_of, write_report
+    from ..analysis.report_text import format_report
+    from ..analysis.run_report import build_report, info_of, write_report
     from ..bags.exchange.cells import CellError
     from ..bags.exchange.imported import read_measurement, sequence_name, write_bag
     from ..base.errors import RigError, quoted

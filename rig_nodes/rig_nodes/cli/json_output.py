@@ -9,7 +9,7 @@ import json
 import sys
 from pathlib import Path
 
-from ..analysis.report import plain
+from ..analysis.run_report import plain
 from ..base.atomic_write import MAKER, atomic_write
 
 

@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
     from ..analysis.gather import gather
-    from ..analysis.report import build_report, format_report, write_report
+    from ..analysis.report_text import format_report
+    from ..analysis.run_report import build_report, write_report
     from ..analysis.runs_table import Member, member_of, table_of, write_procedure
     from ..analysis.shown import aligned
     from ..base.errors import interrupted_code, printable, quoted

@@ -5,7 +5,7 @@
 
 It rewrites the report beside the bag and keeps from it the facts that only the run itself had (lateness, end). A report of another
 run, or of a bag that has been damaged since, stays unchanged. A folder of runs, as procedures and
-sweeps leave it, gets a table and its spread (cli.report_folder). ``--html`` and ``--pdf`` write a page.
+sweeps leave it, gets a table and its spread (cli.report_of_runs). ``--html`` and ``--pdf`` write a page.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.gather import gather
 from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
-from ..analysis.report import REPORT_FILE, build_report, format_report, info_of, is_of, read_report, write_report
+from ..analysis.report_text import format_report
 from ..analysis.results import results_of
+from ..analysis.run_report import REPORT_FILE, build_report, info_of, is_of, read_report, write_report
 from ..bags.exchange.formats.format import is_loggers_file
 from ..bags.old_form import topic_of_today
 from ..bags.run_end import NO_REPORT, faults_of, with_end
@@ -27,7 +28,7 @@ from ..base.config import load_yaml
 from ..base.errors import RigError, printable, quoted
 from ..nodes.processes.result import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
-from .report_folder import is_folder_of_runs, report_folder, write_pages
+from .report_of_runs import is_folder_of_runs, report_folder, write_pages
 
 if TYPE_CHECKING:
     import argparse

@@ -93,7 +93,7 @@ def main(args: argparse.Namespace) -> int:
 def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
     from ..analysis.gather import gather
     from ..analysis.moved import moved_lines
-    from ..analysis.report import build_report, info_of, write_report
+    from ..analysis.run_report import build_report, info_of, write_report
     from ..runs.rerun import different_topics, rerun_plant
 
     with waiting(AGAIN):

@@ -155,7 +155,8 @@ def live_view(domain: int) -> Iterator[None]:
 def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
     """Write and print the report of an ended run; return its exit code."""
     from ..analysis.gather import gather
-    from ..analysis.report import build_report, format_report, write_report
+    from ..analysis.report_text import format_report
+    from ..analysis.run_report import build_report, write_report
     from ..nodes.processes.result import join_pieces, run_part, what_was_lost
 
     last = [] if end.state == "ended" else [end.reason]

@@ -50,7 +50,8 @@ def controller_log(folder: Path) -> Iterator[None]:
 def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
     from ..analysis.gather import gather
-    from ..analysis.report import build_report, format_report, write_report
+    from ..analysis.report_text import format_report
+    from ..analysis.run_report import build_report, write_report
     from ..base.errors import interrupted_code
     from ..base.names import DEFAULT_RIG, rig_of
     from ..controllers.load import embedded_line, level_line, load_controller

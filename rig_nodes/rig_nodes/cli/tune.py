@@ -144,7 +144,7 @@ def main(args: argparse.Namespace) -> int:
     if page is not None:
         document.write(page, summary, args.seed)
     if args.json:
-        from ..analysis.report import plain
+        from ..analysis.run_report import plain
 
         print(json.dumps(plain(summary), indent=1, ensure_ascii=False))
     else:

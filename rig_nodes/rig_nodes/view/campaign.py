@@ -21,7 +21,7 @@ import numpy as np
 
 from ..analysis.definitions import RPM
 from ..analysis.metrics import PLOTS, Metric, named_metrics
-from ..analysis.report import REPORT_FILE, read_report, shown_transmission
+from ..analysis.run_report import REPORT_FILE, read_report, shown_transmission
 from ..analysis.runs_table import read_procedure
 from ..analysis.uncertainty import instruments_of, uncertainty
 from ..bags.opened import KINDS

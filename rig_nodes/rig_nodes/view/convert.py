@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from .. import __version__
 from ..analysis.gather import gather, gathering
 from ..analysis.gathered import SMALL
-from ..analysis.report import REPORT_FILE, build_report, is_of, read_report
+from ..analysis.run_report import REPORT_FILE, build_report, is_of, read_report
 from ..analysis.shift import with_ends
 from ..bags.logged import orders_in
 from ..bags.opened import OpenedBags

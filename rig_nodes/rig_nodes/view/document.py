@@ -3,7 +3,7 @@
 
 """The report of a run as a markdown document, for the text panel of the view.
 
-view.convert uses it; keys, headings and units are those of the report (analysis.report).
+view.convert uses it; keys, headings and units are those of the report (analysis.run_report).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from ..analysis.no_change import measured_lines
 from ..analysis.press_bench import bench_lines
 from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
-from ..analysis.report import no_shift, numbered_way, shift_name, shown_transmission, verdicts_in
+from ..analysis.report_text import no_shift, numbered_way, shift_name
+from ..analysis.run_report import shown_transmission, verdicts_in
 from ..analysis.state_at_order import begun_lines
 from ..rig.transmission import Transmission
 
@@ -32,7 +33,7 @@ def report_document(report: dict, problems: list[str]) -> str:
     Parameters
     ----------
     report : dict
-        The report of analysis.report.
+        The report of analysis.run_report.
     problems : list of str
         Sentences on problems of the bag; they come first.
     """

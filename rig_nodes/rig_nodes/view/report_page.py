@@ -18,8 +18,8 @@ from ..analysis.metrics import named_metrics
 from ..analysis.no_change import measured_lines
 from ..analysis.press_bench import OF_A_RUN, bench_lines
 from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
-from ..analysis.report import shown_transmission, verdicts_in
 from ..analysis.results import ENDS, Result, number, results_of, spread_cells
+from ..analysis.run_report import shown_transmission, verdicts_in
 from ..analysis.shown import shown
 from ..analysis.state_at_order import begun_lines
 from ..rig.transmission import Transmission

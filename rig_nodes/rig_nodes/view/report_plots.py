@@ -16,7 +16,7 @@ import numpy as np
 
 from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, moments_of, phases_of, times_of
 from ..analysis.ranges import LOGGER
-from ..analysis.report import shift_name
+from ..analysis.report_text import shift_name
 from ..bags.pieces import PIECE
 from ..bags.reader import Bag
 from ..base.errors import RigError

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..analysis.energy import energy_names
-from ..analysis.report import shown_transmission
+from ..analysis.run_report import shown_transmission
 from ..analysis.settings_of_run import settings_of_run
 from ..rig.changed_settings import changed_settings
 from .document import event_row, markdown_table
@@ -27,7 +27,7 @@ def run_document(
     Parameters
     ----------
     report : mapping
-        The report of the run (analysis.report).
+        The report of the run (analysis.run_report).
     record : mapping
         The rig's record in the bag.
     events : sequence of (float, str, str, str, float)

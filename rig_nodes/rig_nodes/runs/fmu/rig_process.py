@@ -79,7 +79,7 @@ class Recording:
     def close(self) -> None:
         """End the bag and write report.json beside it."""
         from ...analysis.gather import gather
-        from ...analysis.report import build_report, write_report
+        from ...analysis.run_report import build_report, write_report
         from ...base.clocks import TICK_SAMPLES
         from ..rig_base import RigStatus
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from ... import __version__
 from ...analysis.gather import gather
-from ...analysis.report import build_report, plain, write_report
+from ...analysis.run_report import build_report, plain, write_report
 from ...analysis.shift import shifts
 from ...analysis.state_at_order import put_known
 from ...bags.logged import Recording

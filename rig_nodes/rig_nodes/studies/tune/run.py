@@ -398,7 +398,7 @@ def _finish(
 def _json(data: dict) -> str:
     import json
 
-    from ...analysis.report import plain
+    from ...analysis.run_report import plain
 
     return json.dumps(plain(data), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
