@@ -8,7 +8,7 @@ import math
 import pytest
 
 from rig_nodes.bags.metadata import profile_text, read_profile
-from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Player
+from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Played, Player
 from rig_nodes.bags.reader import Bag
 
 MS = 1_000_000
@@ -31,7 +31,7 @@ class Run:
         first = options.pop("first", T0)
         held = [(TIMES[number], number) for number in options.pop("early", ())]
         early = lambda at: [row for row in held if row[0] < at]  # noqa: E731
-        self.player = Player(recorded(TIMES), first, END, period=10 * MS, early=early, **options)
+        self.player = Player(Played(recorded(TIMES), first, END, early), period=10 * MS, **options)
         self.taken = []  # (wall time since the start [ms], number or CLOCK, recorded time since T0 [ms])
 
     def drive(self, ms):
@@ -84,7 +84,7 @@ def test_the_rate_divides_the_times(rate):
 
 def test_max_waits_for_nothing_but_hands_out_no_more_than_a_batch():
     times = [T0 + i * MS for i in range(3 * BATCH)]
-    player = Player(recorded(times), T0, times[-1] + 1, rate=math.inf)
+    player = Player(Played(recorded(times), T0, times[-1] + 1), rate=math.inf)
     taken = []
     while not player.finished:
         assert player.wait(7.0) == 0.0
@@ -210,7 +210,7 @@ def test_single_messages_go_on_into_the_next_pass():
 
 def test_a_stall_is_not_made_up_for_and_is_told():
     times = [T0 + ms * MS for ms in range(3000)]
-    player = Player(recorded(times), T0, times[-1] + 1)
+    player = Player(Played(recorded(times), T0, times[-1] + 1))
     player.take(0.0)
     burst = player.take(2.0)
     assert max(time for _, time in burst) == T0 + round(STRIDE * 1e3) * MS
@@ -222,7 +222,7 @@ def test_a_stall_is_not_made_up_for_and_is_told():
 def test_a_hole_in_time_is_jumped_over_and_takes_one_clock_period(loop):
     far = 20_000 * 86_400 * 1000 * MS
     times = [T0, T0 + 3 * MS, T0 + far, T0 + far + 20 * MS]
-    player = Player(recorded(times), T0, times[-1] + 1, period=10 * MS, loop=loop, hole=86_400 * 1000 * MS)
+    player = Player(Played(recorded(times), T0, times[-1] + 1), period=10 * MS, loop=loop, hole=86_400 * 1000 * MS)
     taken = []
     for wall in range(100):
         due = player.take(wall * STEP)
@@ -234,20 +234,20 @@ def test_a_hole_in_time_is_jumped_over_and_takes_one_clock_period(loop):
     assert loop or len(messages) == len(expected)
     assert all(abs(wall - due) <= 1 for (wall, _), (due, _) in zip(messages, expected))
     assert len(taken) < 40, "the clock is not published through the hole"
-    seeking = Player(recorded(times), T0, times[-1] + 1, period=10 * MS, hole=86_400 * 1000 * MS)
+    seeking = Player(Played(recorded(times), T0, times[-1] + 1), period=10 * MS, hole=86_400 * 1000 * MS)
     seeking.seek(T0 + far // 2)
     assert [number for wall in range(20) for number, _ in seeking.take(wall * STEP) if number is not CLOCK] == [2]
 
 
 def test_lateness_counts_from_when_a_message_was_due():
-    player = Player(recorded(TIMES), T0, END, rate=2.0)
+    player = Player(Played(recorded(TIMES), T0, END), rate=2.0)
     player.take(50.0)
     player.take(50.004)  # recorded time 8 ms: message 2 at 3 ms was due at 1.5 ms
     assert player.lateness(TIMES[2], 50.005) == pytest.approx(0.005 - 0.0015)
 
 
 def test_wait_tells_when_the_next_thing_is_due():
-    player = Player(recorded(TIMES), T0, END, rate=0.5)
+    player = Player(Played(recorded(TIMES), T0, END), rate=0.5)
     assert player.wait(0.0) == 0.0
     player.take(0.0)
     assert player.wait(0.0) == pytest.approx(0.006)

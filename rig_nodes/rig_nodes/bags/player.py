@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from .limits import LAST
 
@@ -21,6 +21,26 @@ BATCH = 1000  # largest number of due items handed out at once, so that a pause 
 
 Message: TypeAlias = Any  # any object that identifies the message for the caller
 Due: TypeAlias = tuple[Message, int]
+
+
+class Played(NamedTuple):
+    """A recording to replay.
+
+    Parameters
+    ----------
+    messages : callable
+        Begins a pass: for two recorded times [ns] it returns an iterator of (time [ns], message) with ascending times,
+        from the first of the two to before the second.
+    first, end : int
+        Recorded times at which passes begin and end [ns].
+    early : callable
+        For a recorded time [ns], the messages from before it that are due when the replay begins there.
+    """
+
+    messages: Callable[[int, int], Iterator[tuple[int, Message]]]
+    first: int
+    end: int
+    early: Callable[[int], Sequence[tuple[int, Message]]] = lambda _: ()
 
 
 class Player:
@@ -34,26 +54,20 @@ class Player:
 
     def __init__(
         self,
-        messages: Callable[[int, int], Iterator[tuple[int, Message]]],
-        first: int,
-        end: int,
+        played: Played,
         *,
         rate: float = 1.0,
         loop: bool = False,
         paused: bool = False,
         period: int = 5_000_000,
         hole: int = LAST,
-        early: Callable[[int], Sequence[tuple[int, Message]]] = lambda _: (),
     ) -> None:
         """Prepare a replay; it begins with the first :meth:`take`.
 
         Parameters
         ----------
-        messages : callable
-            Begins a pass: for two recorded times [ns] it returns an iterator of (time [ns], message) with ascending times,
-            from the first of the two to before the second.
-        first, end : int
-            Recorded times at which passes begin and end [ns].
+        played : Played
+            What is replayed.
         rate : float
             Recorded seconds per second; inf replays as fast as possible.
         loop : bool
@@ -64,14 +78,13 @@ class Player:
             Recorded time between two clocks [ns].
         hole : int
             Recorded time without a message [ns] beyond which the replay goes on one period later with the next message.
-        early : callable
-            For a recorded time [ns], the messages from before it that are due when the replay begins there.
         """
+        self._messages, first, end, self._early = played
         self.rate, self.loop, self.paused = rate, loop, paused
         self.clock = first  # last time of the clock [ns]
         self.passes = 0
         self.behind = 0.0
-        self._messages, self._period, self._hole, self._early = messages, period, hole, early
+        self._period, self._hole = period, hole
         self._span = first, end
         self._rest: Iterator[tuple[int, Message]] = iter(())
         self._ahead: tuple[int, Message] | None = None  # the next message of this pass

@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from .output_files import OutputFile
 from .progress import ProgressLine
+from .shared_arguments import add_json
 
 if TYPE_CHECKING:
     import argparse
@@ -25,12 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine"
     )
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
-    parser.add_argument(
-        "--json",
-        type=OutputFile("json", to_stdout=True),
-        metavar="FILE",
-        help="write the numbers as JSON; - for stdout, without tables",
-    )
+    add_json(parser, "write the numbers as JSON; - for stdout, without tables")
     parser.add_argument("--write-docs", action="store_true", help="write docs/reference/performance.md of the checkout (all parts)")
 
 

@@ -9,7 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..base.names import DEFAULT_RIG
-from .output_files import OutputFile
+from .shared_arguments import add_json, add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -28,17 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rig", metavar="NAME", help=f"rig, its folder or .yaml file (default: that of --run as it was run, else {DEFAULT_RIG})"
     )
     parser.add_argument("--run", metavar="RUN", help="folder of a run or its .mcap file, for a calculation on a recording")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the rig (may be repeated)",
-    )
-    parser.add_argument(
-        "--json", type=OutputFile("json", to_stdout=True), metavar="FILE", help="write the table as JSON; - for stdout"
-    )
+    add_set(parser, "change one value of the rig")
+    add_json(parser, "write the table as JSON; - for stdout")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -9,14 +9,14 @@ import argparse
 import sys
 from dataclasses import asdict
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..base.names import DEFAULT_RIG
-from .output_files import OutputFile
 from .progress import ProgressLine
+from .shared_arguments import add_json
 
 if TYPE_CHECKING:
-    from ..studies.validation.calibrate import Miss
+    from ..studies.validation.calibrate import Found, Miss, Parameter
 
 HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
@@ -35,12 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="put what was found into the rig's rig.yaml and the settings of its controller; without it nothing is changed",
     )
-    parser.add_argument(
-        "--json",
-        type=OutputFile("json", to_stdout=True),
-        metavar="FILE",
-        help="write values, misses, sensitivities, spreads and profiles",
-    )
+    add_json(parser, "write values, misses, sensitivities, spreads and profiles")
     parser.add_argument(
         "--generations",
         type=int,
@@ -71,7 +66,6 @@ def main(args: argparse.Namespace) -> int:
     from ..base.config import load_yaml
     from ..base.errors import RigError, ended_by, quoted
     from ..base.names import beside, find_config, unknown
-    from ..base.units import SI
     from ..rig.configuration import load_rig
     from ..studies.validation import calibrate as c
     from ..studies.validation.own_calibration import calibration_of
@@ -102,9 +96,6 @@ def main(args: argparse.Namespace) -> int:
     def pair(stage: str, one: str, other: str) -> None:
         line.show(0.0, f"{stage}: {one} against {other}")
 
-    def plain(miss: Miss) -> dict:
-        return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
-
     curves = []
     try:
         found, rig = c.calibrate(config, calibration, args.generations, args.jobs, args.seed, args.stages, progress, args.starts)
@@ -115,6 +106,20 @@ def main(args: argparse.Namespace) -> int:
         print(f"\nrig: {what}; nothing was changed", file=sys.stderr)
         return code
     line.leave()
+    _print(found, parameters, curves)
+    if args.json:
+        write_json(args.json, _content(found, parameters, curves))
+    if args.write:
+        file = find_config("rigs", args.rig)
+        node = load_yaml(file)
+        controller = find_config("controllers", beside(file, node["controller"])) if "controller" in node else file
+        c.write_values(found.values, parameters, file, controller)
+        print("written to the rig's configuration")
+    return 0
+
+
+def _print(found: Found, parameters: dict[str, Parameter], curves: list[Any]) -> None:
+    """Print the values, the misses before and after, and the trade-offs."""
     print(f"{'parameter':24} {'value':>12} {'spread':>12} {'profile':>12} {'bounds':>25}  (SI)")
     for name, value in found.values.items():
         p = parameters[name]
@@ -128,25 +133,23 @@ def main(args: argparse.Namespace) -> int:
         print(f"\ntrade-off of {curve.stage}, misses in tolerances: {curve.rows[0]} against {curve.rows[1]}")
         for point in curve.points:
             print("  weight {:6g}  {:8.2f}  {:8.2f}".format(point.weight, *point.misses))
-    if args.json:
-        write_json(
-            args.json,
-            {
-                "values": found.values,
-                "spread": found.spread,
-                "profile": found.profile,
-                "sensitivities": found.sensitivities,
-                "before": [plain(miss) for misses in found.before.values() for miss in misses],
-                "after": [plain(miss) for misses in found.after.values() for miss in misses],
-                "trade_offs": [asdict(curve) for curve in curves],
-                "bounds": {n: [p.low, p.high] for n, p in parameters.items()},
-                "units": SI,
-            },
-        )
-    if args.write:
-        file = find_config("rigs", args.rig)
-        node = load_yaml(file)
-        controller = find_config("controllers", beside(file, node["controller"])) if "controller" in node else file
-        c.write_values(found.values, parameters, file, controller)
-        print("written to the rig's configuration")
-    return 0
+
+
+def _content(found: Found, parameters: dict[str, Parameter], curves: list[Any]) -> dict:
+    """Return the result for programs."""
+    from ..base.units import SI
+
+    def plain(miss: Miss) -> dict:
+        return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
+
+    return {
+        "values": found.values,
+        "spread": found.spread,
+        "profile": found.profile,
+        "sensitivities": found.sensitivities,
+        "before": [plain(miss) for misses in found.before.values() for miss in misses],
+        "after": [plain(miss) for misses in found.after.values() for miss in misses],
+        "trade_offs": [asdict(curve) for curve in curves],
+        "bounds": {n: [p.low, p.high] for n, p in parameters.items()},
+        "units": SI,
+    }

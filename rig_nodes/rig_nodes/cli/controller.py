@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..base.names import DEFAULT_RIG
 from .run_arguments import StepTimeout, add_in_process, controller_of, step_timeout
+from .shared_arguments import add_rig
 
 if TYPE_CHECKING:
     import argparse
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
     check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/how_to/controllers.md)")
     check.add_argument("--level", choices=("duty", "current"), help="what it returns, if it can return both")
-    check.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
+    add_rig(check)
     check.add_argument(
         "--step-timeout",
         type=step_timeout,
@@ -41,9 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
     new.add_argument("folder", metavar="DIR", help="new or empty folder for it")
-    new.add_argument(
-        "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file, that it is for (default: {DEFAULT_RIG})"
-    )
+    add_rig(new, "rig, its folder or .yaml file, that it is for")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -80,7 +79,6 @@ def check(args: argparse.Namespace) -> int:
 def new(args: argparse.Namespace) -> int:
     """Write the template and print the next steps."""
     from ..base.errors import quoted
-    from ..base.names import DEFAULT_RIG
     from ..controllers.record import record_of
     from ..controllers.templates import write_template
     from ..rig.configuration import load_gearbox_rig

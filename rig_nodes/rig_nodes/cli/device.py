@@ -9,7 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from ..base.names import DEFAULT_RIG
+from .shared_arguments import add_rig, add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -23,17 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--domain", type=int, metavar="N", help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)"
     )
-    parser.add_argument(
-        "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the device, as for run (may be repeated)",
-    )
+    add_rig(parser)
+    add_set(parser, "change one value of the device, as for run")
 
 
 def main(args: argparse.Namespace) -> int:

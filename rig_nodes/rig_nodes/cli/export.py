@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from ..base.names import DEFAULT_RIG
 from .output_files import KINDS, NEVER, OutputFile, may_write
+from .shared_arguments import add_rig, add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -65,17 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="file to write (default: named after what is exported)",
     )
-    parser.add_argument(
-        "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the rig, as for run (may be repeated)",
-    )
+    add_rig(parser)
+    add_set(parser)
     parser.add_argument(
         "--signals",
         action="append",

@@ -8,6 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .shared_arguments import add_set
+
 if TYPE_CHECKING:
     import argparse
 
@@ -22,14 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="file of a logger, or of rig export")
     add_profile_arguments(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for the run (default: runs/<file>-<n>)")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help='one value of the rig that is another, e.g. w0.inertia="0.8 kg m2" (may be repeated)',
-    )
+    add_set(parser, 'one value of the rig that is another, e.g. w0.inertia="0.8 kg m2"')
 
 
 def add_profile_arguments(parser: argparse.ArgumentParser) -> None:

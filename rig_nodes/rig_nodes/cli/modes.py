@@ -9,6 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from .output_files import OutputFile
+from .shared_arguments import add_json, add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -29,14 +30,7 @@ MOST_PEAKS = 12
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument("rig", metavar="RIG", help="folder of a rig, its file, or the name of an installed one")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help='change one value of the rig, e.g. shaft.stiffness="2000 Nm/rad" (may be repeated)',
-    )
+    add_set(parser, 'change one value of the rig, e.g. shaft.stiffness="2000 Nm/rad"')
     parser.add_argument(
         "--gear", metavar="NAME", help="the gear whose modes are printed in full (default: the first); neutral: all open"
     )
@@ -67,12 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.yaml",
         help="find settings that keep the frequencies away from orders and bands; without a file, those of the rig's detuning.yaml",
     )
-    parser.add_argument(
-        "--json",
-        type=OutputFile("json", to_stdout=True),
-        metavar="FILE",
-        help="write all of it as JSON to a file, or to the terminal for -",
-    )
+    add_json(parser, "write all of it as JSON to a file, or to the terminal for -")
     parser.add_argument(
         "--picture", type=OutputFile("svg"), metavar="FILE.svg", help="draw shapes, critical speeds, response and spectrum"
     )

@@ -9,6 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from .progress import waiting
+from .shared_arguments import add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -25,14 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--labels", action="store_true", help="print the labels of the series and run nothing")
     parser.add_argument("--out", metavar="DIR", help="folder for the runs (default: runs/<procedure>-<n>)")
     parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file (default: the one that the sequence is of)")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the rig that the series do not set themselves (may be repeated)",
-    )
+    add_set(parser, "change one value of the rig that the series do not set themselves")
 
 
 def main(args: argparse.Namespace) -> int:

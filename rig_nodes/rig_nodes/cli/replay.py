@@ -95,7 +95,7 @@ def main(args: argparse.Namespace) -> int:
 def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
     from ..bags.index import HOLE
     from ..bags.metadata import read_profile
-    from ..bags.player import Player
+    from ..bags.player import Played, Player
     from ..base.errors import RigError
     from ..base.names import unknown
     from ..controllers.ros.domain import environment, from_environment
@@ -136,15 +136,14 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
         if next(bag.timeline(lasting, end=begin), None) is None and next(bag.timeline(sound, begin, end), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
         player = Player(
-            lambda first, last: bag.timeline(sound, first, last),
-            begin,
-            end,
+            Played(
+                lambda first, last: bag.timeline(sound, first, last), begin, end, lambda at: list(bag.timeline(lasting, end=at))
+            ),
             rate=args.rate,
             loop=args.loop,
             paused=args.paused,
             period=round(1e9 / args.clock),
             hole=HOLE,
-            early=lambda at: list(bag.timeline(lasting, end=at)),
         )
         print(
             f"replaying {sum(bag.counts[topic] for topic in sound)} messages of {len(sound)} topics in ROS domain "

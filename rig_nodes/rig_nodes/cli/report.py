@@ -29,6 +29,7 @@ from ..base.errors import RigError, printable, quoted
 from ..nodes.processes.result import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
 from .report_of_runs import is_folder_of_runs, report_folder, write_pages
+from .shared_arguments import add_list
 
 if TYPE_CHECKING:
     import argparse
@@ -48,14 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pdf", type=OutputFile("pdf"), metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH"
     )
-    parser.add_argument(
-        "--limit",
-        action="append",
-        default=[],
-        metavar="NAME=RANGE",
-        dest="limits",
-        help="judge a result, e.g. t_c='.. 700 ms' or FROM-TO:k='0.95 ..' (may be repeated)",
-    )
+    add_list(parser, "--limit", "NAME=RANGE", "limits", "judge a result, e.g. t_c='.. 700 ms' or FROM-TO:k='0.95 ..'")
     parser.add_argument("--limits", metavar="FILE", dest="limits_file", help="the same from a .yaml file")
     parser.add_argument(
         "--annex-a", action="store_true", help="also by the recipe of the laboratory's program (Annex A), with the difference"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from .progress import waiting
 from .run_arguments import add_in_process, controller_of
+from .shared_arguments import add_set
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,14 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", metavar="DIR", help="folder for the new bag (default: runs/<name>-rerun-<n>)")
     parser.add_argument("--rig", metavar="NAME", help="another rig, its folder or .yaml file (default: the one in the bag)")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the rig, as for run (may be repeated)",
-    )
+    add_set(parser)
     parser.add_argument("--level", choices=("duty", "current"), help="what the controller returns, if it can return both")
     add_in_process(parser)
 

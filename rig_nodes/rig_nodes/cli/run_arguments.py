@@ -10,6 +10,8 @@ import math
 import sys
 from typing import NamedTuple
 
+from .shared_arguments import add_list, add_set
+
 LOST = 3  # exit code of a run that was completed but lost messages or time
 LEAST_COME = 2.0  # s, least time that a program needs until it is discovered
 MOST_COME = 60.0  # s, longest wait for a program
@@ -73,22 +75,8 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
     parser.add_argument("--out", metavar="DIR", help="folder for the run (default: runs/<sequence>-<n>)")
     parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file (default: the one that the sequence is of)")
     parser.add_argument("--seed", type=seed, default=1, help="seed of the transducers' noise and errors (default: 1)")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help='change one value of the rig, e.g. alfa46.t12="200 ms" (may be repeated)',
-    )
-    parser.add_argument(
-        "--with",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="parameters",
-        help='give a parameter of the sequence a value, e.g. speed="1500 rpm" (may be repeated)',
-    )
+    add_set(parser, 'change one value of the rig, e.g. alfa46.t12="200 ms"')
+    add_list(parser, "--with", "NAME=VALUE", "parameters", 'give a parameter of the sequence a value, e.g. speed="1500 rpm"')
     parser.add_argument(
         "--controller",
         metavar="SPEC",

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .by_hand import add_domain, running_rig
-from .output_files import OutputFile
+from .shared_arguments import add_json
 
 if TYPE_CHECKING:
     import argparse
@@ -21,9 +21,7 @@ HELP = "show what the rig that runs does now"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument(
-        "--json", type=OutputFile("json", to_stdout=True), metavar="FILE", help="write it for programs, - for stdout"
-    )
+    add_json(parser, "write it for programs, - for stdout")
     add_domain(parser)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .progress import ProgressLine
+from .shared_arguments import add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -80,14 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="rig or .yaml file; its controller is what is compared with (default: hydmag)",
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the rig (may be repeated)",
-    )
+    add_set(parser, "change one value of the rig")
     parser.add_argument(
         "--shifts",
         type=int,

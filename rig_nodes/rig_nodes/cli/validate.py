@@ -13,9 +13,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.names import DEFAULT_RIG
-from .output_files import OutputFile, OutputFolder
+from .output_files import OutputFolder
 from .progress import ProgressLine
+from .shared_arguments import add_json, add_rig, add_set
 
 if TYPE_CHECKING:
     import argparse
@@ -33,29 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--procedures", nargs="+", default=[], metavar="NAME", help="only rows of these procedures, e.g. grid_up delay_series"
     )
-    parser.add_argument(
-        "--json",
-        type=OutputFile("json", to_stdout=True),
-        metavar="FILE",
-        help="write rows, summary and versions as JSON; - for stdout",
-    )
+    add_json(parser, "write rows, summary and versions as JSON; - for stdout")
     parser.add_argument("--pictures", type=OutputFolder(), metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
     parser.add_argument("--write-docs", action="store_true", help="write docs/reference/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
-    parser.add_argument(
-        "--rig",
-        default=DEFAULT_RIG,
-        metavar="NAME",
-        help=f"rig, its folder or .yaml file: whose validation.yaml (default: {DEFAULT_RIG})",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change one value of the rig (may be repeated)",
-    )
+    add_rig(parser, "rig, its folder or .yaml file: whose validation.yaml")
+    add_set(parser, "change one value of the rig")
 
 
 def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], None]:

@@ -21,7 +21,6 @@ from ..controllers.plug import Answer
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
 from ..rig.signals import CONTROLLER_COMMAND
-from ..runs.rig import Rig
 from ..runs.rig_base import RigStatus
 from ..runs.simulate import give_answer
 from .realtime import take_core
@@ -124,7 +123,6 @@ class Lockstep:
 
     def __init__(
         self,
-        rig: Rig,
         outputs: Outputs,
         commands: Commands,
         links: dict[str, Link],
@@ -134,6 +132,7 @@ class Lockstep:
         cause: Callable[[], str],
     ) -> None:
         self._cause = cause
+        rig = outputs.rig
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
         self.controller = None

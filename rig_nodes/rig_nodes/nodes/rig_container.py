@@ -83,7 +83,6 @@ class Container:
             self.clock = RealTime(SAMPLE_NS, TICK_SAMPLES)
         else:
             self.clock = Lockstep(
-                self.rig,
                 self.outputs,
                 self.commands,
                 process.links(),

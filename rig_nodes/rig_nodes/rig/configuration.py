@@ -177,10 +177,7 @@ class RigConfig:
         return self.replaced(**replaced)
 
     def as_dict(self) -> dict:
-        """Return plain SI values and the structure, for the record of a run.
-
-        ``cut`` is there only when a device is cut out, and the logger's rate only when it is not that of the laboratory's.
-        """
+        """Return plain SI values and the structure, for a run's record; without the tick of no cut and the usual logger's rate."""
         out = {name: asdict(value) for name, value in (("kernel", self.kernel), *self.sections.items())}
         if out["instruments"]["logger_rate"] == LOGGER_RATE:
             del out["instruments"]["logger_rate"]
@@ -227,10 +224,8 @@ _TOP = ("description", "base", "controller", "controller_values", "step", "instr
 def _read(node: Map, path: str | Path, name: str) -> RigConfig:
     """Read a rig from its merged file."""
     check_keys(path, node, _TOP, ("description", "step", "bodies", "parts", "transducers", "instruments"), "the rig")
-    if not isinstance(node["description"], str) or not node["description"].isprintable():
-        raise RigError(
-            f"{where_of(path, node, 'description')}: description is {brief(node['description'])}, expected a line of text"
-        )
+    if not isinstance(text := node["description"], str) or not text.isprintable():
+        raise RigError(f"{where_of(path, node, 'description')}: description is {brief(text)}, expected a line of text")
     kernel = build(KernelConfig, node, path, "the rig", others=_TOP)
     structure = read_structure(node, path)
     sections, cut_out = {}, ()

@@ -102,27 +102,29 @@ def described(structure: Structure) -> dict:
                 states=one.states,
             )
     _whole(structure, topic, signal)
-    cut = {}
+    return {"topics": topics, "signals": signals, "cut_topics": _cuts(structure), "controller_topics": _own(structure)}
+
+
+def _cuts(structure: Structure) -> dict[str, dict]:
+    """The topics of devices that can stand outside the plant."""
     from ..plant.engine.outside import cuttable  # here, because it imports compiled code
 
+    cut = {}
     for device in structure.devices:
         if cuttable(device):
-            cut[f"/{device.name}/cut/port"] = {"node": device.name, "type": "CutPort", "qos": "measurement", "rate": SAMPLE_RATE}
-            cut[f"/{device.name}/cut/answer"] = {
-                "node": f"{device.name}_device",
-                "type": "CutAnswer",
-                "qos": "measurement",
-                "rate": SAMPLE_RATE,
-            }
-    own = (
-        {}
-        if not structure.shifts
-        else {
-            "/controller/signals": {"node": "alfa46", "type": "SampleBlock", "qos": "measurement", "rate": STATE_RATE},
-            "/controller/channels": {"node": "alfa46", "type": "ChannelList", "qos": "latched", "rate": 0},
-        }
-    )
-    return {"topics": topics, "signals": signals, "cut_topics": cut, "controller_topics": own}
+            for end, node, message in (("port", device.name, "CutPort"), ("answer", f"{device.name}_device", "CutAnswer")):
+                cut[f"/{device.name}/cut/{end}"] = {"node": node, "type": message, "qos": "measurement", "rate": SAMPLE_RATE}
+    return cut
+
+
+def _own(structure: Structure) -> dict[str, dict]:
+    """The topics of a controller's own signals."""
+    if not structure.shifts:
+        return {}
+    return {
+        "/controller/signals": {"node": "alfa46", "type": "SampleBlock", "qos": "measurement", "rate": STATE_RATE},
+        "/controller/channels": {"node": "alfa46", "type": "ChannelList", "qos": "latched", "rate": 0},
+    }
 
 
 def unnamed(structure: Structure) -> tuple[list[str], list[str]]:
@@ -153,33 +155,7 @@ def _words(structure: Structure, device: Device) -> dict[str, str]:
 def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..., None]) -> None:
     """Add topics and signals of the rig as a whole, of its gears, logger, controller and sequencer."""
     if structure.gears:
-        numbers = {0: "none"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)}
-        several = len(numbers)
-        topic("/gearbox/state", "gearbox", "GearboxState", rate=STATE_RATE)
-        both = "both" if several == 3 else "several"
-        signal(
-            "gear",
-            "state",
-            0.0,
-            several,
-            "/gearbox/state",
-            "gear",
-            "none",
-            "Which clutches are locked.",
-            states={**numbers, several: both},
-        )
-        ends = structure.input.body, structure.output.body
-        for field, side, body in (("loss_in", "driving", ends[0]), ("loss_out", "driven", ends[1])):
-            signal(
-                field,
-                "torque",
-                0.0,
-                100.0,
-                "/gearbox/state",
-                field,
-                "positive brakes",
-                f"Loss torque of the {side} side on {body}.",
-            )
+        _gearbox(structure, topic, signal)
     topic("/instruments/hmg4000", "instruments", "SampleBlock", rate=STATE_RATE)
     topic("/instruments/channels", "instruments", "ChannelList", "latched")
     if structure.shifts:
@@ -197,30 +173,7 @@ def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..
     topic("/rig/events", "rig", "Event")
     topic("/rig/run_info", "rig", "RunInfo", "latched")
     if structure.shifts:
-        topic(CONTROLLER_COMMAND, "alfa46", "ValveCommand", "command", SAMPLE_RATE)
-        topic(CONTROLLER_EVENTS, "alfa46", "Event")
-        for valve, output in ((valve, valve.wires["output"] - 1) for valve in structure.valves):
-            signal(
-                f"I_set_{valve.key}",
-                "current",
-                0.0,
-                _CURRENT_LIMIT,
-                CONTROLLER_COMMAND,
-                f"setpoint[{output}]",
-                "positive",
-                f"Current the profile of {valve.called} asks for.",
-            )
-        signal(
-            "gear_ordered",
-            "state",
-            0.0,
-            len(structure.gears),
-            CONTROLLER_COMMAND,
-            "gear",
-            "none",
-            "Gear the shift controller was ordered last.",
-            states={0: "neutral"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)},
-        )
+        _controller(structure, topic, signal)
     topic("/sequencer/events", "sequencer", "Event")
     signal(
         "rig_state",
@@ -242,6 +195,58 @@ def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..
         "energy_residual",
         "positive: work in that is found nowhere",
         "Motor work minus load work, heat and stored energy.",
+    )
+
+
+def _gearbox(structure: Structure, topic: Callable[..., None], signal: Callable[..., None]) -> None:
+    """Add the topic of the gearbox, with the gear that its clutches make and its losses."""
+    numbers = {0: "none"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)}
+    several = len(numbers)
+    topic("/gearbox/state", "gearbox", "GearboxState", rate=STATE_RATE)
+    both = "both" if several == 3 else "several"
+    signal(
+        "gear",
+        "state",
+        0.0,
+        several,
+        "/gearbox/state",
+        "gear",
+        "none",
+        "Which clutches are locked.",
+        states={**numbers, several: both},
+    )
+    ends = structure.input.body, structure.output.body
+    for field, side, body in (("loss_in", "driving", ends[0]), ("loss_out", "driven", ends[1])):
+        signal(
+            field, "torque", 0.0, 100.0, "/gearbox/state", field, "positive brakes", f"Loss torque of the {side} side on {body}."
+        )
+
+
+def _controller(structure: Structure, topic: Callable[..., None], signal: Callable[..., None]) -> None:
+    """Add the topics of the shift controller, with its setpoints and the gear that it was ordered."""
+    topic(CONTROLLER_COMMAND, "alfa46", "ValveCommand", "command", SAMPLE_RATE)
+    topic(CONTROLLER_EVENTS, "alfa46", "Event")
+    for valve, output in ((valve, valve.wires["output"] - 1) for valve in structure.valves):
+        signal(
+            f"I_set_{valve.key}",
+            "current",
+            0.0,
+            _CURRENT_LIMIT,
+            CONTROLLER_COMMAND,
+            f"setpoint[{output}]",
+            "positive",
+            f"Current the profile of {valve.called} asks for.",
+        )
+    signal(
+        "gear_ordered",
+        "state",
+        0.0,
+        len(structure.gears),
+        CONTROLLER_COMMAND,
+        "gear",
+        "none",
+        "Gear the shift controller was ordered last.",
+        states={0: "neutral"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)},
     )
 
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -188,21 +188,23 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
             )
         else:
             channels[name] = clock.carried(clock.times_of(channel, len(values)), values, bool(signals[name].states), counts)
-    return _measurement(foreign, profile, record, named_by, orders, axis, clock, channels, found, counts)
+    events = _events(foreign, profile, orders, record, axis, clock)
+    return _measurement(_Read(foreign, profile, axis, clock, found, counts), channels, events, record, named_by)
 
 
-def _measurement(
-    foreign: Foreign,
-    profile: Profile,
-    record: Mapping,
-    named_by: str,
-    orders: str | None,
-    axis: Axis,
-    clock: Clock,
-    channels: dict[str, Floats],
-    found: dict[str, tuple[Mapped, Channel, Floats]],
-    counts: dict[str, int],
-) -> Measurement:
+class _Read(NamedTuple):
+    """A file as a profile reads it, and what was found in it by the names of signals."""
+
+    foreign: Foreign
+    profile: Profile
+    axis: Axis
+    clock: Clock
+    found: dict[str, tuple[Mapped, Channel, Floats]]
+    counts: dict[str, int]  # of values that are missing and of those that were bridged
+
+
+def _measurement(read: _Read, channels: dict[str, Floats], events: list, record: Mapping, named_by: str) -> Measurement:
+    foreign, profile, axis, clock, found, counts = read
     notes, shift = [*foreign.notes, *axis.notes], 0.0
     if axis.stamps.dated or not 0.0 <= clock.t0 < LATEST:
         shift = clock.t0
@@ -211,7 +213,6 @@ def _measurement(
     notes += _words(found)
     if slower := [name for name, (one, channel, _) in found.items() if one.time is not None and channel.times is not None]:
         notes.append(f"{', '.join(slower)} have the times of '{found[slower[0]][0].time}'")
-    events = _events(foreign, profile, orders, record, axis, clock)
     if counts["missing"]:
         left = counts["missing"] - counts["bridged"]
         notes.append(

@@ -18,7 +18,7 @@ from ...base.errors import RigError, quoted
 from ...base.units import UNITS
 from ...rig.catalogue import Signal, catalogue
 from ...rig.transmission import Transmission, transmission_of
-from .foreign import Channel, Foreign
+from .foreign import Channel, Foreign, Form
 from .imported import ORDER_NAMES
 from .profile import OPEN
 from .stamps import unit_of_numbers
@@ -71,19 +71,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
         "# set: {w0.inertia: 0.8 kg m2}  # values of that rig that are others",
         "",
     ]
-    if (form := foreign.form).delimiter:
-        lines += [
-            f"delimiter: {_quoted('tab' if form.delimiter == chr(9) else form.delimiter)}",
-            f"decimal: {_quoted(form.decimal)}" if form.decimal else 'decimal: "?"  # the file leaves it open: "," or "."?',
-            *([f"thousands: {_quoted(form.thousands)}"] if form.thousands else []),
-            f"header: {form.header}  # line of the names, from 1",
-            *([f"units: {form.units}  # line of the units"] if form.units else []),
-            f"data: {form.data}  # line of the first values",
-            "# encoding: cp1250  # when letters come out wrong",
-            '# missing: ["-999"]  # what stands where a value is missing, beside an empty cell, nan and ---',
-        ]
-    if foreign.form.sheet is not None:
-        lines.append(f"sheet: {_quoted(foreign.form.sheet)}")
+    lines += _form_lines(foreign.form)
     lines += _time_lines(foreign, times)
     lines.append("# bridge: 2 ms  # gaps up to this become straight lines")
     if box:
@@ -118,6 +106,25 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
             hint = f"one of {', '.join(could)}" if could else "no signal of the rig has this unit"
             lines.append(f"  # {_quoted(one.head)}: {{signal: ?, unit: {_quoted(unit or '?')}}}  # {hint}")
     return "\n".join(lines) + "\n", unsure
+
+
+def _form_lines(form: Form) -> list[str]:
+    """Return the lines on the form of a text file, or on the sheet of a workbook."""
+    lines = []
+    if form.delimiter:
+        lines += [
+            f"delimiter: {_quoted('tab' if form.delimiter == chr(9) else form.delimiter)}",
+            f"decimal: {_quoted(form.decimal)}" if form.decimal else 'decimal: "?"  # the file leaves it open: "," or "."?',
+            *([f"thousands: {_quoted(form.thousands)}"] if form.thousands else []),
+            f"header: {form.header}  # line of the names, from 1",
+            *([f"units: {form.units}  # line of the units"] if form.units else []),
+            f"data: {form.data}  # line of the first values",
+            "# encoding: cp1250  # when letters come out wrong",
+            '# missing: ["-999"]  # what stands where a value is missing, beside an empty cell, nan and ---',
+        ]
+    if form.sheet is not None:
+        lines.append(f"sheet: {_quoted(form.sheet)}")
+    return lines
 
 
 def _time_lines(foreign: Foreign, times: Times) -> list[str]:

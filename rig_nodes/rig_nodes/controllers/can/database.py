@@ -9,7 +9,7 @@ it is needed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...base.errors import RigError
 from ..record import ControllerRecord
@@ -154,26 +154,23 @@ def _signal(
     text: str,
     scale: float = 1,
     offset: float = 0,
-    unit: str | None = None,
-    signed: bool = False,
-    limits: tuple | None = None,
+    limits: tuple[float | None, float | None] = (None, None),
     choices: dict | None = None,
-    spn: int | None = None,
+    **about: Any,
 ) -> Signal:
+    """Return a signal; ``about`` is what else cantools takes: unit, spn, is_signed."""
     from collections import OrderedDict
 
     from cantools.database.can import Signal
     from cantools.database.conversion import BaseConversion
 
     conversion = BaseConversion.factory(scale, offset, OrderedDict(choices) if choices else None)
-    low, high = limits or (None, None)
-    return Signal(
-        name, start, length, is_signed=signed, conversion=conversion, minimum=low, maximum=high, unit=unit, comment=text, spn=spn
-    )
+    low, high = limits
+    return Signal(name, start, length, conversion=conversion, minimum=low, maximum=high, comment=text, **about)
 
 
 def _wire(wire: Wire, start: int) -> Signal:
-    return _signal(wire.name, start, 16, wire.text, wire.step, 0, wire.unit, wire.raw[0] < 0, wire.range)
+    return _signal(wire.name, start, 16, wire.text, wire.step, limits=wire.range, unit=wire.unit, is_signed=wire.raw[0] < 0)
 
 
 def _message(name: str, sender: str, signals: list, text: str, group: bool = False, address: int = ADDRESS) -> Message:
@@ -267,7 +264,15 @@ def _j1939_messages() -> list:
                 _signal("TransDrivelineEngaged", 0, 2, "A clutch holds: pressed and without slip.", choices=bits, spn=560),
                 _signal("TransShiftInProcess", 4, 2, "A shift is running, as the controller reports it.", choices=bits, spn=574),
                 _signal(
-                    "TransOutputShaftSpeed", 8, 16, "Speed of the output shaft wk.", 0.125, 0, "rpm", limits=(0, 8031.875), spn=191
+                    "TransOutputShaftSpeed",
+                    8,
+                    16,
+                    "Speed of the output shaft wk.",
+                    0.125,
+                    0,
+                    unit="rpm",
+                    limits=(0, 8031.875),
+                    spn=191,
                 ),
                 _signal(
                     "PercentClutchSlip",
@@ -276,12 +281,20 @@ def _j1939_messages() -> list:
                     "Slip of the clutch of the gear that the controller has taken.",
                     0.4,
                     0,
-                    "%",
+                    unit="%",
                     limits=(0, 100),
                     spn=522,
                 ),
                 _signal(
-                    "TransInputShaftSpeed", 40, 16, "Speed of the input shaft w0.", 0.125, 0, "rpm", limits=(0, 8031.875), spn=161
+                    "TransInputShaftSpeed",
+                    40,
+                    16,
+                    "Speed of the input shaft w0.",
+                    0.125,
+                    0,
+                    unit="rpm",
+                    limits=(0, 8031.875),
+                    spn=161,
                 ),
             ],
             "J1939 Electronic Transmission Controller 1, PGN 61442.",

@@ -25,7 +25,10 @@ from ..wire import given as given_wires
 from . import registers
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pymodbus.pdu import ModbusPDU
+    from pymodbus.server import ModbusTcpServer
 
     from ...rig.configuration import RigConfig
 
@@ -63,7 +66,8 @@ class Modbus(FreeRunning):
 
     # ---- the server, in a thread with an event loop of its own
 
-    def _start(self, host: str, port: int, name: str) -> None:
+    def _maker(self, host: str, port: int, name: str) -> Callable[[], ModbusTcpServer]:
+        """Return what makes the server when it is called in the server's event loop; RigError without pymodbus."""
         try:
             from pymodbus.pdu import ExceptionResponse
             from pymodbus.server import ModbusTcpServer
@@ -75,7 +79,6 @@ class Modbus(FreeRunning):
                 "rig's environment (pip install pymodbus)"
             ) from None
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
-        self._loop, problem, ready = asyncio.new_event_loop(), [], threading.Event()
         device = SimDevice(
             0,
             [
@@ -128,9 +131,15 @@ class Modbus(FreeRunning):
             def callback_new_connection(self) -> Client:
                 return Client(self, self.trace_packet, self.trace_pdu, self.trace_connect)
 
+        return lambda: Server(device, address=(host, port))
+
+    def _start(self, host: str, port: int, name: str) -> None:
+        make = self._maker(host, port, name)
+        self._loop, problem, ready = asyncio.new_event_loop(), [], threading.Event()
+
         async def listen() -> None:
             try:
-                self._server = Server(device, address=(host, port))
+                self._server = make()
                 if not await self._server.listen():
                     raise OSError("the port is taken or not allowed")
             except OSError as error:

@@ -225,7 +225,7 @@ class Client:
         kind, session, frame, values = came
         if kind == INFO and session != self.session:
             if values[0] in LEVELS.values():
-                self.begin(session, *values)
+                self.begin(session, values)
             else:
                 self.ignore(f"the run is at level {values[0]}, which is neither duty (1) nor current (2)")
         elif kind == BYE and not self.running:
@@ -254,25 +254,14 @@ class Client:
             self.last_message = words
             print(f"message of the rig: {words}", file=sys.stderr)
 
-    def begin(
-        self,
-        session: int,
-        level: int,
-        _: int,
-        settings: int,
-        outputs: int,
-        transducers: int,
-        gears: int,
-        period: float,
-        command_high: float,
-        record: bytes,
-    ) -> None:
-        """Fetch the rig's names, initialise the controller and report that it is ready; the parameters are the fields of INFO."""
+    def begin(self, session: int, info: tuple) -> None:
+        """Fetch the rig's names, initialise the controller and report that it is ready; ``info`` has the fields of INFO."""
+        level, _, *counts, period, command_high, record = info
         if self.running:
             self.end()
         self.session = session
         lists: list[list[tuple[float, str, str]]] = []
-        for what, count in ((SETTINGS, settings), (OUTPUTS, outputs), (TRANSDUCERS, transducers), (GEARS, gears)):
+        for what, count in zip((SETTINGS, OUTPUTS, TRANSDUCERS, GEARS), counts, strict=True):
             lists.append([one for index in range(count) if (one := self.name(index, what)) is not None])
             if len(lists[-1]) < count:
                 self.session = 0

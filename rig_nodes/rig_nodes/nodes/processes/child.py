@@ -99,7 +99,9 @@ class Child:
         (logs / self.log).touch()
         arguments = [*arguments, "--logs", str(logs), "--life", str(life)]
         self._process = context.Process(
-            target=_begin, args=(name, module, arguments, env, os.getcwd(), logs / self.log, status, orders, links or {}), name=name
+            target=_begin,
+            args=(name, module, arguments, env, os.getcwd(), logs / self.log, (status, orders), links or {}),
+            name=name,
         )
         try:
             self._process.start()
@@ -183,11 +185,14 @@ def _begin(
     env: dict[str, str],
     folder: str,
     log: Path,
-    status: connection.Connection,
-    orders: connection.Connection,
+    lines: tuple[connection.Connection, connection.Connection],
     links: dict[str, socket.socket],
 ) -> None:
-    """Run the process as ``python -m module arguments`` would, under a name of its own (`ps -o comm`, `top`)."""
+    """Run the process as ``python -m module arguments`` would, under a name of its own (`ps -o comm`, `top`).
+
+    ``lines`` are its ends of the lines for what it reports and for its orders.
+    """
+    status, orders = lines
     ctypes.CDLL(None).prctl(PR_SET_NAME, name.encode())
     os.setsid()  # keeps a terminal's Ctrl-C away
     os.chdir(folder)
