@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads MAT files, of version 4 to 7 by scipy and of version 7.3 by h5py, as a tree of structs, lists, arrays and texts.
+"""The format of MAT files: of version 4 to 7 by scipy and of version 7.3 by h5py, as a tree of structs, lists, arrays and texts.
 
-bags.exchange.foreign calls it for what is a MAT file; matlab_forms.py finds the channels in the tree.
+matlab_forms.py finds the channels in the tree.
 """
 
 from __future__ import annotations

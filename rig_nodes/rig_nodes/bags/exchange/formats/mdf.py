@@ -1,8 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads MDF files (versions 2, 3 and 4) as channels with their own times; bags.exchange.foreign calls it for what begins as MDF
-does.
+"""The format of MDF files (versions 2, 3 and 4), whose channels have their own times.
 
 A sample that the file marks invalid, or gives a status text in place of a value, is missing.
 """

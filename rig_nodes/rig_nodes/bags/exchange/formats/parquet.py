@@ -1,9 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads Parquet files as channels; bags.exchange.foreign calls it. A column becomes numbers, texts or times when it is asked
-for.
-"""
+"""The format of Parquet files; a column becomes numbers, texts or times when it is asked for."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads TDMS files of LabVIEW, DIAdem and FlexLogger as channels with their own times; bags.exchange.foreign calls it.
+"""The format of TDMS files of LabVIEW, DIAdem and FlexLogger, whose channels have their own times.
 
 A channel has its times from the properties of its waveform, or from a channel of times in its group.
 """

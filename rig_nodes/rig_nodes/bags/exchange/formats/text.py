@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads CSV and other text files as channels; bags.exchange.foreign calls it for the endings of text.
+"""The format of CSV and other text files, which is taken for what no other format claims.
 
 Facts about a file that are not given (encoding, delimiter, decimal sign, lines of the head) are found from its content.
 """

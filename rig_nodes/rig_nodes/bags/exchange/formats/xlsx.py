@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads xlsx workbooks as channels; bags.exchange.foreign calls it. A column becomes numbers, texts or times when it is asked for.
+"""The format of xlsx workbooks; a column becomes numbers, texts or times when it is asked for.
 
 The table of a sheet and the lines of its names and units are found from the cells.
 """
