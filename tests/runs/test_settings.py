@@ -13,7 +13,7 @@ from rig_nodes.rig.structure import structure_of
 from rig_nodes.runs.fmu.rig_variables import enable_of, rig_variables
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.studies.sweep.plan import make_plan
+from rig_nodes.studies.sweep.plan import Plan, make_plan
 
 UNKNOWN = "there is no value of motor 'ramb'; did you mean 'ramp'"
 
@@ -53,7 +53,7 @@ def test_who_changes_a_value_is_told_the_same_of_a_name_that_nobody_knows():
     with pytest.raises(RigError, match=f"^setting motor.ramb=1 rpm/s: {UNKNOWN}"):
         load_rig("hydmag", {"motor.ramb": "1 rpm/s"})
     with pytest.raises(RigError, match=f"--vary motor.ramb: {UNKNOWN}"):
-        make_plan("demo", {"motor.ramb": "1 rpm/s, 2 rpm/s"}, "hydmag")
+        make_plan(Plan("demo", "hydmag"), {"motor.ramb": "1 rpm/s, 2 rpm/s"})
     with pytest.raises(RigError, match=f"^{UNKNOWN}"):
         Rig(config).set_value("motor.ramb", 1.0)
 

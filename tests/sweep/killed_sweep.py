@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from rig_nodes.runs.campaign import Workers
-from rig_nodes.studies.sweep.plan import make_plan
+from rig_nodes.studies.sweep.plan import Plan, make_plan
 from rig_nodes.studies.sweep.run import manifest_of, run_sweep
 from rig_nodes.studies.sweep.store import Store
 
@@ -20,16 +20,14 @@ HERE = Path(__file__).resolve().parent
 
 def plan():
     """Twenty-two short members: eleven rests, each twice."""
-    return make_plan(str(HERE / "short.yaml"), {"rest": "20 ms .. 130 ms in 11"}, "hydmag", repeats=2)
+    return make_plan(Plan(str(HERE / "short.yaml"), "hydmag", repeats=2), {"rest": "20 ms .. 130 ms in 11"})
 
 
 def many():
     """Two thousand members, all different."""
     return make_plan(
-        str(HERE / "short.yaml"),
+        Plan(str(HERE / "short.yaml"), "hydmag", samples=2000),
         {"alfa46.t12": "-300 ms .. 100 ms", "oil_supply.temperature": "20 degC .. 70 degC", "rest": "20 ms .. 130 ms"},
-        "hydmag",
-        samples=2000,
     )
 
 

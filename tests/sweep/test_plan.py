@@ -8,7 +8,7 @@ import pytest
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig, with_overrides
-from rig_nodes.studies.sweep.plan import make_plan, plan_of, read_plan
+from rig_nodes.studies.sweep.plan import Plan, make_plan, plan_of, read_plan
 
 
 def points(plan):
@@ -16,7 +16,7 @@ def points(plan):
 
 
 def test_a_grid_has_every_combination_in_order():
-    plan = make_plan("grid_point", {"speed": "1000 rpm .. 2000 rpm in 3", "alfa46.t12": "-200 ms, -0.1 s"}, "hydmag")
+    plan = make_plan(Plan("grid_point", "hydmag"), {"speed": "1000 rpm .. 2000 rpm in 3", "alfa46.t12": "-200 ms, -0.1 s"})
     assert points(plan) == [(speed, t12) for speed in (1000.0, 1500.0, 2000.0) for t12 in (-200.0, -100.0)]
     first = plan.members()[0]
     assert first.parameters == {"speed": "1000.0 rpm"} and first.overrides == {"alfa46.t12": "-200.0 ms"}
@@ -24,50 +24,50 @@ def test_a_grid_has_every_combination_in_order():
 
 
 def test_a_step_ends_at_the_end():
-    plan = make_plan("demo", {"alfa46.t12": "-250 ms .. -150 ms step 25 ms"}, "hydmag")
+    plan = make_plan(Plan("demo", "hydmag"), {"alfa46.t12": "-250 ms .. -150 ms step 25 ms"})
     assert points(plan) == [(-250.0,), (-225.0,), (-200.0,), (-175.0,), (-150.0,)]
 
 
 def test_a_list_goes_row_by_row():
-    plan = make_plan("demo", {"alfa46.t12": "-250 ms, -200 ms", "alfa46.t21": "-100 ms, 50 ms"}, "hydmag", method="list")
+    plan = make_plan(Plan("demo", "hydmag", method="list"), {"alfa46.t12": "-250 ms, -200 ms", "alfa46.t21": "-100 ms, 50 ms"})
     assert points(plan) == [(-250.0, -100.0), (-200.0, 50.0)]
     with pytest.raises(RigError, match="2 of alfa46.t12, 1 of alfa46.t21"):
-        make_plan("demo", {"alfa46.t12": "-250 ms, -200 ms", "alfa46.t21": "-100 ms"}, "hydmag", method="list")
+        make_plan(Plan("demo", "hydmag", method="list"), {"alfa46.t12": "-250 ms, -200 ms", "alfa46.t21": "-100 ms"})
 
 
 def test_a_latin_hypercube_has_one_sample_in_each_stratum_of_each_parameter():
     plan = make_plan(
-        "demo", {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"}, "hydmag", samples=50
+        Plan("demo", "hydmag", samples=50), {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"}
     )
     table = np.array(points(plan))
     for column, low, high in ((0, -250.0, -150.0), (1, 20.0, 70.0)):
         strata = np.floor((table[:, column] - low) / (high - low) * 50).astype(int)
         assert sorted(strata) == list(range(50))
     again = make_plan(
-        "demo", {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"}, "hydmag", samples=50
+        Plan("demo", "hydmag", samples=50), {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"}
     )
     assert points(again) == points(plan)
     assert plan_of(plan.as_dict()) == plan
 
 
 def test_random_fills_the_range_and_its_logarithm():
-    plan = make_plan("demo", {"w0.inertia": "0.1 kg m2 .. 10 kg m2 log"}, "hydmag", method="random", samples=400)
+    plan = make_plan(Plan("demo", "hydmag", method="random", samples=400), {"w0.inertia": "0.1 kg m2 .. 10 kg m2 log"})
     values = np.array(points(plan))[:, 0]
     assert values.min() > 0.1 and values.max() < 10.0
     assert abs(np.mean(values < 1.0) - 0.5) < 0.08  # half of a decade pair lies below its middle, 1
 
 
 def test_repeats_have_the_same_values_and_other_seeds():
-    plan = make_plan("demo", {"alfa46.t12": "-250 ms, -200 ms"}, "hydmag", repeats=2, seed=7)
+    plan = make_plan(Plan("demo", "hydmag", repeats=2, seed=7), {"alfa46.t12": "-250 ms, -200 ms"})
     assert points(plan) == [(-250.0,), (-250.0,), (-200.0,), (-200.0,)]
     assert [member.seed for member in plan.members()] == [7, 8, 9, 10]
-    seeds = make_plan("demo", {"seed": "5, 5, 9"}, "hydmag")
+    seeds = make_plan(Plan("demo", "hydmag"), {"seed": "5, 5, 9"})
     assert [member.seed for member in seeds.members()] == [5, 5, 9]
 
 
 def test_a_points_time_alone_keeps_its_current():
     config = load_rig("hydmag")
-    plan = make_plan("demo", {"alfa46.output_1.P1.time": "150 ms, 180 ms", "alfa46.output_1.P2": ["320 ms 280 mA"]}, "hydmag")
+    plan = make_plan(Plan("demo", "hydmag"), {"alfa46.output_1.P1.time": "150 ms, 180 ms", "alfa46.output_1.P2": ["320 ms 280 mA"]})
     changed = with_overrides(config, plan.members()[1].overrides).alfa46.profiles
     assert changed[0, 0] == pytest.approx([0.180, 0.160])  # 160 mA stand in tab. 7.5
     assert changed[0, 1] == pytest.approx([0.320, 0.280])
@@ -104,4 +104,4 @@ def test_a_file(tmp_path):
 )
 def test_refused(vary, options, sentence):
     with pytest.raises(RigError, match=sentence):
-        make_plan("demo", vary, "hydmag", **options)
+        make_plan(Plan("demo", "hydmag", **options), vary)

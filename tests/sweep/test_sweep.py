@@ -14,7 +14,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
 from rig_nodes.runs.campaign import Workers
-from rig_nodes.studies.sweep.plan import make_plan
+from rig_nodes.studies.sweep.plan import Plan, make_plan
 from rig_nodes.studies.sweep.plugged import MOST_DELAY, plugged_of
 from rig_nodes.studies.sweep.run import manifest_of, run_sweep
 from rig_nodes.studies.sweep.store import JOURNAL, METADATA, RESULTS, Store
@@ -31,7 +31,7 @@ def ran(folder, plan, bags=False):
 
 
 def test_a_member_is_what_simulate_gives(tmp_path):
-    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, "hydmag", seed=4))
+    table = ran(tmp_path / "sweep", make_plan(Plan(SHORT, "hydmag", seed=4), {"alfa46.t12": "-200 ms, -100 ms"}))
     row = table.to_pylist()[-1]
     assert main(["simulate", SHORT, "--seed", "5", "--set", "alfa46.t12=-100 ms", "--out", str(tmp_path / "run")]) == 0
     shift = json.loads((tmp_path / "run" / "report.json").read_text())["shifts"][-1]
@@ -42,7 +42,7 @@ def test_a_member_is_what_simulate_gives(tmp_path):
 
 def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
     # P2 must come after P1, at 330 ms: the second member's profile is refused
-    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}, "hydmag"))
+    table = ran(tmp_path / "sweep", make_plan(Plan(SHORT, "hydmag"), {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}))
     assert [(row["member"], row["end"]) for row in table.to_pylist() if row["shift"] in (1, None)] == [
         (0, "ended"),
         (1, "refused"),
@@ -53,7 +53,7 @@ def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
 
 
 def test_bags_give_the_same_rows(tmp_path):
-    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms"}, "hydmag")
+    plan = make_plan(Plan(SHORT, "hydmag"), {"rest": "30 ms, 60 ms"})
     without, bagged = ran(tmp_path / "a", plan), ran(tmp_path / "b", plan, bags=True)
     assert bagged.to_pylist() == without.to_pylist()
     assert (tmp_path / "b" / "bags" / "000001" / "short_0.mcap").is_file()
@@ -61,7 +61,7 @@ def test_bags_give_the_same_rows(tmp_path):
 
 
 def test_the_file_says_where_it_is_from(tmp_path):
-    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms .. -100 ms", "rest": "30 ms, 60 ms"}, "hydmag", samples=2, seed=9)
+    plan = make_plan(Plan(SHORT, "hydmag", samples=2, seed=9), {"alfa46.t12": "-200 ms .. -100 ms", "rest": "30 ms, 60 ms"})
     table = ran(tmp_path / "sweep", plan)
     about = json.loads(table.schema.metadata[METADATA])
     assert about["plan"]["seed"] == 9 and about["configuration"]["alfa46"]["t21"] == pytest.approx(-0.22)
@@ -130,7 +130,7 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
 
 def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
     folder = tmp_path / "sweep"
-    ran(folder, make_plan(SHORT, {"rest": "30 ms, 60 ms"}, "hydmag"))
+    ran(folder, make_plan(Plan(SHORT, "hydmag"), {"rest": "30 ms, 60 ms"}))
     assert main(["report", str(folder)]) == 0
     journal = folder / JOURNAL
     journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
@@ -147,7 +147,7 @@ def test_dask_gives_the_same_bytes(tmp_path):
     pytest.importorskip("distributed")
     from rig_nodes.studies.sweep.cluster import dask_stream
 
-    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms, 90 ms"}, "hydmag")
+    plan = make_plan(Plan(SHORT, "hydmag"), {"rest": "30 ms, 60 ms, 90 ms"})
     with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:2") as stream:
         assert run_sweep(plan, store, stream) == 3
         store.write_results(plan)
@@ -166,7 +166,7 @@ ALFA46 = "python:rig_nodes.controllers.examples.alfa46:Alfa46"
 @pytest.mark.parametrize("options", [[], ["--level", "current", "--delay", "2"]], ids=["duty", "current, two samples late"])
 def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
     chosen = dict(zip(("level", "delay"), (options[1], int(options[3])))) if options else {"level": None, "delay": 1}
-    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, "hydmag", plugged=plugged_of(ALFA46, **chosen))
+    plan = make_plan(Plan(SHORT, "hydmag", plugged=plugged_of(ALFA46, **chosen)), {"alfa46.t12": "-200 ms, -100 ms"})
     row = ran(tmp_path / "sweep", plan).to_pylist()[-1]
     assert (
         main(

@@ -65,13 +65,7 @@ def coast_down(
         When no coast-down is found.
     """
     t, w = np.asarray(t, dtype=float), np.asarray(w, dtype=float)
-    if not (t.ndim == 1 and t.shape == w.shape and t.size > 20 and np.all(np.isfinite(w)) and np.all(np.diff(t) > 0.0)):
-        raise RigError(
-            f"a coast-down needs growing times and speeds of one length, more than 20 finite samples; these "
-            f"have the shapes {t.shape} and {w.shape}"
-        )
-    if not 0.0 <= down_to < 0.9:
-        raise RigError(f"a coast-down is fitted down to a share of its speed from 0 to 0.9, not {down_to:g}")
+    _check(t, w, down_to)
     period = float(t[-1] - t[0]) / (t.size - 1)
     smooth = running_mean(w, odd_width(MEAN, period))
     start = _cut(t, smooth, period) if t_cut is None else float(t_cut)
@@ -105,6 +99,17 @@ def coast_down(
         "t_end_s": float(t[last - 1] - start),
         "w_start": full if before.any() else None,
     }
+
+
+def _check(t: np.ndarray, w: np.ndarray, down_to: float) -> None:
+    """Raise RigError for what is no coast-down that can be fitted."""
+    if not (t.ndim == 1 and t.shape == w.shape and t.size > 20 and np.all(np.isfinite(w)) and np.all(np.diff(t) > 0.0)):
+        raise RigError(
+            f"a coast-down needs growing times and speeds of one length, more than 20 finite samples; these "
+            f"have the shapes {t.shape} and {w.shape}"
+        )
+    if not 0.0 <= down_to < 0.9:
+        raise RigError(f"a coast-down is fitted down to a share of its speed from 0 to 0.9, not {down_to:g}")
 
 
 def _tangent(fit: np.ndarray, torque: float) -> tuple[float, float]:

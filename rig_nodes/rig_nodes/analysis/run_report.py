@@ -90,14 +90,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     problems: list[str] = []
     record, imported = record_of(bag, run), info_of(bag).get("imported")
     if not record["structure"]["gears"]:
-        from .press_bench import bench_report
-
-        found = bench_report(bag, record, problems)
-        problems += clipped_in(bag, record)
-        return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
-            "bench": plain(found),
-            "signals": plain(bag.ranges.rows() if isinstance(bag, Gathered) else signal_ranges(bag)),
-        }
+        return _without_gears(bag, run, record)
     recording, rows = None, []
     try:
         box, instruments = transmission_of(record), instruments_of(record)
@@ -132,6 +125,19 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     if truth:
         metrics["truth"] = _truth(bag, rows, box)
     return _assembled(_run_data(bag, run), problems, metrics, energy)
+
+
+def _without_gears(bag: Bag | Gathered, run: dict, record: Mapping) -> dict:
+    """Return the report of a rig without gears."""
+    from .press_bench import bench_report
+
+    problems: list[str] = []
+    found = bench_report(bag, record, problems)
+    problems += clipped_in(bag, record)
+    return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
+        "bench": plain(found),
+        "signals": plain(bag.ranges.rows() if isinstance(bag, Gathered) else signal_ranges(bag)),
+    }
 
 
 def _with_shifts(recording: Recording) -> tuple[Recording, list[dict]]:

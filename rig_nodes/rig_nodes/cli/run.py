@@ -70,8 +70,9 @@ def run(args: argparse.Namespace) -> int:
     from ..nodes.processes.recording_options import words
     from ..nodes.processes.supervisor import Order, Supervisor, processes_of
     from ..rig.configuration import load_rig
+    from ..runs.commanded_rig import check_level
     from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
-    from ..runs.rig import Rig, check_level
+    from ..runs.rig import Rig
     from ..runs.run_file import Ordered, write_run
     from ..runs.sequence import BY_HAND, load_sequence
     from ..runs.simulate import check_controller, check_delay, run_record

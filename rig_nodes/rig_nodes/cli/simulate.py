@@ -56,8 +56,8 @@ def main(args: argparse.Namespace) -> int:
     from ..base.names import DEFAULT_RIG, rig_of
     from ..controllers.load import embedded_line, level_line, load_controller
     from ..rig.configuration import load_rig
+    from ..runs.commanded_rig import check_level
     from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
-    from ..runs.rig import check_level
     from ..runs.run_file import Ordered, write_run
     from ..runs.sequence import load_sequence
     from ..runs.simulate import check_controller, simulate

@@ -176,7 +176,7 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     from ..base.errors import RigError
     from ..base.names import DEFAULT_RIG, rig_of
     from ..runs.folders import pairs, parse_parameters, parse_settings
-    from ..studies.sweep.plan import make_plan, plan_of, plugged_of, read_plan
+    from ..studies.sweep.plan import Plan, make_plan, plan_of, plugged_of, read_plan
     from ..studies.sweep.store import read_manifest
 
     given = [name for name in OF_A_PLAN if getattr(args, name) not in (None, [])]
@@ -199,16 +199,18 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     plugged = plugged_of(controller_of(args.controller, args.in_process), args.level, 1 if args.delay is None else args.delay)
     return (
         make_plan(
-            args.what,
+            Plan(
+                args.what,
+                args.rig or rig_of(args.what, DEFAULT_RIG),
+                method=args.method or "",
+                samples=args.samples,
+                plugged=plugged,
+                calculation=args.calculate or "",
+                fixed=parse_settings(args.settings or []),
+                fixed_with=parse_parameters(args.parameters or []),
+                **numbers,
+            ),
             vary,
-            args.rig or rig_of(args.what, DEFAULT_RIG),
-            args.method,
-            args.samples,
-            plugged=plugged,
-            calculation=args.calculate or "",
-            fixed=parse_settings(args.settings or []),
-            fixed_with=parse_parameters(args.parameters or []),
-            **numbers,
         ),
         None,
         args.bags,

@@ -10,18 +10,15 @@ clutches. ``simulate``, the rig container and the tests use it; time passes only
 from __future__ import annotations
 
 import hashlib
-import math
-from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS
+from ..base.clocks import COMMAND_TIMEOUT
 from ..base.errors import RigError
 from ..base.names import unknown
 from ..base.schema import SWITCH
-from ..controllers.alfa46.box import refusal
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..plant import alfa46_law as law
@@ -31,14 +28,15 @@ from ..rig.alfa46 import Alfa46Config, beyond_alfa46, check_gains
 from ..rig.commands import Setpoint
 from ..rig.configuration import RigConfig
 from ..rig.settings import CONTROLLER, Setting
+from .commanded_rig import CommandedRig, check_level
 from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
-from .rig_base import RigBase, RigStatus
+from .rig_base import RigStatus
 from .shown_state import ShownState, facts_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Sequence
 
 
 def _channel(setting: Setting) -> str:
@@ -46,29 +44,7 @@ def _channel(setting: Setting) -> str:
     return setting.key.partition(".")[2]
 
 
-def check_level(config: RigConfig, level: str | None) -> None:
-    """Refuse a level of an external controller at which its commands have no effect on this rig.
-
-    Parameters
-    ----------
-    config : RigConfig
-        The rig's configuration.
-    level : str or None
-        Level of the controller's commands, "duty" or "current"; None when it is not known yet.
-
-    Raises
-    ------
-    RigError
-        When the level is "duty" and the effect ``current_loop`` is off.
-    """
-    if level == "duty" and not config.effects.current_loop:
-        raise RigError(
-            "effects.current_loop=off makes the coil current follow its setpoint, which a controller at level "
-            "duty does not give; run one that gives it at level current (--level current), or leave the loop on"
-        )
-
-
-class Rig(RigBase, ShownState):
+class Rig(CommandedRig, ShownState):
     """A rig that is made from its configuration.
 
     Parameters
@@ -123,15 +99,11 @@ class Rig(RigBase, ShownState):
             raise RigError(why)
         self.count_steps(config.kernel.step, config.instruments.logger_rate, config.catalogue)
         self._build()
+        self.take_no_command(config)
         self._wired = [self.channels.index(name) for name in record_of(config).names] if self.shifts else []
         self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY
         self.cuts = Cuts(self, devices == "embedded")
         self.delay = delay
-        self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values
-        self._last_command = -1  # sample that the newest valid command from outside answers
-        self._held_open = False  # True after a reset: no command acts until the controller has been in neutral
-        self.idle_command = ""  # why the newest command was taken but does not act; empty when it acts
-        self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
 
     def _build(self) -> None:
         config, structure = self.config, self.config.structure
@@ -160,10 +132,6 @@ class Rig(RigBase, ShownState):
         if self.shifts:
             self._law_config = config.alfa46.law_config(config.transmission)
             self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it
-        self._setpoint, self._gear, self._shifting, self._flags = np.zeros(structure.outputs), 0, False, 0
-        self._silent, self._trouble = False, ""  # tripped for the age of the commands; what is known of why none comes
-        self._duty, self._wiring = np.zeros(structure.outputs), list(config.wiring)
-        self._nothing = (0.0,) * structure.outputs  # a command that asks for no output
 
     # ---- time
 
@@ -185,46 +153,6 @@ class Rig(RigBase, ShownState):
         elif silence := self.cuts.silence():
             self.trip(silence)
 
-    def _silence(self) -> str:
-        return f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: {self._trouble or 'the shift controller is silent'}"
-
-    def explain_silence(self, trouble: str) -> bool:
-        """Take what the controller's plug knows of why no answer comes, as the reason of a trip for the age of the commands.
-
-        Parameters
-        ----------
-        trouble : str
-            The sentence; it counts until the next command.
-
-        Returns
-        -------
-        bool
-            True when the rig has tripped for that age already; its reason is then changed.
-        """
-        self._trouble, late = trouble, self._silent and not self.stopped_by_person
-        if late:
-            self.reason = self._silence()
-        return late
-
-    def fail_controller(self, reason: str) -> bool:
-        """Trip for a controller that cannot go on.
-
-        Parameters
-        ----------
-        reason : str
-            The plug's sentence.
-
-        Returns
-        -------
-        bool
-            True when the rig has tripped for the age of the commands already; its reason is then changed.
-        """
-        late, self._silent = self._silent and not self.stopped_by_person, False
-        if late:
-            self.reason = reason
-        self.trip(reason)
-        return late
-
     def _advance_acting(self, samples: int) -> bool:
         """Move by samples and let every command act at its boundary; False when the plant trips the rig before the end."""
         end = self.sample + samples
@@ -233,11 +161,6 @@ class Rig(RigBase, ShownState):
             if not self.move(min(end, self._to_come[0][0] if self._to_come else end) - self.sample):
                 return False
         return True
-
-    def _act_due(self) -> None:
-        while self._to_come and self._to_come[0][0] <= self.sample:
-            _, act, *values = self._to_come.popleft()
-            act(*values)
 
     # ---- commands, applied at the next sample boundary
 
@@ -320,190 +243,6 @@ class Rig(RigBase, ShownState):
         drives = self.config.structure.device(setpoint.device).role == parts.SOURCE and not setpoint.command.node
         return drives and self.status == RigStatus.TRIPPED
 
-    def set_command(
-        self, level: int, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool, flags: int
-    ) -> None:
-        """Take the fields of a rig_msgs/ValveCommand, at the level that the command names.
-
-        Parameters
-        ----------
-        level : int
-            0 for duty, 1 for current.
-        sample : int
-            The controller sample that the command answers.
-        duty : (outputs,) collection of float
-            Duty of each output of the controller, 0 to 1; it acts at level 0.
-        setpoint : (outputs,) collection of float
-            Current setpoint of each output [A]; it acts at level 1.
-        gear : int
-            Number of the gear that the controller reports.
-        shifting : bool
-            True while the controller shifts.
-        flags : int
-            Bit k keeps output k on at a setpoint of zero; used at level 1.
-
-        Raises
-        ------
-        RigError
-            When the command is refused.
-        """
-        if level not in range(len(LEVELS)):
-            raise RigError(f"valve command for sample {sample} refused: level {level} is neither 0 (duty) nor 1 (current)")
-        if LEVELS[level] == "current":
-            self.set_current(sample, setpoint, gear, shifting, flags)
-        else:
-            self.set_duty(sample, duty, setpoint, gear, shifting)
-
-    def set_duty(self, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool) -> None:
-        """Take an external controller's answer to a sample at level "duty".
-
-        Parameters
-        ----------
-        sample : int
-            The controller sample that is answered.
-        duty : (outputs,) collection of float
-            Duty of each output of the controller, 0 to 1.
-        setpoint : (outputs,) collection of float
-            Current setpoint of each output [A], for the record.
-        gear : int
-            Number of the gear that the controller reports.
-        shifting : bool
-            True while the controller shifts.
-
-        Raises
-        ------
-        RigError
-            When the command is refused.
-        """
-        values = self._answer("duty", sample, duty, setpoint)
-        duty, setpoint = values[: len(self._duty)], values[len(self._duty) :]
-        if not 0.0 <= min(duty) <= max(duty) <= 1.0:
-            raise RigError(f"valve command for sample {sample} refused: duty must be 0 to 1, found {duty}")
-        self._accept("duty", sample)
-        self._duty[:], self._setpoint[:] = duty, setpoint
-        self._gear, self._shifting = int(gear), bool(shifting)
-        self._to_come.append((sample + self.delay, self._act_duty, duty if self._may_act("duty", values) else self._nothing))
-        self._act_due()
-
-    def _act_duty(self, duty: list[float]) -> None:
-        for valve, output in zip(self.valves, self._wiring):
-            valve["pending"] = duty[output]
-
-    def set_current(self, sample: int, setpoint: Collection[float], gear: int, shifting: bool, flags: int = 0) -> None:
-        """Take an external controller's answer to a sample at level "current".
-
-        The power stage drives output k while its setpoint is above zero or bit k of ``flags`` is set, with the coil currents of
-        the last sample. Its duty acts from the next boundary on, like that of :meth:`set_duty`.
-
-        Parameters
-        ----------
-        sample : int
-            The controller sample that is answered.
-        setpoint : (outputs,) collection of float
-            Current setpoint of each output of the controller [A].
-        gear : int
-            Number of the gear that the controller reports.
-        shifting : bool
-            True while the controller shifts.
-        flags : int
-            Bit k keeps output k on at a setpoint of zero.
-
-        Raises
-        ------
-        RigError
-            When the command is refused.
-        """
-        values = self._answer("current", sample, setpoint)
-        limit = self.config.alfa46.values.current_limit
-        if not all(0.0 <= i <= limit for i in values):
-            raise RigError(f"valve command for sample {sample} refused: setpoints must be 0 to {limit:g} A, found {values}")
-        self._accept("current", sample)
-        self._setpoint[:] = values
-        self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        current, held = (values, int(flags)) if self._may_act("current", values) else (self._nothing, 0)
-        self._to_come.append((sample + self.delay, self._act_current, current, held))
-        self._act_due()
-
-    def _act_current(self, setpoint: list[float], flags: int) -> None:
-        for k, value in enumerate(setpoint):
-            self._law_outputs["setpoint"][k] = value
-            self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF
-
-    def _answer(self, level: str, sample: int, *vectors: Collection[float]) -> list[float]:
-        """Return all numbers of an external controller's command in one list; RigError when the command cannot be taken."""
-        if not self.shifts:
-            raise RigError(f"'{self.config.name}' has no valves for a shift controller")
-        if self.embedded:
-            raise RigError(f"this rig runs its controller inside; {level} commands are for controller='external'")
-        if self.level not in (None, level):
-            raise RigError(
-                f"valve command for sample {sample} refused: this run takes commands at level "
-                f"'{self.level}', found one at level '{level}'; the level stays until its end"
-            )
-        if self.level is None:
-            check_level(self.config, level)
-        values = [float(value) for vector in vectors for value in vector]
-        outputs = len(self._nothing)
-        if {outputs} != set(map(len, vectors)) or not all(map(math.isfinite, values)):
-            numbers = f"must be {outputs} finite numbers"
-            what = f"duty and setpoint {numbers} each" if level == "duty" else f"the setpoint {numbers}"
-            raise RigError(f"valve command for sample {sample} refused: {what}")
-        if not self._last_command < sample <= self.sample:
-            raise RigError(
-                f"valve command for sample {sample} refused: expected one after {self._last_command} and not after {self.sample}"
-            )
-        return values
-
-    def _accept(self, level: str, sample: int) -> None:
-        """Record that a command was taken; the first one decides the level when none was given before."""
-        self._last_command, self._trouble = int(sample), ""
-        if self.level is None:
-            self.level = level
-            self._by = BY_SETPOINT if level == "current" else BY_DUTY
-
-    def _may_act(self, level: str, command: Sequence[float]) -> bool:
-        """Return whether a command may act: after a reset, none may before the controller was in neutral with its valves shut.
-
-        The valves are shut when the command asks for no more than what leaves them shut. So a clutch that was clamped before the
-        trip is not clamped again without a new order.
-        """
-        self.idle_command = ""
-        tripped = self.safe
-        if self._held_open or tripped:
-            valves = [getattr(self.config, name) for name in self.valve_names]
-            asks = (
-                bool(self._gear)
-                or self._shifting
-                or any(
-                    command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
-                    for output, v in zip(self._wiring, valves)
-                )
-            )
-            self._held_open = self._held_open and asks
-            if asks:
-                self.idle_command = (
-                    f"the rig is in its safe state ({self.reason})"
-                    if tripped
-                    else "since the reset no command has asked for neutral and for nothing"
-                )
-        return not self._held_open
-
-    def order_gear(self, gear: int) -> None:
-        """Order a gear from the embedded controller, which takes the order at its next sample; RigError when it is refused."""
-        if not self.shifts:
-            raise RigError(f"'{self.config.name}' has no gears to order")
-        if not self.embedded:
-            raise RigError("this rig's controller is outside; order the gear there")
-        why = refusal(
-            gear,
-            self.gear if self._ordered is None else self._ordered,
-            self.shifting or self._ordered is not None,
-            self.config.transmission,
-        )
-        if why:
-            raise RigError(f"shift refused: {why}")
-        self._ordered = gear
-
     # ---- safe state
 
     @property
@@ -514,16 +253,6 @@ class Rig(RigBase, ShownState):
         if self.shifts and (self.newest_command < 0 or self._held_open):
             return RigStatus.STARTING
         return RigStatus.RUNNING if self.number(self._drive_on) > 0.0 else RigStatus.READY
-
-    @property
-    def newest_command(self) -> int:
-        """The sample that the newest command answers; -1 before the first command and on a rig without a controller."""
-        return self.sample - 1 if self.embedded else self._last_command
-
-    @property
-    def command_age(self) -> float:
-        """Simulated time [s] since the sample that the newest command answers; 0 before the first command."""
-        return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
 
     def reset(self) -> None:
         """Leave the safe state.

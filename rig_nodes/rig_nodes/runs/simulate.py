@@ -383,48 +383,13 @@ def simulate(
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
     record = run_record(config, sequence, seed, delay)
-    end = {"state": "ended", "reason": "the sequence ended"}
-
     stops = Uninterrupted()
     with stops, BagWriter(folder, sequence.name, topics=config.catalogue.all_topics, library=LIBRARY_OF_RUN) as bag:
         outputs = BagOutputs(bag, rig, record, config.structure.shifts, controller)
         runner = runner_on(rig, outputs, config, sequence, controller)
 
-        def uninterrupted(action: Callable[[], None]) -> None:
-            stops.held = True
-            try:
-                action()
-            finally:
-                stops.let_in()
-
         try:
-            done, upto = False, TICK_SAMPLES  # upto: sample of the next poll
-            while not done and not rig.safe:
-                if rig.sample >= upto:
-                    done = runner.poll(rig.time) or rig.time > LONGEST_RUN
-                    upto = rig.sample + 1 if done else next_poll(runner, rig, outputs.period, controller)
-                    if progress:
-                        progress(rig.time, runner.text)
-                uninterrupted(outputs.boundary)
-                if controller is None:
-                    rig.advance_samples(min(upto - rig.sample, outputs.room))
-                else:
-                    sample = rig.sample
-                    if advance_with(rig, controller) and controller.signals:
-                        outputs.signals_row(sample, controller.signal_values)
-            if rig.status == RigStatus.TRIPPED:
-                end = {"state": "tripped", "reason": rig.reason}
-                if progress:
-                    progress(rig.time, f"the rig is tripped: {rig.reason}")
-                for _ in range(AFTER_TRIP):
-                    uninterrupted(outputs.boundary)
-                    rig.advance_samples(1)
-        except SequenceFailed as failure:
-            end = {"state": "failed", "reason": str(failure)}
-            if progress:
-                progress(rig.time, f"failed: {failure}")
-        except KeyboardInterrupt as stop:
-            end = {"state": "interrupted", "reason": ended_by(stop)[0]}
+            end = _moved(runner, rig, outputs, controller, progress, stops)
         finally:
             if controller is not None:
                 controller.close()
@@ -446,3 +411,49 @@ def simulate(
         "lateness_ms": None,
         "end": end,
     }
+
+
+def _moved(
+    runner: SequenceRunner,
+    rig: Rig,
+    outputs: BagOutputs,
+    controller: Plug | None,
+    progress: Callable[[float, str], None] | None,
+    stops: Uninterrupted,
+) -> dict[str, str]:
+    """Move a rig until its sequence has ended, and return state and reason of the end; the arguments are as in :func:`simulate`."""
+    tell = progress or (lambda _time, _text: None)
+
+    def uninterrupted(action: Callable[[], None]) -> None:
+        stops.held = True
+        try:
+            action()
+        finally:
+            stops.let_in()
+
+    try:
+        done, upto = False, TICK_SAMPLES  # upto: sample of the next poll
+        while not done and not rig.safe:
+            if rig.sample >= upto:
+                done = runner.poll(rig.time) or rig.time > LONGEST_RUN
+                upto = rig.sample + 1 if done else next_poll(runner, rig, outputs.period, controller)
+                tell(rig.time, runner.text)
+            uninterrupted(outputs.boundary)
+            if controller is None:
+                rig.advance_samples(min(upto - rig.sample, outputs.room))
+            else:
+                sample = rig.sample
+                if advance_with(rig, controller) and controller.signals:
+                    outputs.signals_row(sample, controller.signal_values)
+        if rig.status != RigStatus.TRIPPED:
+            return {"state": "ended", "reason": "the sequence ended"}
+        tell(rig.time, f"the rig is tripped: {rig.reason}")
+        for _ in range(AFTER_TRIP):
+            uninterrupted(outputs.boundary)
+            rig.advance_samples(1)
+        return {"state": "tripped", "reason": rig.reason}
+    except SequenceFailed as failure:
+        tell(rig.time, f"failed: {failure}")
+        return {"state": "failed", "reason": str(failure)}
+    except KeyboardInterrupt as stop:
+        return {"state": "interrupted", "reason": ended_by(stop)[0]}

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -119,26 +120,12 @@ def _run(command: list[str]) -> None:
         raise RigError(f"the FMU does not compile: {printable(first.strip())}")
 
 
-def write_fmu(
-    target: Path,
-    fmi: int,
-    identifier: str,
-    text: str,
-    variables: Sequence[Variable],
-    sources: Sequence[Path],
-    defines: dict[str, int],
-    resources: dict[str, str],
-    flags: Sequence[str] = (),
-    more: str = "",
-) -> None:
-    """Compile and zip an FMU into ``target``, which is replaced only by a complete one.
+@dataclass(frozen=True)
+class Model:
+    """What an FMU is made of.
 
     Parameters
     ----------
-    target : Path
-        The FMU's file.
-    fmi : int
-        2 or 3.
     identifier : str
         The model's identifier, a name in C.
     text : str
@@ -155,6 +142,29 @@ def write_fmu(
         Further options of the compiler.
     more : str
         C text for variables.h.
+    """
+
+    identifier: str
+    text: str
+    variables: Sequence[Variable]
+    sources: Sequence[Path]
+    defines: dict[str, int] = field(default_factory=dict)
+    resources: dict[str, str] = field(default_factory=dict)
+    flags: Sequence[str] = ()
+    more: str = ""
+
+
+def write_fmu(target: Path, fmi: int, model: Model) -> None:
+    """Compile and zip an FMU into ``target``, which is replaced only by a complete one.
+
+    Parameters
+    ----------
+    target : Path
+        The FMU's file.
+    fmi : int
+        2 or 3.
+    model : Model
+        What it is made of.
 
     Raises
     ------
@@ -163,14 +173,15 @@ def write_fmu(
     """
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
-    token = token_of(identifier, variables, str(fmi))
-    header = c_header(fmi, variables, token, defines) + more
-    xml = model_description(fmi, identifier, text, variables, token, __version__, tool=bool(resources))
+    token = token_of(model.identifier, model.variables, str(fmi))
+    header = c_header(fmi, model.variables, token, model.defines) + model.more
+    tool = bool(model.resources)
+    xml = model_description(fmi, model.identifier, model.text, model.variables, token, __version__, tool=tool)
     if not target.parent.is_dir():
         raise RigError(f"{target}: there is no folder {target.parent}")
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
-        library = Path(folder, f"{identifier}.so")
-        compile_model(fmi, header, sources, library, flags)
+        library = Path(folder, f"{model.identifier}.so")
+        compile_model(fmi, header, model.sources, library, model.flags)
         whole = Path(folder, "whole.fmu")
         with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
 
@@ -178,8 +189,8 @@ def write_fmu(
                 archive.writestr(zipfile.ZipInfo(name, STAMP), data, zipfile.ZIP_DEFLATED)
 
             put("modelDescription.xml", xml.encode())
-            put(f"binaries/{PLATFORMS[fmi]}/{identifier}.so", library.read_bytes())
-            for name, content in resources.items():
+            put(f"binaries/{PLATFORMS[fmi]}/{model.identifier}.so", library.read_bytes())
+            for name, content in model.resources.items():
                 put(f"resources/{name}", content.encode())
         atomic_write(target, whole.read_bytes())
 
@@ -214,17 +225,15 @@ def build_rig_fmu(target: str | Path, rig: str, overrides: dict[str, str] | None
         "rig.json": json.dumps(origin, indent=1) + "\n",
         **files,
     }
-    write_fmu(
-        Path(target),
-        fmi,
+    model = Model(
         _identifier(f"{config.name}_rig"),
         f"The virtual powertrain test rig: {config.description}",
         rig_variables(config),
         [SOURCES / "rig_process.c"],
-        {},
-        resources,
-        ["-Werror"],
+        resources=resources,
+        flags=["-Werror"],
     )
+    write_fmu(Path(target), fmi, model)
 
 
 def files_of(rig: str) -> tuple[str, dict[str, str]]:
@@ -293,40 +302,8 @@ def controller_variables(
     list of Variable
         The variables, in the order of their value references.
     """
-    limit = float(config.alfa46.values.current_limit)
-    level = Variable(
-        "level",
-        "integer",
-        "parameter",
-        "What command means: 0 duty, 1 current setpoint [A]",
-        ("duty", "current").index(levels[0]),
-        low=0 if "duty" in levels else 1,
-        high=len(levels) - 1 if "duty" in levels else 1,
-    )
-    record = record_of(config)
-    out = [
-        level,
-        Variable(
-            "rig_record",
-            "integer",
-            "parameter",
-            f"Record {record.id} of the rig {record.rig}; it cannot be changed",
-            record.number,
-            low=record.number,
-            high=record.number,
-        ),
-    ]
-    for name, value in flat_parameters(config.alfa46).items():
-        unit = (
-            "s"
-            if name.endswith(".time") or name in ("t12", "t21", "t23", "t32", "sample_time", "derivative_time")
-            else ("A" if name.endswith(".current") or name == "current_limit" else "")
-        )
-        out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
-    out += [
-        Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
-        for name, value in settings.items()
-    ]
+    limit, record = float(config.alfa46.values.current_limit), record_of(config)
+    out = _parameters(config, record, levels, settings)
     outputs = range(1, len(record.outputs) + 1)
     out.append(
         Variable(
@@ -357,6 +334,42 @@ def controller_variables(
             for name, unit in signals.items()
         ),
     ]
+
+
+def _parameters(
+    config: RigConfig, record: ControllerRecord, levels: tuple[str, ...], settings: Mapping[str, float]
+) -> list[Variable]:
+    """Return level, record and settings of a controller as parameters of an FMU."""
+    level = Variable(
+        "level",
+        "integer",
+        "parameter",
+        "What command means: 0 duty, 1 current setpoint [A]",
+        ("duty", "current").index(levels[0]),
+        low=0 if "duty" in levels else 1,
+        high=len(levels) - 1 if "duty" in levels else 1,
+    )
+    out = [
+        level,
+        Variable(
+            "rig_record",
+            "integer",
+            "parameter",
+            f"Record {record.id} of the rig {record.rig}; it cannot be changed",
+            record.number,
+            low=record.number,
+            high=record.number,
+        ),
+    ]
+    for name, value in flat_parameters(config.alfa46).items():
+        unit = (
+            "s"
+            if name.endswith(".time") or name in ("t12", "t21", "t23", "t32", "sample_time", "derivative_time")
+            else ("A" if name.endswith(".current") or name == "current_limit" else "")
+        )
+        out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
+    own = "Setting of the controller's own"
+    return [*out, *(Variable(name, "real", "parameter", own, value, tunable=True) for name, value in settings.items())]
 
 
 def controller_defines(
@@ -460,18 +473,8 @@ def build_controller_fmu(
         names = [v.name for v in variables]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
-        write_fmu(
-            target,
-            fmi,
-            identifier,
-            f"A shift controller for the rig {config.name}",
-            variables,
-            model,
-            controller_defines(record, variables, *map(len, own)),
-            {},
-            flags,
-            more,
-        )
+        text, defines = f"A shift controller for the rig {config.name}", controller_defines(record, variables, *map(len, own))
+        write_fmu(target, fmi, Model(identifier, text, variables, model, defines, flags=flags, more=more))
 
 
 class _Described(CLibrary):

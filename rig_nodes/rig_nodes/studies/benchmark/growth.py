@@ -21,7 +21,7 @@ from ...rig.configuration import load_rig
 from ...runs.bag_outputs import BagOutputs
 from ...runs.rig import Rig
 from ...runs.workers import Workers
-from ..sweep.plan import make_plan
+from ..sweep.plan import Plan, make_plan
 from ..sweep.run import manifest_of, run_sweep
 from ..sweep.store import Store
 from .kernel import SAMPLES_PER_S, drive
@@ -123,7 +123,7 @@ def by_members(rig: str, tell: Callable[[str], object] = lambda text: None) -> l
 def _sweep(rig: str, processes: int) -> dict:
     """Measure one sweep from its first member to the written table, with everything compiled; a single process is this process."""
     vary = {"alfa46.t12": "-250 ms .. -150 ms"}
-    plan, first = make_plan("demo", vary, rig, samples=MEMBERS), make_plan("demo", vary, rig, samples=4 * processes)
+    plan, first = make_plan(Plan("demo", rig, samples=MEMBERS), vary), make_plan(Plan("demo", rig, samples=4 * processes), vary)
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, Workers(processes) as workers:
         with Store(Path(folder) / "first", manifest_of(first, False)) as store:
             run_sweep(first, store, workers.stream)

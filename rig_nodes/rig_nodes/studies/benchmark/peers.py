@@ -23,6 +23,7 @@ from .two_inertias import CAPACITY, DRIVE, END, J1, J2, LOAD, RISE, W1
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from pydrake.systems.analysis import Simulator
     from pydrake.systems.framework import Context, ContinuousState, State, System, WitnessFunction
 
     from ...base.arrays import Floats
@@ -55,49 +56,34 @@ def ours() -> Iterator[Candidate]:
         yield "stopped", f"step {step * 1e6:g} us", lambda step=step: line.run(step, STOPS)
 
 
+_capacity, _sin = problem.capacity, math.sin  # found in one look-up, as the other tools find theirs
+
+
+def _rising(t: float, v: Speeds) -> tuple[float, float]:
+    """Return the accelerations of both inertias while the capacity rises [rad/s2]."""
+    torque = CAPACITY * _sin(0.5 * math.pi * t / RISE)
+    return (DRIVE - torque) / J1, (LOAD + torque) / J2
+
+
+def _slipping(t: float, v: Speeds) -> tuple[float, float]:
+    """Return the accelerations of both inertias while the clutch slips [rad/s2]."""
+    torque = _capacity(t)
+    return (DRIVE - torque) / J1, (LOAD + torque) / J2
+
+
+def _locked(t: float, v: Speeds) -> tuple[float, float]:
+    """Return the accelerations of both inertias when they are one [rad/s2]."""
+    return ((DRIVE + LOAD) / (J1 + J2),) * 2
+
+
 def by_scipy() -> Iterator[Candidate]:
-    """Yield solve_ivp with a terminal event, and ode with a check at each step; rise, slip and lock are separate systems."""
-    from scipy.integrate import ode, solve_ivp
+    """Yield ode with a check at each step and solve_ivp with a terminal event; rise, slip and lock are separate systems."""
+    yield from _by_ode()
+    yield from _by_solve_ivp()
 
-    capacity, sin = problem.capacity, math.sin
 
-    def rising(t: float, v: Speeds) -> tuple[float, float]:
-        torque = CAPACITY * sin(0.5 * math.pi * t / RISE)
-        return (DRIVE - torque) / J1, (LOAD + torque) / J2
-
-    def slipping(t: float, v: Speeds) -> tuple[float, float]:
-        torque = capacity(t)
-        return (DRIVE - torque) / J1, (LOAD + torque) / J2
-
-    def locked(t: float, v: Speeds) -> tuple[float, float]:
-        return ((DRIVE + LOAD) / (J1 + J2),) * 2
-
-    def slip(t: float, v: Speeds) -> float:
-        return v[0] - v[1]
-
-    slip.terminal, slip.direction = True, -1.0
-
-    def free(method: str, tolerance: float) -> float:
-        options = {"method": method, "rtol": tolerance, "atol": tolerance}
-        part = solve_ivp(rising, (0.0, RISE), (W1, 0.0), **options)
-        part = solve_ivp(slipping, (RISE, END), part.y[:, -1], events=slip, **options)
-        lock = part.t[-1]
-        solve_ivp(locked, (lock, END), part.y[:, -1], **options)
-        return lock
-
-    def stopped(method: str, tolerance: float) -> float:
-        options = {"method": method, "rtol": tolerance, "atol": tolerance}
-        v, lock = (W1, 0.0), math.inf
-        for k in range(STOPS):
-            begin, end = k * END / STOPS, (k + 1) * END / STOPS
-            if math.isinf(lock):
-                part = solve_ivp(rising if end <= RISE else slipping, (begin, end), v, events=slip, **options)
-                v = part.y[:, -1]
-                if part.status != 1:
-                    continue
-                begin = lock = part.t[-1]
-            v = solve_ivp(locked, (begin, end), v, **options).y[:, -1]
-        return lock
+def _by_ode() -> Iterator[Candidate]:
+    from scipy.integrate import ode
 
     def classic(method: str, tolerance: float) -> float:
         last = []
@@ -106,31 +92,31 @@ def by_scipy() -> Iterator[Candidate]:
             last.append((t, v[0] - v[1]))
             return -1 if v[0] <= v[1] else 0
 
-        first = ode(rising).set_integrator(method, rtol=tolerance, atol=tolerance).set_initial_value((W1, 0.0), 0.0)
-        second = ode(slipping).set_integrator(method, rtol=tolerance, atol=tolerance)
+        first = ode(_rising).set_integrator(method, rtol=tolerance, atol=tolerance).set_initial_value((W1, 0.0), 0.0)
+        second = ode(_slipping).set_integrator(method, rtol=tolerance, atol=tolerance)
         second.set_solout(watch)
         second.set_initial_value(first.integrate(RISE), RISE).integrate(END)
         # the rates are constant here: the straight line back to zero slip is exact
         (t0, s0), (t1, s1) = last[-2:]
         lock = t1 + (t1 - t0) * s1 / (s0 - s1)
-        v = second.y - (second.t - lock) * np.array(slipping(second.t, second.y))
-        ode(locked).set_integrator(method, rtol=tolerance, atol=tolerance).set_initial_value(v, lock).integrate(END)
+        v = second.y - (second.t - lock) * np.array(_slipping(second.t, second.y))
+        ode(_locked).set_integrator(method, rtol=tolerance, atol=tolerance).set_initial_value(v, lock).integrate(END)
         return lock
 
     def classic_stopped(method: str, tolerance: float) -> float:
         def system(rates: Callable[[float, Speeds], Speeds], v: Speeds, t: float) -> ode:
             return ode(rates).set_integrator(method, rtol=tolerance, atol=tolerance).set_initial_value(v, t)
 
-        now, lock, rise = system(rising, (W1, 0.0), 0.0), math.inf, round(RISE * STOPS / END)
+        now, lock, rise = system(_rising, (W1, 0.0), 0.0), math.inf, round(RISE * STOPS / END)
         for k in range(1, STOPS + 1):
             v = now.integrate(k * END / STOPS)
             if k == rise:
-                now = system(slipping, v, now.t)
+                now = system(_slipping, v, now.t)
             elif math.isinf(lock) and v[0] <= v[1]:
-                rates = np.array(slipping(now.t, v))
+                rates = np.array(_slipping(now.t, v))
                 back = (v[0] - v[1]) / (rates[0] - rates[1])
                 lock = now.t - back
-                now = system(locked, v - back * rates, lock)
+                now = system(_locked, v - back * rates, lock)
                 now.integrate(k * END / STOPS)
         return lock
 
@@ -138,6 +124,38 @@ def by_scipy() -> Iterator[Candidate]:
         yield "stopped", f"ode {method}, 1e-03", lambda m=method: classic_stopped(m, 1e-3)
         for tolerance in (1e-2, 1e-4, 1e-6, 1e-9):
             yield "free", f"ode {method}, {tolerance:.0e}", lambda m=method, t=tolerance: classic(m, t)
+
+
+def _by_solve_ivp() -> Iterator[Candidate]:
+    from scipy.integrate import solve_ivp
+
+    def slip(t: float, v: Speeds) -> float:
+        return v[0] - v[1]
+
+    slip.terminal, slip.direction = True, -1.0
+
+    def free(method: str, tolerance: float) -> float:
+        options = {"method": method, "rtol": tolerance, "atol": tolerance}
+        part = solve_ivp(_rising, (0.0, RISE), (W1, 0.0), **options)
+        part = solve_ivp(_slipping, (RISE, END), part.y[:, -1], events=slip, **options)
+        lock = part.t[-1]
+        solve_ivp(_locked, (lock, END), part.y[:, -1], **options)
+        return lock
+
+    def stopped(method: str, tolerance: float) -> float:
+        options = {"method": method, "rtol": tolerance, "atol": tolerance}
+        v, lock = (W1, 0.0), math.inf
+        for k in range(STOPS):
+            begin, end = k * END / STOPS, (k + 1) * END / STOPS
+            if math.isinf(lock):
+                part = solve_ivp(_rising if end <= RISE else _slipping, (begin, end), v, events=slip, **options)
+                v = part.y[:, -1]
+                if part.status != 1:
+                    continue
+                begin = lock = part.t[-1]
+            v = solve_ivp(_locked, (begin, end), v, **options).y[:, -1]
+        return lock
+
     for method in ("RK23", "RK45", "DOP853", "LSODA"):
         for tolerance in (1e-2, 1e-4, 1e-6, 1e-9):
             yield "free", f"{method}, {tolerance:.0e}", lambda m=method, t=tolerance: free(m, t)
@@ -252,10 +270,26 @@ def _lock(t: np.ndarray, slip: np.ndarray) -> float:
 
 def by_drake() -> Iterator[Candidate]:
     """Yield a witness function on a system in Python, and built-in systems in C++ with a monitor on their steps."""
+    for scheme in ("runge_kutta3", "runge_kutta5"):
+        for accuracy in (1e-1, 1e-2, 1e-4, 1e-6):
+            yield "free", f"witness, {scheme}, {accuracy:.0e}", _witnessed(scheme, accuracy)
+            yield "free", f"built in, {scheme}, {accuracy:.0e}", _built_in(scheme, accuracy)
+
+
+def _simulator(system: System, scheme: str, accuracy: float) -> Simulator:
+    """Return Drake's simulator of a system with an integrator of an accuracy."""
     from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
-    from pydrake.systems.framework import EventStatus, LeafSystem, UnrestrictedUpdateEvent, WitnessFunctionDirection
-    from pydrake.systems.primitives import AffineSystem, TrajectoryAffineSystem
-    from pydrake.trajectories import PiecewisePolynomial
+
+    simulator = Simulator(system)
+    ResetIntegratorFromFlags(simulator, scheme, 1.0)
+    simulator.get_mutable_integrator().set_target_accuracy(accuracy)
+    simulator.get_mutable_context().SetAccuracy(accuracy)
+    return simulator
+
+
+def _witnessed(scheme: str, accuracy: float) -> Callable[[], float]:
+    """Return a run with a witness function on a system in Python."""
+    from pydrake.systems.framework import LeafSystem, UnrestrictedUpdateEvent, WitnessFunctionDirection
 
     class Clutch(LeafSystem):
         def __init__(self) -> None:
@@ -293,6 +327,17 @@ def by_drake() -> Iterator[Candidate]:
         simulator.AdvanceTo(END)
         return system.lock
 
+    system = Clutch()
+    simulator = _simulator(system, scheme, accuracy)
+    return lambda: witnessed(system, simulator)
+
+
+def _built_in(scheme: str, accuracy: float) -> Callable[[], float]:
+    """Return a run of built-in systems in C++ with a monitor on their steps."""
+    from pydrake.systems.framework import EventStatus
+    from pydrake.systems.primitives import AffineSystem, TrajectoryAffineSystem
+    from pydrake.trajectories import PiecewisePolynomial
+
     knots = np.linspace(0.0, RISE, 17)
     slope = CAPACITY * 0.5 * math.pi / RISE * np.cos(0.5 * math.pi * knots / RISE)
     torque = np.array([problem.capacity(t) for t in knots])
@@ -306,14 +351,7 @@ def by_drake() -> Iterator[Candidate]:
     def affine(rates: Sequence[float]) -> AffineSystem:
         return AffineSystem(none, np.zeros((2, 0)), np.array(rates), np.zeros((0, 2)), np.zeros((0, 0)), np.zeros(0))
 
-    def prepared(system: System, scheme: str, accuracy: float) -> Simulator:
-        simulator = Simulator(system)
-        ResetIntegratorFromFlags(simulator, scheme, 1.0)
-        simulator.get_mutable_integrator().set_target_accuracy(accuracy)
-        simulator.get_mutable_context().SetAccuracy(accuracy)
-        return simulator
-
-    def built(scheme: str, accuracy: float) -> list[Simulator]:
+    def built() -> list[Simulator]:
         parts = [
             TrajectoryAffineSystem(
                 constant((2, 2)), constant((2, 0)), rising, constant((0, 2)), constant((0, 0)), constant((0, 1))
@@ -321,7 +359,7 @@ def by_drake() -> Iterator[Candidate]:
             affine(((DRIVE - CAPACITY) / J1, (LOAD + CAPACITY) / J2)),
             affine(((DRIVE + LOAD) / (J1 + J2),) * 2),
         ]
-        return [prepared(part, scheme, accuracy) for part in parts]
+        return [_simulator(part, scheme, accuracy) for part in parts]
 
     def switched(simulators: list[Simulator]) -> float:
         v, begin, lock, last = np.array((W1, 0.0)), 0.0, np.nan, []
@@ -347,13 +385,8 @@ def by_drake() -> Iterator[Candidate]:
                 v = v - (t1 - lock) * np.array(((DRIVE - CAPACITY) / J1, (LOAD + CAPACITY) / J2))
         return lock
 
-    for scheme in ("runge_kutta3", "runge_kutta5"):
-        for accuracy in (1e-1, 1e-2, 1e-4, 1e-6):
-            system = Clutch()
-            simulator = prepared(system, scheme, accuracy)
-            yield "free", f"witness, {scheme}, {accuracy:.0e}", lambda sy=system, si=simulator: witnessed(sy, si)
-            parts = built(scheme, accuracy)
-            yield "free", f"built in, {scheme}, {accuracy:.0e}", lambda p=parts: switched(p)
+    simulators = built()
+    return lambda: switched(simulators)
 
 
 TOOLS = {"this project": ours, "scipy": by_scipy, "pathsim": by_pathsim, "mujoco": by_mujoco, "drake": by_drake}

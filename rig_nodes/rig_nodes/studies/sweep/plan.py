@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -116,7 +116,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked sweep.
+    """A checked sweep, or a draft of one.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ class Plan:
         Names or absolute files.
     method : str
         One of METHODS.
-    samples : int
-        Number of points for a method that draws them, else 0.
+    samples : int or None
+        Number of points for a method that draws them, else 0; None in a draft that gives none.
     seed : int
         Seed of the first member, and of the drawing.
     repeats : int
@@ -144,11 +144,11 @@ class Plan:
 
     sequence: str
     rig: str
-    method: str
-    samples: int
-    seed: int
-    repeats: int
-    varied: tuple[Varied, ...]
+    method: str = ""
+    samples: int | None = None
+    seed: int = 1
+    repeats: int = 1
+    varied: tuple[Varied, ...] = ()
     fixed: dict[str, str] = field(default_factory=dict)
     fixed_with: dict[str, str] = field(default_factory=dict)
     description: str = ""
@@ -279,63 +279,33 @@ def read_plan(path: str | Path, default: str) -> Plan:
     words = {key: str(node[key]) for key in ("controller", "level") if key in node}
     plugged = plugged_of(words.get("controller"), words.get("level"), numbers.pop("delay", 1), beside)
     return make_plan(
-        names["sequence"],
+        Plan(
+            names["sequence"],
+            names.get("rig") or rig_of(names["sequence"], default),
+            method=node.get("method") or "",
+            fixed=fixed,
+            fixed_with=fixed_with,
+            description=str(node.get("description", "")),
+            plugged=plugged,
+            calculation=str(node.get("calculate", "")),
+            **numbers,
+        ),
         {str(name): spec for name, spec in vary.items()},
-        names.get("rig") or rig_of(names["sequence"], default),
-        node.get("method"),
-        fixed=fixed,
-        fixed_with=fixed_with,
-        description=str(node.get("description", "")),
         wheres=wheres,
-        plugged=plugged,
-        calculation=str(node.get("calculate", "")),
-        **numbers,
     )
 
 
-def make_plan(
-    sequence: str,
-    vary: dict,
-    rig: str,
-    method: str | None = None,
-    samples: int | None = None,
-    seed: int = 1,
-    repeats: int = 1,
-    fixed: dict[str, str] | None = None,
-    fixed_with: dict[str, str] | None = None,
-    description: str = "",
-    wheres: dict[str, str] | None = None,
-    plugged: Plugged | None = None,
-    calculation: str = "",
-) -> Plan:
+def make_plan(draft: Plan, vary: dict, wheres: dict[str, str] | None = None) -> Plan:
     """Check a sweep and return its plan.
 
     Parameters
     ----------
-    sequence : str
-        Name or file of the sequence.
+    draft : Plan
+        The sweep without what it varies; an empty ``method`` takes grid, or lhs when samples are given.
     vary : dict
         Text or list of values by the parameter's name.
-    rig : str
-        The rig.
-    method : str or None
-        One of METHODS; None takes grid, or lhs when samples are given.
-    samples : int or None
-        Number of points, for a method that draws them.
-    seed : int
-        Seed of the first member, and of the drawing.
-    repeats : int
-        Members at each point.
-    fixed, fixed_with : dict of str to str, or None
-        Settings of the rig and parameters of the sequence that all members share.
-    description : str
-        Text for people.
     wheres : dict of str to str, or None
         Place of each parameter in a file, for the errors' sentences.
-    plugged : Plugged or None
-        What :func:`plugged_of` returned.
-    calculation : str
-        A calculation on a recording, of the rig's folder; empty for none.
 
     Returns
     -------
@@ -347,48 +317,32 @@ def make_plan(
     RigError
         When a name, a unit or a value does not fit the rig or the sequence, or the method does not fit the values.
     """
-    fixed, fixed_with = fixed or {}, fixed_with or {}
-    load = partial(load_sequence, sequence, rig=rig)
-    loaded = load(fixed_with)
-    config = load_rig(rig, fixed)
+    load = partial(load_sequence, draft.sequence, rig=draft.rig)
+    loaded = load(draft.fixed_with)
+    config = load_rig(draft.rig, draft.fixed)
     loaded.check_rig(config)
-    if plugged:
-        plugged.check(config)
-    if calculation:
-        on_recording(rig, calculation)
-    method = method or ("grid" if samples is None else "lhs")
+    if draft.plugged:
+        draft.plugged.check(config)
+    if draft.calculation:
+        on_recording(draft.rig, draft.calculation)
+    method = draft.method or ("grid" if draft.samples is None else "lhs")
     if method not in METHODS:
         raise RigError(f"method is '{method}', expected {', '.join(METHODS)}")
     varied = []
     for name, spec in vary.items():
         where = (wheres or {}).get(name, f"--vary {name}")
-        if name in fixed or name in fixed_with:
+        if name in draft.fixed or name in draft.fixed_with:
             raise RigError(f"{where}: it is set for all members too; give it once")
         varied.append(_read(name, spec, where, config, load, loaded))
     if not varied:
         raise RigError('a sweep needs something to vary: --vary NAME="LOW .. HIGH" or NAME="A, B, C"')
-    for name, value, low, high in (
-        ("samples", samples, 1, MOST_MEMBERS),
-        ("seed", seed, 0, 2**62),
-        ("repeats", repeats, 1, MOST_MEMBERS),
-    ):
+    for name, low, high in (("samples", 1, MOST_MEMBERS), ("seed", 0, 2**62), ("repeats", 1, MOST_MEMBERS)):
+        value = getattr(draft, name)
         if value is not None and not low <= value <= high:
             raise RigError(f"{name} is {value}, expected {low} to {high}")
-    _check_method(method, samples, varied, wheres or {})
-    plan = Plan(
-        _place(sequence),
-        _place(rig),
-        method,
-        samples or 0,
-        seed,
-        repeats,
-        tuple(varied),
-        dict(fixed),
-        dict(fixed_with),
-        description,
-        plugged,
-        calculation,
-    )
+    _check_method(method, draft.samples, varied, wheres or {})
+    names = {"sequence": _place(draft.sequence), "rig": _place(draft.rig)}
+    plan = replace(draft, **names, method=method, samples=draft.samples or 0, varied=tuple(varied))
     if not 1 <= plan.count() <= MOST_MEMBERS:
         raise RigError(f"the sweep has {plan.count()} members, expected 1 to {MOST_MEMBERS}")
     return plan

@@ -18,7 +18,7 @@ from ...base.clocks import COMMAND_TIMEOUT, SAMPLE
 from ...base.errors import RigError
 from ...controllers.load import KINDS, level_line, load_controller, split_level
 from ...controllers.plug import Plug
-from ...runs.rig import check_level
+from ...runs.commanded_rig import check_level
 from ...runs.simulate import check_controller
 
 if TYPE_CHECKING:

@@ -74,39 +74,31 @@ class _Plan:
     line: bool = True
 
 
-def _plans() -> list[_Plan]:
-    plans = [_Plan("fig_7_14", "Fig. 7.14: coast-down from 470 rpm", "coast_down", "w_wej", "time", target="coast_down_curve")]
+def _plans() -> Iterator[_Plan]:
+    """Yield the plans of all figures in the order of the thesis."""
+    yield from _of_series()
+    yield from _of_grids()
+    yield from _of_benches()
+    yield from _of_chapter_9()
+
+
+def _of_series() -> Iterator[_Plan]:
+    """Yield the figures of chapter 7 on the coast-down, the profiles and the delays."""
+    yield _Plan("fig_7_14", "Fig. 7.14: coast-down from 470 rpm", "coast_down", "w_wej", "time", target="coast_down_curve")
     for number, valve in (("15", "ZR-P1"), ("16", "ZR-P2")):
         for part, quantity in zip("abc", ("engagement_s", "hold_s", "engagement_peak_nm")):
-            plans.append(
-                _Plan(
-                    f"fig_7_{number}_{part}",
-                    f"Fig. 7.{number}: the series of {valve}",
-                    "profile_series",
-                    quantity,
-                    "series",
-                    where=(("valve", valve),),
-                    line=False,
-                )
-            )
+            name, title, where = f"fig_7_{number}_{part}", f"Fig. 7.{number}: the series of {valve}", (("valve", valve),)
+            yield _Plan(name, title, "profile_series", quantity, "series", where=where, line=False)
     for shift, delay, numbers in (("I-II", "t12", ("21", "22", "23", "24")), ("II-I", "t21", ("27", "28", "29", "30"))):
-        for number, quantity, over in zip(
-            numbers,
-            ("input_torque_max_nm", "output_speed_min_rpm", "t_dt_s", "output_speed_min_rpm"),
-            ("series", "series", delay, delay),
-        ):
-            plans.append(
-                _Plan(
-                    f"fig_7_{number}",
-                    f"Fig. 7.{number}: {shift}, 500 rpm, 60 Nm",
-                    "delay_series",
-                    quantity,
-                    over,
-                    where=(("shift", shift),),
-                    line=False,
-                    target="delay_up_peak_upper" if number == "21" else None,
-                )
-            )
+        quantities = ("input_torque_max_nm", "output_speed_min_rpm", "t_dt_s", "output_speed_min_rpm")
+        for number, quantity, over in zip(numbers, quantities, ("series", "series", delay, delay)):
+            name, title, where = f"fig_7_{number}", f"Fig. 7.{number}: {shift}, 500 rpm, 60 Nm", (("shift", shift),)
+            target = "delay_up_peak_upper" if number == "21" else None
+            yield _Plan(name, title, "delay_series", quantity, over, where=where, line=False, target=target)
+
+
+def _of_grids() -> Iterator[_Plan]:
+    """Yield the figures of chapter 7 on the grids of speed and load."""
     grid = (
         ("35", "grid_up", "t_dt_s", "m_wyj", "up_t_dt_range"),
         ("36", "grid_up", "t_dt_s", "n_wej", None),
@@ -129,57 +121,37 @@ def _plans() -> list[_Plan]:
     )
     for number, procedure, quantity, over, target in grid:
         title = f"Fig. 7.{number.split('_')[0]}: {'I to II' if procedure == 'grid_up' else 'II to I'}"
-        plans.append(
-            _Plan(f"fig_7_{number}", title, procedure, quantity, over, by="n_wej" if over == "m_wyj" else "m_wyj", target=target)
-        )
-    for number, ring, thickness in (
-        ("11", "80x115", 2e-3),
-        ("13", "80x115", 1.5e-3),
-        ("15", "80x115", 1e-3),
-        ("17", "80x101.9", 2e-3),
-        ("19", "65x115", 2e-3),
-        ("22", "50x76", None),
+        by = "n_wej" if over == "m_wyj" else "m_wyj"
+        yield _Plan(f"fig_7_{number}", title, procedure, quantity, over, by=by, target=target)
+
+
+def _of_benches() -> Iterator[_Plan]:
+    """Yield the figures of chapter 8."""
+    for number, ring, thickness, quantity, over, by in (
+        ("11", "80x115", 2e-3, "k_kor", "surfaces", "model"),
+        ("13", "80x115", 1.5e-3, "k_kor", "surfaces", "model"),
+        ("15", "80x115", 1e-3, "k_kor", "surfaces", "model"),
+        ("17", "80x101.9", 2e-3, "k_kor", "surfaces", "model"),
+        ("19", "65x115", 2e-3, "k_kor", "surfaces", "model"),
+        ("22", "50x76", None, "k_kor", "surfaces", "model"),
+        ("10", "80x115", 2e-3, "m_eks", "pressure", "surfaces"),
+        ("12", "80x115", 1.5e-3, "m_eks", "pressure", "surfaces"),
+        ("14", "80x115", 1e-3, "m_eks", "pressure", "surfaces"),
+        ("16", "80x101.9", 2e-3, "m_eks", "pressure", "surfaces"),
+        ("18", "65x115", 2e-3, "m_eks", "pressure", "surfaces"),
+        ("20", "46x88.9", 2.5e-3, "m_eks", "pressure", "surfaces"),
+        ("21", "50x76", None, "m_eks", "pressure", "surfaces"),
     ):
         where = (("ring", ring),) + ((("thickness", thickness),) if thickness else ())
-        plans.append(
-            _Plan(
-                f"fig_8_{number}", f"Fig. 8.{number}: k_kor of {ring}", "clutch_bench", "k_kor", "surfaces", by="model", where=where
-            )
-        )
-    for number, ring, thickness in (
-        ("10", "80x115", 2e-3),
-        ("12", "80x115", 1.5e-3),
-        ("14", "80x115", 1e-3),
-        ("16", "80x101.9", 2e-3),
-        ("18", "65x115", 2e-3),
-        ("20", "46x88.9", 2.5e-3),
-        ("21", "50x76", None),
-    ):
-        where = (("ring", ring),) + ((("thickness", thickness),) if thickness else ())
-        plans.append(
-            _Plan(
-                f"fig_8_{number}",
-                f"Fig. 8.{number}: M_eks of {ring}",
-                "clutch_bench",
-                "m_eks",
-                "pressure",
-                by="surfaces",
-                where=where,
-            )
-        )
-    plans.append(
-        _Plan("fig_8_8", "Fig. 8.8: springs of the bench", "spring_bench", "spring_force_n", "s", target="spring_force_curve")
-    )
-    plans.append(
-        _Plan(
-            "fig_8_9",
-            "Fig. 8.9: cylinder of the bench",
-            "spring_bench",
-            "cylinder_force_n",
-            "pressure",
-            target="cylinder_force_curve",
-        )
-    )
+        title = f"Fig. 8.{number}: {'k_kor' if quantity == 'k_kor' else 'M_eks'} of {ring}"
+        yield _Plan(f"fig_8_{number}", title, "clutch_bench", quantity, over, by=by, where=where)
+    springs, cylinder = "Fig. 8.8: springs of the bench", "Fig. 8.9: cylinder of the bench"
+    yield _Plan("fig_8_8", springs, "spring_bench", "spring_force_n", "s", target="spring_force_curve")
+    yield _Plan("fig_8_9", cylinder, "spring_bench", "cylinder_force_n", "pressure", target="cylinder_force_curve")
+
+
+def _of_chapter_9() -> Iterator[_Plan]:
+    """Yield the figures of chapter 9."""
     for number, shift, quantity in (
         ("5", "I-II", "input_torque_max_nm"),
         ("6", "II-I", "input_torque_max_nm"),
@@ -187,33 +159,14 @@ def _plans() -> list[_Plan]:
         ("8", "II-I", "t_p_s"),
     ):
         for rpm in (1200, 1500):
-            plans.append(
-                _Plan(
-                    f"fig_9_{number}_{rpm}",
-                    f"Fig. 9.{number}: {shift}, {rpm} rpm, rig and simulation",
-                    "chapter9",
-                    quantity,
-                    "m_wyj",
-                    by="source",
-                    where=(("shift", shift), ("n_wej", rpm * RPM)),
-                )
-            )
+            name, title = f"fig_9_{number}_{rpm}", f"Fig. 9.{number}: {shift}, {rpm} rpm, rig and simulation"
+            where = (("shift", shift), ("n_wej", rpm * RPM))
+            yield _Plan(name, title, "chapter9", quantity, "m_wyj", by="source", where=where)
     for number, procedure in (("3", "grid_up"), ("4", "grid_down")):
         for gear in (1, 2):
-            way = procedure.removeprefix("grid_")
-            plans.append(
-                _Plan(
-                    f"fig_9_{number}_p{gear}",
-                    f"Fig. 9.{number}: p{gear}, 1500 rpm",
-                    procedure,
-                    f"p{gear}_mpa",
-                    "time",
-                    by="m_wyj",
-                    where=(("n_wej", 1500.0 * RPM),),
-                    target=f"ch9_pressure_{way}_p{gear}",
-                )
-            )
-    return plans
+            name, title = f"fig_9_{number}_p{gear}", f"Fig. 9.{number}: p{gear}, 1500 rpm"
+            where, target = (("n_wej", 1500.0 * RPM),), f"ch9_pressure_{procedure.removeprefix('grid_')}_p{gear}"
+            yield _Plan(name, title, procedure, f"p{gear}_mpa", "time", by="m_wyj", where=where, target=target)
 
 
 def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
