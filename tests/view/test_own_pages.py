@@ -13,10 +13,12 @@ import pytest
 from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
+from rig_nodes.plant.parts import part as parts
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.structure import structure_of
 from rig_nodes.view import layout
 from rig_nodes.view import pages as pages_module
+from rig_nodes.view import plots as plots_module
 from rig_nodes.view.convert import make_tab_view, make_view
 from rig_nodes.view.other_tools import tabs
 from rig_nodes.view.pages import Pages
@@ -117,6 +119,20 @@ def test_no_rig_and_no_signal_of_a_rig_is_named_in_the_view():
     allowed = {"rig_state", "gear_ordered", "loss_in", "loss_out", "relief_setting", "motor_work", "load_work"}
     for path in Path(pages_module.__file__).parent.glob("*.py"):
         assert set(words.findall(path.read_text())) <= allowed, path.name
+
+
+def test_a_plot_that_is_one_record_is_in_the_view_and_in_the_layouts_of_other_tools(monkeypatch):
+    def sources(pages):
+        return pages.structure.of_role(parts.SOURCE)
+
+    more = plots_module.Plot("Work of {called}", (plots_module.LEFT,), lambda pages, one: pages.own(one, "work"), sources)
+    monkeypatch.setattr(pages_module, "PLOTS", (*plots_module.PLOTS, more))
+    pages = Pages(load_rig("hydmag").as_dict())
+    assert (
+        pages.run_left[-1] == ("Work of motor", ("motor_work",))
+        and "motor_work" not in dict(pages.other_plots)["Work since time 0"]
+    )
+    assert "Work of motor" in [title for columns in dict(tabs(pages)).values() for plots in columns for title, _ in plots]
 
 
 INSTALLED = {name: Pages(load_rig(name).as_dict()) for name in installed("rigs")}

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contents of a rig's view, derived from the rig's structure: plots with their signals, colours and widths of curves.
+"""The contents of a rig's view, derived from the rig's structure: plots (of view.plots), colours and widths of curves.
 
 view.layout, view.curves, view.live and view.other_tools use it. Colours belong to roles: driving side, driven side, each
 clutch, oil.
@@ -19,6 +19,7 @@ from ..plant.parts import part as parts
 from ..rig.catalogue import Catalogue, Signal, catalogue
 from ..rig.structure import Device, Structure, structure_of
 from ..rig.transmission import Transmission, transmission_of
+from .plots import BENCH_LEFT, BENCH_RIGHT, COAST, LEFT, PLOTS, RIGHT, SHIFT, VALVE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -167,6 +168,11 @@ class Pages:
         """Return the transducers of the clutches' oil."""
         return self.measured(*(f"{self.structure.line_of(one.name)}.pressure" for one in self.structure.clutches))
 
+    def shafts(self, what: str) -> tuple[str, str]:
+        """Return the speeds or the torques of the input and the output shaft of a rig with gears."""
+        assert self.box is not None
+        return getattr(self.box.input, what), getattr(self.box.output, what)
+
     def setpoints(self, source: Device) -> tuple[str, ...]:
         """Return the setpoints of a source."""
         return self.own(source, "speed_setpoint", "setpoint")
@@ -187,114 +193,34 @@ class Pages:
         """Lanes of states of a shift."""
         return self._there(("gear", *self._modes))
 
+    def _at(self, place: str) -> Plots:
+        """Return the plots of a place."""
+        return self._shown(drawn for plot in PLOTS if place in plot.places for drawn in plot.drawn(self))
+
     @cached_property
     def shift_plots(self) -> Plots:
         """Plots of a shift; empty for a rig without gears."""
-        if self.box is None:
-            return ()
-        if "shifts" in self._own:
-            return self._own["shifts"]
-        structure, into, out = self.structure, self.box.input, self.box.output
-        currents = tuple(
-            name for valve in structure.valves for name in (*self.measured(f"{valve.name}.current"), f"I_set_{valve.key}")
-        )
-        return self._shown(
-            (
-                ("Coil current", currents),
-                ("Clutch pressure", self.pressures()),
-                ("Shaft torque", (into.torque, out.torque)),
-                (
-                    "Clutch torque",
-                    (*self.each(structure.clutches, "torque", "capacity"), *self.each(structure.freewheels, "torque")),
-                ),
-                ("Speed", (into.speed, out.speed, *self.each(structure.clutches, "slip"))),
-            )
-        )
+        return (self._own.get("shifts") or self._at(SHIFT)) if self.box else ()
 
     @cached_property
     def valve_plots(self) -> Plots:
-        """Plots of a valve's response at standstill."""
-        structure = self.structure
-        duties, flows = (self.each(structure.valves, what) for what in ("duty", "flow"))
-        oil = (("Clutch pressure", self.pressures()), ("Piston position", self.each(structure.clutches, "piston")))
-        currents = tuple(plot for plot in self.shift_plots if plot[0] == "Coil current")
-        return self._shown((("Valve duty", duties), *currents, *oil, ("Oil flow to the clutches", flows)))
+        """Plots of a valve's response at standstill; empty for a rig without gears."""
+        return self._at(VALVE) if self.box else ()
 
     @cached_property
     def coast_plots(self) -> Plots:
-        """Plots of a coast-down, the speed with its fit first."""
-        if self.box is None:
-            return ()
-        into, out = self.box.input, self.box.output
-        return self._shown(
-            (("Speed", (into.speed, out.speed)), ("Shaft torque", (into.torque, out.torque)), ("Clutch pressure", self.pressures()))
-        )
+        """Plots of a coast-down, the speed with its fit first; empty for a rig without gears."""
+        return self._at(COAST) if self.box else ()
 
     @cached_property
     def run_left(self) -> Plots:
         """Left plots of a whole run: oil, and for a rig without gears the rotating parts."""
-        structure = self.structure
-        if "run" in self._own:
-            return self._own["run"][::2]
-        if self.box is None:
-            turning = structure.of_role(parts.SOURCE, parts.LOAD)
-            return self._shown(
-                (
-                    (
-                        "Torque",
-                        (
-                            *self.measured(types=("torque",)),
-                            *self.each(turning, "torque"),
-                            *self.each(structure.clutches, "torque", "capacity"),
-                        ),
-                    ),
-                    ("Speed", (*self.measured(types=("speed",)), *(name for one in turning for name in self.setpoints(one)))),
-                    *((f"Pressure at {one.called}", self.measured(at=one.name, types=("pressure",))) for one in turning),
-                )
-            )
-        supply = tuple(
-            name for one in structure.of_role(parts.OIL) for name in self.measured(f"{structure.line_of(one.name)}.pressure")
-        )
-        return self._shown(
-            (
-                *(plot for plot in self.shift_plots if plot[0] == "Coil current"),
-                ("Clutch and supply pressure", (*self.pressures(), *supply)),
-                ("Piston position", self.each(structure.clutches, "piston")),
-                ("Oil flow to the clutches", self.each(structure.valves, "flow")),
-            )
-        )
+        return self._own["run"][::2] if "run" in self._own else self._at(LEFT if self.box else BENCH_LEFT)
 
     @cached_property
     def run_right(self) -> Plots:
         """Right plots of a whole run: the rotating parts, and for a rig without gears the clamping parts."""
-        structure = self.structure
-        if "run" in self._own:
-            return self._own["run"][1::2]
-        if self.box is None:
-            pressing = structure.of_role(parts.PRESS)
-            return self._shown(
-                (
-                    *(
-                        (f"Pressure in the {one.called}", (*self.measured(f"{one.name}.pressure"), *self.own(one, "setting")))
-                        for one in pressing
-                    ),
-                    *((f"Travel of the {one.called}", self.measured(f"{one.name}.travel")) for one in pressing),
-                    ("Clamp force", self.each(structure.clutches, "clamp")),
-                    ("Force", self.measured(types=("force",))),
-                )
-            )
-        into, out = self.box.input, self.box.output
-        sources, loads = structure.of_role(parts.SOURCE), structure.of_role(parts.LOAD)
-        setpoints = tuple(name for one in sources for name in self.setpoints(one))
-        return self._shown(
-            (
-                ("Shaft, motor and load torque", (into.torque, out.torque, *self.each((*sources, *loads), "torque"))),
-                *(plot for plot in self.shift_plots if plot[0] == "Clutch torque"),
-                ("Shaft speed", (into.speed, out.speed, *setpoints)),
-                ("Slip", self.each(structure.clutches, "slip")),
-                ("Heat in the clutches", self.each(structure.clutches, "heat")),
-            )
-        )
+        return self._own["run"][1::2] if "run" in self._own else self._at(RIGHT if self.box else BENCH_RIGHT)
 
     def signal(self, name: str) -> Signal:
         """Return a signal of the rig, or a temperature of plates, by its name."""
