@@ -14,6 +14,7 @@ from rig_nodes.driveline import algebra
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.driveline.kernel import driveline_step
 from rig_nodes.driveline.run import run
+from rig_nodes.driveline.state import Loads
 
 
 def pair(stick=1.0, w1=100.0, w2=0.0, drag=0.0):
@@ -214,26 +215,7 @@ def test_locked_clutch_does_not_creep_over_a_million_steps():
     worst = 0.0
     for i in range(20000):
         q[:, 0] = 7.3 * (-1.0) ** i + 0.01
-        driveline_step(
-            1e-3,
-            i * 1e-3,
-            system.minv,
-            system.w,
-            system.sh,
-            system.kc,
-            q,
-            cap,
-            x.loss,
-            x.v,
-            x.twist,
-            x.mode,
-            x.el,
-            x.shaft,
-            x.e_in,
-            x.events,
-            x.count,
-            x.work,
-        )
+        driveline_step(1e-3, i * 1e-3, system.structure, Loads(q, cap), system.losses(), x)
         worst = max(worst, abs(x.v[0] - x.v[1]))
     assert x.mode[0] == algebra.STUCK and worst < 1e-13
     assert x.v[0] == pytest.approx(90.0 + 0.01 * 20.0 / 0.827, rel=1e-9)
@@ -245,26 +227,7 @@ def test_drag_that_comes_after_a_very_short_step_is_met_as_any_other():
         x, cap, q = system.state(), system.limits(), np.zeros((2, 2))
         for h, drag in (*before, (1.0, 1e-4)):
             cap[algebra.VISC] = drag
-            driveline_step(
-                h,
-                0.0,
-                system.minv,
-                system.w,
-                system.sh,
-                system.kc,
-                q,
-                cap,
-                x.loss,
-                x.v,
-                x.twist,
-                x.mode,
-                x.el,
-                x.shaft,
-                x.e_in,
-                x.events,
-                x.count,
-                x.work,
-            )
+            driveline_step(h, 0.0, system.structure, Loads(q, cap), system.losses(), x)
         return x.v
 
     assert np.array_equal(moved([(1e-9, 0.0)]), moved([]))
@@ -308,27 +271,8 @@ def test_running_in_pieces_gives_the_same_bits():
                 cap[algebra.KIN0 + k, f], cap[algebra.HI0 + k, f] = kin, 1.2 * kin
                 cap[algebra.LO0 + k, f] = -1.2 * kin
         for x in (one, other):
-            driveline_step(
-                1e-3,
-                t,
-                system.minv,
-                system.w,
-                system.sh,
-                system.kc,
-                q,
-                cap,
-                x.loss,
-                x.v,
-                x.twist,
-                x.mode,
-                x.el,
-                x.shaft,
-                x.e_in,
-                x.events,
-                x.count,
-                x.work,
-            )
-        other.work = np.zeros_like(other.work)
+            driveline_step(1e-3, t, system.structure, Loads(q, cap), system.losses(), x)
+        other.work[:] = 0.0
     assert one.count[algebra.N_EVENTS] > 5
     for a, b in (
         (one.v, other.v),

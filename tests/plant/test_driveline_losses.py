@@ -9,10 +9,10 @@ from numba import njit
 
 from rig_nodes.driveline.algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, LOCKED_HIGH, N_CAPPED, OPEN, VISC
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.calls import ARGUMENTS
 from rig_nodes.driveline.kernel import driveline_step
 from rig_nodes.driveline.losses import BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width
 from rig_nodes.driveline.quiet import quiet_step
+from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.plant.engine.world import Sizes, driveline_dtype
 
 J = (0.4, 0.3, 0.2, 1.5)
@@ -52,7 +52,8 @@ def close(line, f, torque):
 
 
 def step(lines, t=0.0):
-    driveline_step(STEP_S, t, *(lines[0][name] for name in ARGUMENTS))
+    structure, loads, state = (of(*(lines[0][name] for name in of._fields)) for of in (Structure, Loads, State))
+    driveline_step(STEP_S, t, structure, loads, lines[0]["loss"], state)
 
 
 def chain(count):

@@ -233,7 +233,7 @@ from rig_nodes.driveline.law_steps import run_laws, settled_step
 from rig_nodes.driveline.run import run
 
 def compiled():
-    print([str(one[8]) for one in driveline_step.signatures], len(settled_step.signatures), len(run_laws.signatures))
+    print([str(one[4]) for one in driveline_step.signatures], len(settled_step.signatures), len(run_laws.signatures))
 
 d = Driveline()
 for name in "abc":

@@ -30,9 +30,13 @@ if TYPE_CHECKING:
     import numpy as np
 
 # Options of numba for what only compiled code calls: without the two functions by which Python and C would call it, which
-# take a third of the compile time of a small one. forceinline is stated, because numba would otherwise take the caller's.
-INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# take a third of the compile time of a small one, and without counting references to arrays, which takes a third of that of a large
+# one and serves only what allocates. forceinline is stated, because numba would otherwise take the caller's.
+INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+ALLOCATES = {**INNER, "_nrt": True}
 INLINED = {**INNER, "forceinline": True}
+# for a stage of one caller, which numba merges into it before it compiles; as INLINED it would be optimised once more by itself
+STAGE = {**INNER, "inline": "always"}
 _records: dict = {}  # record types that were made, each with itself as the key
 _SOURCES = ("driveline", "plant", "plant/engine", "plant/friction", "plant/instruments", "plant/parts")
 

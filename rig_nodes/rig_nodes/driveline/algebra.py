@@ -153,6 +153,82 @@ def work_size(n: int, m: int, s: int, k: int = 0) -> int:
     return places.py_func(n, m, s, k).size
 
 
+@njit(**INLINED)
+def rate_of(rows: Floats, k: int, v: Floats) -> float:
+    """Return the sum of row k (n,) times the speeds v (n,): the slip of an element, or the rate of a shaft's twist."""
+    total = 0.0
+    for j in range(v.shape[0]):
+        total += rows[k, j] * v[j]
+    return total
+
+
+@njit(**INLINED)
+def sum_at(work: Floats, begin: int, rows: Floats, k: int) -> float:
+    """Return the sum of row k (n,) times the n numbers of the work buffer from a place on."""
+    total = 0.0
+    for j in range(rows.shape[1]):
+        total += work[begin + j] * rows[k, j]
+    return total
+
+
+@njit(**INLINED)
+def sum_of(work: Floats, one: int, other: int, n: int) -> float:
+    """Return the sum of n numbers times n others of the work buffer, from two places on."""
+    total = 0.0
+    for j in range(n):
+        total += work[one + j] * work[other + j]
+    return total
+
+
+@njit(**INLINED)
+def multiply(work: Floats, matrix: int, vector: int, to: int, n: int) -> None:
+    """Write the product of an (n, n) matrix and an (n,) vector of the work buffer to a third place of it."""
+    for i in range(n):
+        work[to + i] = sum_of(work, matrix + i * n, vector, n)
+
+
+@njit(**INLINED)
+def unslip(v: Floats, m: int, state: Ints | Floats, first: int, slip: int, orr: int, work: Floats) -> None:
+    """Take the slips of the stuck ones of m elements off the speeds.
+
+    The modes are in ``state`` from ``first`` on, the slips in the work buffer at ``slip`` and R at ``orr``.
+    """
+    n = v.shape[0]
+    for f in range(m):
+        if state[first + f] == STUCK:
+            for j in range(n):
+                v[j] -= work[orr + f * n + j] * work[slip + f]
+
+
+@njit(**INNER)
+def eliminate(work: Floats, oa: int, oh: int, n: int) -> None:
+    """Multiply the (n, n) matrix at oh by the inverse of that at oa, which is overwritten, by Gauss and Jordan with pivots."""
+    noinline()
+    for col in range(n):
+        piv = col
+        for i in range(col + 1, n):
+            if abs(work[oa + i * n + col]) > abs(work[oa + piv * n + col]):
+                piv = i
+        if piv != col:
+            for j in range(n):
+                x = work[oa + col * n + j]
+                work[oa + col * n + j] = work[oa + piv * n + j]
+                work[oa + piv * n + j] = x
+                x = work[oh + col * n + j]
+                work[oh + col * n + j] = work[oh + piv * n + j]
+                work[oh + piv * n + j] = x
+        scale = 1.0 / work[oa + col * n + col]
+        for j in range(n):
+            work[oa + col * n + j] *= scale
+            work[oh + col * n + j] *= scale
+        for i in range(n):
+            x = work[oa + i * n + col]
+            if i != col and x != 0.0:
+                for j in range(n):
+                    work[oa + i * n + j] -= x * work[oa + col * n + j]
+                    work[oh + i * n + j] -= x * work[oh + col * n + j]
+
+
 @njit(**INNER)
 def lin(a: float, b: float, x: float) -> float:
     """Return the value at share x of the way from a to b, or the nearer end outside 0 to 1."""
@@ -195,10 +271,7 @@ def if_stuck(f: int, state: Ints | Floats, first: int, torque: Floats, begin: in
     total = 0.0
     for other in range(m):
         if state[first + other] == STUCK:
-            along = 0.0
-            for j in range(n):
-                along += work[orr + other * n + j] * w[f, j]
-            total += along * torque[begin + other]
+            total += sum_at(work, orr + other * n, w, f) * torque[begin + other]
     return total
 
 
@@ -326,10 +399,7 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
     for f in range(m):
         if work[ost + f] == STUCK:
             for i in range(nc):
-                total = 0.0
-                for j in range(n):
-                    total += work[owm + i * n + j] * w[f, j]
-                work[og + row * m + i] = total
+                work[og + row * m + i] = sum_at(work, owm + i * n, w, f)
             row += 1
     pseudo_inverse(work, og, ov, oi, nc, m)
     for i in range(n):
@@ -393,9 +463,8 @@ def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Flo
     work[3] = 1.0 if coupled else 0.0
     if not coupled:
         for f in range(m):
-            work[HEAD + m + f] = (
-                0.0  # a step of another length keeps this H, and a drag without effect in this step may have one there
-            )
+            # a step of another length keeps this H, and a drag without effect in this step may have one there
+            work[HEAD + m + f] = 0.0
         return
     for i in range(n):
         for j in range(n):
@@ -411,26 +480,4 @@ def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Flo
             for p in range(n):
                 total += 0.5 * d * work[op + i * n + p] * work[ob + p * n + j]
             work[oa + i * n + j] = total
-    for col in range(n):
-        piv = col
-        for i in range(col + 1, n):
-            if abs(work[oa + i * n + col]) > abs(work[oa + piv * n + col]):
-                piv = i
-        if piv != col:
-            for j in range(n):
-                x = work[oa + col * n + j]
-                work[oa + col * n + j] = work[oa + piv * n + j]
-                work[oa + piv * n + j] = x
-                x = work[oh + col * n + j]
-                work[oh + col * n + j] = work[oh + piv * n + j]
-                work[oh + piv * n + j] = x
-        scale = 1.0 / work[oa + col * n + col]
-        for j in range(n):
-            work[oa + col * n + j] *= scale
-            work[oh + col * n + j] *= scale
-        for i in range(n):
-            x = work[oa + i * n + col]
-            if i != col and x != 0.0:
-                for j in range(n):
-                    work[oa + i * n + j] -= x * work[oa + col * n + j]
-                    work[oh + i * n + j] -= x * work[oh + col * n + j]
+    eliminate(work, oa, oh, n)

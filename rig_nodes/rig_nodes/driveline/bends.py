@@ -11,12 +11,16 @@ trapezoidal rule is too long by the share (angular frequency times step)^2 / 12,
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rig_nodes.base.compiled import INNER, njit
 from rig_nodes.driveline.algebra import noinline
 from rig_nodes.driveline.tables import Tables, line, piece
+
+if TYPE_CHECKING:
+    from rig_nodes.driveline.laws import Laws
 
 SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less does not divide the step
 RESOLVED = 0.0015  # rad: most phase of the oscillation of a shaft with changing stiffness that a part of a step covers
@@ -45,17 +49,13 @@ def time_of(x: float, first: float, last: float, d: float, to: float) -> float:
 
 
 @njit(**INNER)
-def bend_inside(
-    tables: Tables, k: int, gap: float, damping: float, x: float, dx: float, first: float, last: float, d: float, mobility: float
-) -> float:
+def bend_inside(laws: Laws, k: int, x: float, dx: float, first: float, last: float, d: float, mobility: float) -> float:
     """Return the time at which the twist of a shaft passes the first bend that matters, d where there is none.
 
     Parameters
     ----------
-    tables, k : Tables and int
-        The characteristics, and the number of that of the shaft.
-    gap, damping : float
-        Half its backlash [rad] and its damping in contact [Nm s/rad].
+    laws, k : Laws and int
+        The laws, and the number of that of the shaft.
     x, dx : float
         Twist at the start, and its change [rad].
     first, last : float
@@ -71,6 +71,7 @@ def bend_inside(
         The time [s].
     """
     noinline()
+    tables, gap = laws.tables, laws.gap[k]
     number = piece(tables, k, x)
     begin, end, _, _, slope = line(tables, k, number)
     if begin < x < end and begin <= x + dx <= end:
@@ -88,7 +89,7 @@ def bend_inside(
         if share > NEAR:
             force = abs(other - slope) * abs(dx)
             if gap > 0.0 and abs(abs(bend) - gap) <= 1e-12 * gap:
-                force += damping * max(abs(first), abs(last))
+                force += laws.damping[k] * max(abs(first), abs(last))
             if force * mobility * d > 8.0 * SEEN * max(abs(first), abs(last)):
                 return time_of(x, first, last, d, bend)
         slope = other

@@ -5,7 +5,8 @@
 
 Used by driveline/law_steps.py, driveline/run.py and plant/engine/general_step.py. The compiler copies all functions that a
 function calls into its machine code and optimises them again; with the bare step inside five callers this took most of the time to
-compile them. The arrays may have any sizes, so that the machine code does not depend on a rig.
+compile them. numba's own function values do without an address, but unpickle the signature of each at every call from Python.
+The arrays may have any sizes, so that the machine code does not depend on a rig.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.compiled import intrinsic, types
+import numpy as np
+
+from rig_nodes.base.compiled import cgutils, intrinsic, types
 from rig_nodes.driveline.kernel import driveline_step
+from rig_nodes.driveline.state import Loads, State, Structure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,53 +30,21 @@ if TYPE_CHECKING:
 
     from rig_nodes.base.compiled import Compiled
 
-# arrays that the bare step takes after h and t: name -> number of dimensions; some are arrays of whole numbers
-ARGUMENTS = {
-    "minv": 2,
-    "w": 2,
-    "sh": 2,
-    "kc": 2,
-    "q": 2,
-    "cap": 2,
-    "loss": 2,
-    "v": 1,
-    "twist": 1,
-    "mode": 1,
-    "el": 2,
-    "shaft": 2,
-    "e_in": 1,
-    "events": 2,
-    "count": 1,
-    "work": 1,
-}
 
+def step_types() -> tuple:
+    """Return the types of a step's structure, loads, losses and state, for arrays of any sizes."""
+    from numba import typeof
 
-def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple:
-    """Return the compiler's types of arrays that are given as name -> dimensions.
-
-    Parameters
-    ----------
-    arguments : dict of str to int
-        Number of dimensions of each array by its name.
-    whole : tuple of str
-        Names of arrays of whole numbers, in addition to mode and count.
-
-    Returns
-    -------
-    tuple
-        Types of the arrays.
-    """
-    return tuple(
-        types.Array(types.int64 if name in ("mode", "count", *whole) else types.float64, count, "C")
-        for name, count in arguments.items()
-    )
+    row, rows, whole = np.zeros(0), np.zeros((0, 0)), np.zeros(0, np.int64)
+    state = State(v=row, twist=row, mode=whole, el=rows, shaft=rows, e_in=row, events=rows, count=whole, work=row)
+    return tuple(map(typeof, (Structure(rows, rows, rows, rows), Loads(rows, rows), rows, state)))
 
 
 @cache
 def bare_types(losses: bool = True) -> tuple:
     """Return the types of the arguments of driveline.kernel.driveline_step, for a driveline with or without losses."""
-    arrays = dict(zip(ARGUMENTS, array_types(ARGUMENTS)))
-    return types.float64, types.float64, *(arrays if losses else arrays | {"loss": types.none}).values()
+    structure, loads, loss, state = step_types()
+    return types.float64, types.float64, structure, loads, loss if losses else types.none, state
 
 
 def address_of(function: Compiled, signature: tuple) -> int:
@@ -110,45 +82,43 @@ def bare_address(losses: bool = True) -> int:
     return address_of(driveline_step, bare_types(losses))
 
 
-def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> ir.Value:
-    """Build, for an intrinsic, the call of the function that begins at an address, and return what it returns."""
-    convention = context.call_conv
-    function = builder.inttoptr(address, convention.get_function_type(types.int64, signature).as_pointer())
-    return convention.call_function(builder, function, types.int64, signature, values)[1]
+def _alike(given: types.Type, taken: types.Type) -> bool:
+    """Return whether a value of one type is passed as one of the other; the sizes of a record's arrays do not matter."""
+    if isinstance(taken, types.BaseTuple):
+        return isinstance(given, types.BaseTuple) and len(given) == len(taken) and all(map(_alike, given, taken))
+    if isinstance(taken, types.Array):
+        return isinstance(given, types.Array) and (given.dtype, given.ndim, given.layout) == (taken.dtype, taken.ndim, taken.layout)
+    return given == taken
 
 
-def calling(signature: tuple) -> tuple:
-    """Return (signature, builder) of an intrinsic that takes an address and then the arguments of a signature."""
+def call_of(types_for: Callable[[tuple], tuple]) -> Compiled:
+    """Return what compiled code calls with the address of a function and then its arguments; it returns what the function does.
 
-    def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
-        call_at(context, builder, given[0], signature, list(given[1:]))
-        return context.get_dummy_value()
+    Parameters
+    ----------
+    types_for : callable
+        Gives the types of the function's arguments, from those that it is called with.
 
-    return types.void(types.int64, *signature), build
+    Returns
+    -------
+    Compiled
+        The intrinsic; it raises a TypeError where it is compiled with arguments that the function does not take.
+    """
+
+    @intrinsic
+    def call(_context: TypingContext, address: types.Type, *arguments: types.Type) -> tuple[Signature, Callable[..., ir.Value]]:
+        taken = types_for(arguments)
+        if len(arguments) != len(taken) or not all(map(_alike, arguments, taken)):
+            raise TypeError(f"a step that takes {taken} is called with {arguments}")
+
+        def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
+            convention = context.call_conv
+            function = builder.inttoptr(given[0], convention.get_function_type(types.int64, taken).as_pointer())
+            return convention.call_function(builder, function, types.int64, taken, cgutils.unpack_tuple(builder, given[1]))[1]
+
+        return types.int64(address, types.StarArgTuple.from_types(arguments)), build
+
+    return call
 
 
-@intrinsic
-def bare_step(
-    context: TypingContext,
-    address: types.Type,
-    h: types.Type,
-    t: types.Type,
-    minv: types.Type,
-    w: types.Type,
-    sh: types.Type,
-    kc: types.Type,
-    q: types.Type,
-    cap: types.Type,
-    loss: types.Type,
-    v: types.Type,
-    twist: types.Type,
-    mode: types.Type,
-    el: types.Type,
-    shaft: types.Type,
-    e_in: types.Type,
-    events: types.Type,
-    count: types.Type,
-    work: types.Type,
-) -> tuple[Signature, Callable[..., ir.Value]]:
-    """Call driveline_step by its address; where None is given for the losses, it is the step compiled without them."""
-    return calling(bare_types(loss != types.none))
+bare_step = call_of(lambda given: bare_types(given[4] != types.none))

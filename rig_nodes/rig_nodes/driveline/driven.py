@@ -3,7 +3,7 @@
 
 """A step of a rig's driveline that has laws, meshes with losses or inputs over time, by driveline/law_steps.py.
 
-The engine calls it by its address (plant.engine.general_step), with arrays of any sizes, in place of the quiet and the bare step.
+The engine calls it by its address (plant.engine.general_step), with a record of any sizes, in place of the quiet and the bare step.
 What driveline/run.py does with numpy before a run is done here in each step: it evaluates the tables of inputs at the ends of the
 step and cuts the step at their points.
 """
@@ -15,75 +15,44 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import njit
+from rig_nodes.base.compiled import STAGE, njit
 from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
 from rig_nodes.driveline.inputs import SAME
-from rig_nodes.driveline.law_steps import jumped, put, settled_step_at, share_of
-from rig_nodes.driveline.laws import CAPACITY, INERTIA, MOTION, TORQUE, Laws, LawState, law_state, laws_of
+from rig_nodes.driveline.law_steps import jumped, settled_step_at
+from rig_nodes.driveline.laws import CAPACITY, INERTIA, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of
+from rig_nodes.driveline.lines import share_of
 from rig_nodes.driveline.losses import LAST, OWN, put_losses
 from rig_nodes.driveline.motion import invert, product
+from rig_nodes.driveline.record import (
+    AT,
+    KEPT,
+    LAWS,
+    before_at,
+    begin_of,
+    floats,
+    laws_at,
+    loads_at,
+    loss_at,
+    outcome_at,
+    over_time_at,
+    own_at,
+    state_at,
+    structure_at,
+)
+from rig_nodes.driveline.state import Loads, put
 from rig_nodes.driveline.tables import Table, Tables, along, line, piece, tables_of
 
 if TYPE_CHECKING:
     from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.driveline.record import OverTime
+    from rig_nodes.driveline.state import State
     from rig_nodes.driveline.system import System
 
 FACTOR, LIMIT, PUSH = range(3)  # kinds of inputs over time: factor of a law or speed of a motion; capacity; torque on a body
 
-# arrays of a driven step after those of the bare step, name -> dimensions, for the engine's record. First those of the laws:
-LAWS = {
-    "kind": 1,
-    "angle": 1,
-    "slot": 1,
-    "element": 1,
-    "factor": 1,
-    "of": 2,
-    "on": 2,
-    "gap": 1,
-    "damping": 1,
-    "first_spring": 1,
-    "springs": 2,
-    "first_point": 1,
-    "x": 1,
-    "y": 1,
-    "ends": 2,
-    "period": 1,
-}
-# then the state of the laws, the work of the parts' torques on bodies, and the accelerations at the step's end:
-KEPT = {"at": 1, "law_torque": 1, "spring": 1, "way": 1, "law_work": 1, "part_work": 1, "accel": 1}
-# and those of the inputs: kind, place and row of the speeds of each; their points; the ratios of stick limit to capacity of the
-# elements; the defaults of the laws' inputs; the mass matrix; torques and capacities at the end of the last step, and whether there
-# was a step before
-INPUTS = {
-    "given_kind": 1,
-    "given_place": 1,
-    "given_on": 2,
-    "given_first": 1,
-    "given_x": 1,
-    "given_y": 1,
-    "stick": 2,
-    "default": 1,
-    "mass": 2,
-    "q_before": 1,
-    "cap_before": 2,
-    "begun": 1,
-}
-WHOLE_NUMBERS = (
-    "kind",
-    "angle",
-    "slot",
-    "element",
-    "factor",
-    "first_spring",
-    "first_point",
-    "given_kind",
-    "given_place",
-    "given_first",
-)
-
 
 def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
-    """Return the arrays of LAWS, KEPT and INPUTS for a system at its start.
+    """Return the arrays of LAWS, KEPT and INPUTS of driveline.record for a system at its start.
 
     Parameters
     ----------
@@ -117,7 +86,7 @@ def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.n
         rows.append(system.bodies_from_speeds[at[-1]] if kinds[-1] == PUSH else np.zeros(n))
     over_time = tables_of(list(every.values()))
     return {
-        **dict(zip(LAWS, (*laws[:11], *laws.tables))),
+        **dict(zip(LAWS, (*laws[:-1], *laws.tables))),
         **dict(zip(KEPT, own)),
         "part_work": np.zeros(1),
         "accel": np.zeros(n),
@@ -127,6 +96,8 @@ def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.n
         "given_first": over_time.first,
         "given_x": over_time.x,
         "given_y": over_time.y,
+        "given_ends": over_time.ends,
+        "given_period": over_time.period,
         "stick": system.stick,
         "default": np.array(list(system.factors.values())),
         "mass": system.mass,
@@ -136,172 +107,106 @@ def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.n
     }
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def driven_step(
-    settled: int,
-    bare: int,
-    h: float,
-    t: float,
-    minv: Floats,
-    w: Floats,
-    sh: Floats,
-    kc: Floats,
-    q: Floats,
-    cap: Floats,
-    loss: Floats,
-    v: Floats,
-    twist: Floats,
-    mode: Ints,
-    el: Floats,
-    shaft: Floats,
-    e_in: Floats,
-    events: Floats,
-    count: Ints,
-    work: Floats,
-    kind: Ints,
-    angle: Ints,
-    slot: Ints,
-    element: Ints,
-    factor: Ints,
-    of: Floats,
-    on: Floats,
-    gap: Floats,
-    damping: Floats,
-    first_spring: Ints,
-    springs: Floats,
-    first_point: Ints,
-    x: Floats,
-    y: Floats,
-    ends: Floats,
-    period: Floats,
-    at: Floats,
-    law_torque: Floats,
-    spring: Floats,
-    way: Floats,
-    law_work: Floats,
-    part_work: Floats,
-    accel: Floats,
-    given_kind: Ints,
-    given_place: Ints,
-    given_on: Floats,
-    given_first: Ints,
-    given_x: Floats,
-    given_y: Floats,
-    stick: Floats,
-    default: Floats,
-    mass: Floats,
-    q_before: Floats,
-    cap_before: Floats,
-    begun: Floats,
-) -> int:
-    """Move a driveline from t to t + h, where q and cap are those of the rig's parts.
+@njit(**STAGE)
+def next_bend(tables: Tables, t: float, done: float, h: float) -> float:
+    """Return the time from t at which a step of h, of which a part is done, has to end because of a point of a table over time."""
+    end, near = h, SAME * h
+    for k in range(tables.period.shape[0]):
+        bend = line(tables, k, piece(tables, k, t + done + near))[1] - t
+        if bend < h - near:
+            end = min(end, bend)
+    return end
 
-    settled and bare are addresses; twist has places for the integrals of the speeds. A step is cut at the points of tables over
-    time. After the step cap contains the torques with which losses brake at its end. Returns 0.
+
+@njit(**STAGE)
+def put_inputs(over_time: OverTime, t: float, begin: float, end: float, given: Given) -> None:
+    """Set factors, capacities and forces to the inputs over time at both ends of a part of a step, from t + begin to t + end."""
+    cap, stick = given.loads.cap, over_time.stick
+    for k in range(over_time.default.shape[0]):
+        given.factors[0, k] = given.factors[1, k] = over_time.default[k]
+    for k in range(over_time.kind.shape[0]):
+        _, _, value, point, slope = line(over_time.tables, k, piece(over_time.tables, k, t + 0.5 * (begin + end)))
+        for side in range(2):
+            now, place = value + slope * (t + (begin if side == 0 else end) - point), over_time.place[k]
+            if over_time.kind[k] == FACTOR:
+                given.factors[side, place] = now
+            elif over_time.kind[k] == LIMIT:
+                cap[KIN0 + side, place] = now
+                cap[HI0 + side, place] = stick[0, place] * now
+                cap[LO0 + side, place] = -stick[1, place] * now
+            else:
+                for j in range(over_time.on.shape[1]):
+                    given.loads.q[side, j] += now * over_time.on[k, j]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> int:
+    """Move the driveline of a record from t to t + h, where q and cap are those of the rig's parts.
+
+    A step is cut at the points of tables over time. After the step cap contains the torques with which losses brake at its end.
+
+    Parameters
+    ----------
+    settled, bare : int
+        Addresses of `settled_step` and `driveline_step`.
+    layout : (count,) array of int64
+        Field ``layout`` of the record (driveline.record).
+    h, t : float
+        Length of the step, and time at its start [s].
+
+    Returns
+    -------
+    int
+        0.
     """
-    n, m, slots = v.shape[0], mode.shape[0], sh.shape[0]
-    laws = Laws(
-        kind, angle, slot, element, factor, of, on, gap, damping, first_spring, springs, Tables(first_point, x, y, ends, period)
-    )
-    own = LawState(at, law_torque, spring, way, law_work)
-    inputs = given_kind.shape[0]
-    over_time = Tables(given_first, given_x, given_y, np.zeros((inputs, 2)), np.zeros(inputs))
-    given, qq, cc, before = np.zeros((3, default.shape[0])), np.empty((2, n)), np.empty((7, m)), np.empty(n)
-    for k in range(loss.shape[0]):
+    structure, loads, state, over_time = structure_at(layout), loads_at(layout), state_at(layout), over_time_at(layout)
+    before, outcome = before_at(layout), outcome_at(layout)
+    n, m, slots = state.v.shape[0], state.mode.shape[0], structure.sh.shape[0]
+    q, cap = loads.q, loads.cap
+    model = Model(bare, structure, floats(begin_of(layout) + layout[AT.mass], n, n), laws_at(layout))
+    moving = Moving(loss_at(layout), state, own_at(layout))
+    given, turned = Given(Loads(np.empty((2, n)), np.empty((7, m))), np.zeros((3, over_time.default.shape[0]))), np.empty(n)
+    qq, cc = given.loads.q, given.loads.cap
+    for k in range(moving.loss.shape[0]):
         for row in range(VISC):
-            cap[row, int(loss[k, OWN])] = 0.0
-    done, near = 0.0, SAME * h
+            cap[row, int(moving.loss[k, OWN])] = 0.0
+    done = 0.0
     while done < h:
-        end = h
-        for k in range(inputs):
-            bend = line(over_time, k, piece(over_time, k, t + done + near))[1] - t
-            if bend < h - near:
-                end = min(end, bend)
+        end = next_bend(over_time.tables, t, done, h)
         begin, until = done / h, 1.0 if end == h else end / h
         for j in range(n):
             qq[0, j], qq[1, j] = share_of(q[0, j], q[1, j], begin, until)
-            before[j] = twist[slots + j]
+            turned[j] = state.twist[slots + j]
         for f in range(m):
             for row in (KIN0, LO0, HI0):
                 cc[row, f], cc[row + 1, f] = share_of(cap[row, f], cap[row + 1, f], begin, until)
             cc[VISC, f] = cap[VISC, f]
-        for k in range(default.shape[0]):
-            given[0, k] = given[1, k] = default[k]
-        for k in range(inputs):
-            _, _, value, point, slope = line(over_time, k, piece(over_time, k, t + 0.5 * (done + end)))
-            for side in range(2):
-                now, place = value + slope * (t + (done if side == 0 else end) - point), given_place[k]
-                if given_kind[k] == FACTOR:
-                    given[side, place] = now
-                elif given_kind[k] == LIMIT:
-                    cc[KIN0 + side, place] = now
-                    cc[HI0 + side, place] = stick[0, place] * now
-                    cc[LO0 + side, place] = -stick[1, place] * now
-                else:
-                    for j in range(n):
-                        qq[side, j] += now * given_on[k, j]
-        fresh = begun[0] == 0.0 or jumped(qq, q_before, cc, cap_before)
-        settled_step_at(
-            settled,
-            bare,
-            end - done,
-            t + done,
-            fresh,
-            laws,
-            own,
-            given,
-            mass,
-            minv,
-            w,
-            sh,
-            kc,
-            qq,
-            cc,
-            loss,
-            v,
-            twist,
-            mode,
-            el,
-            shaft,
-            e_in,
-            events,
-            count,
-            work,
-        )
-        begun[0] = 1.0
-        put(q_before, qq[1])
-        put(cap_before, cc)
+        put_inputs(over_time, t, done, end, given)
+        fresh = before.begun[0] == 0.0 or jumped(qq, before.q, cc, before.cap)
+        settled_step_at(settled, model, given, moving, end - done, t + done, fresh)
+        before.begun[0] = 1.0
+        put(before.q, qq[1])
+        put(before.cap, cc)
         for j in range(n):
-            part_work[0] += 0.5 * (lin(q[0, j], q[1, j], begin) + lin(q[0, j], q[1, j], until)) * (twist[slots + j] - before[j])
+            force = 0.5 * (lin(q[0, j], q[1, j], begin) + lin(q[0, j], q[1, j], until))
+            outcome.part_work[0] += force * (state.twist[slots + j] - turned[j])
         done = end
-    put_losses(loss, cap, 1, LAST)
-    accelerate(laws, own, mass, minv, w, sh, cap, q_before, v, el, shaft, accel)
+    put_losses(moving.loss, cap, int(1), int(LAST))
+    accelerate(model, moving.own, cap, before.q, state, outcome.accel)
     return int(0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def accelerate(
-    laws: Laws,
-    own: LawState,
-    mass: Floats,
-    minv: Floats,
-    w: Floats,
-    sh: Floats,
-    cap: Floats,
-    q: Floats,
-    v: Floats,
-    el: Floats,
-    shaft: Floats,
-    accel: Floats,
-) -> None:
+def accelerate(model: Model, own: LawState, cap: Floats, q: Floats, state: State, accel: Floats) -> None:
     """Set `accel` to the accelerations (n,) at the end of a step, from all torques at that time; q is that of parts and inputs."""
+    laws, w, sh, v = model.laws, model.structure.w, model.structure.sh, state.v
     n = v.shape[0]
-    force, inverse, heavy = q.copy(), minv.copy(), False
+    force, inverse, heavy = q.copy(), model.structure.minv.copy(), False
     for f in range(w.shape[0]):
-        torque = el[LAM, f] + cap[VISC, f] * product(w[f], v)
+        torque = state.el[LAM, f] + cap[VISC, f] * product(w[f], v)
         for j in range(n):
             force[j] -= w[f, j] * torque
-    held = mass.copy()
+    held = model.mass.copy()
     straight = sh.shape[0]  # number of rows of shafts, which come before those of torques
     for k in range(laws.kind.shape[0]):
         push = 0.0
@@ -320,7 +225,7 @@ def accelerate(
             force[j] += push * laws.on[k, j]
     for a in range(straight):
         for j in range(n):
-            force[j] -= sh[a, j] * shaft[TAU, a]
+            force[j] -= sh[a, j] * state.shaft[TAU, a]
     if heavy:
         invert(held, inverse)
     for i in range(n):

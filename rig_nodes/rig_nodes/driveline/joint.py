@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import INLINED, INNER, njit
+from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     BREAK,
@@ -37,20 +37,27 @@ from rig_nodes.driveline.algebra import (
     STUCK,
     VISC,
     WEAK,
+    Places,
     beyond,
     has_capacity,
     high,
     if_stuck,
     lin,
     low,
+    multiply,
     noinline,
     places,
     project,
+    rate_of,
+    sum_at,
+    sum_of,
+    unslip,
 )
-from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, SHARE, WEIGHTS, brakes, put_losses, solve_losses
+from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, SHARE, WEIGHTS, brakes, put_last, put_losses, solve_losses
 
 if TYPE_CHECKING:
     from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.driveline.state import Loads, State, Structure
 
 MOST_SETS = 3**6  # most sets that are tried one by one where the pivots do not end: six elements, each with three modes
 SEEN = 1e-10  # rad/s: a slip above this does not come from rounding
@@ -61,8 +68,9 @@ JAMMED = -1.0  # marks an element that sticks beyond its limit, and, in work[FIR
 
 
 @njit(**INNER)
-def note(t: float, f: int, kind: int, v: Floats, twist: Floats, events: Floats, count: Ints) -> None:
+def note(t: float, f: int, kind: int, state: State) -> None:
     """Count an event of element f, and write it with speeds [rad/s] and their integrals [rad] to the ring, if it has rows."""
+    v, twist, events, count = state.v, state.twist, state.events, state.count
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
         if events.shape[1] > 3:
@@ -116,25 +124,30 @@ def hold(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
         project(minv, w, ost, work)
 
 
+@njit(**INLINED)
+def impulse_of(row: int, m: int, state: Ints | Floats, first: int, work: Floats, at: Places) -> float:
+    """Return p = G^+ slip of the row-th stuck one of m elements [Nm s]; the modes are in ``state`` from ``first`` on."""
+    impulse = 0.0
+    other = 0
+    for i in range(m):
+        if state[first + i] == STUCK:
+            impulse += work[at.inverse + row * m + other] * work[at.slip + i]
+            other += 1
+    return impulse
+
+
 @njit(**INNER)
-def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None:
+def capture(state: State, at: Places) -> None:
     """After a capped step, count as heat the energy that is lost where stuck elements remove more slip than that of rounding.
 
     An impulse p = G^+ slip takes p slip / 2 from each of them.
     """
-    m, n = w.shape
-    at = places(n, m, sh.shape[0], int(0))
-    row = 0
-    for f in range(m):
+    mode, work, row = state.mode, state.work, 0
+    for f in range(mode.shape[0]):
         if mode[f] == STUCK:
-            if abs(work[at.slip + f]) > SEEN:
-                impulse = 0.0
-                other = 0
-                for i in range(m):
-                    if mode[i] == STUCK:
-                        impulse += work[at.inverse + row * m + other] * work[at.slip + i]
-                        other += 1
-                el[E_FRIC, f] += 0.5 * impulse * work[at.slip + f]
+            slip = work[at.slip + f]
+            if abs(slip) > SEEN:
+                state.el[E_FRIC, f] += 0.5 * impulse_of(row, mode.shape[0], mode, int(0), work, at) * slip
             row += 1
 
 
@@ -177,22 +190,7 @@ def jammed(minv: Floats, w: Floats, loss: Floats, state: int, op: int, fall: int
 
 
 @njit(**INNER)
-def stop(
-    t: float,
-    on: int,
-    minv: Floats,
-    w: Floats,
-    sh: Floats,
-    cap: Floats,
-    loss: Floats,
-    v: Floats,
-    twist: Floats,
-    mode: Ints,
-    el: Floats,
-    events: Floats,
-    count: Ints,
-    work: Floats,
-) -> int:
+def stop(t: float, on: int, structure: Structure, cap: Floats, loss: Floats, state: State) -> int:
     """Stop at once the element ``on`` of a mesh that jams, and return the number of events.
 
     No finite torque satisfies the law of friction there, so an impulse stops it (Genot and Brogliato, New results on Painleve
@@ -200,72 +198,290 @@ def stop(
     An impulse p = G^+ slip removes an energy of p slip / 2 at each element.
     """
     noinline()
+    w, v, mode, el, work = structure.w, state.v, state.mode, state.el, state.work
     m, n = w.shape
-    at = places(n, m, sh.shape[0], loss.shape[0])
+    at = places(n, m, structure.sh.shape[0], loss.shape[0])
     for f in range(m):
         rigid = mode[f] == STUCK and (cap[HI0, f] == np.inf or cap[LO0, f] == -np.inf)
         work[at.state + f] = STUCK if rigid or f == on else 0.0
         work[at.candidate + f] = 0.0
-        total = 0.0
-        for j in range(n):
-            total += w[f, j] * v[j]
-        work[at.slip + f] = total
-    project(minv, w, at.state, work)
+        work[at.slip + f] = rate_of(w, f, v)
+    project(structure.minv, w, at.state, work)
     row = 0
     for f in range(m):
         if work[at.state + f] == STUCK:
-            impulse = 0.0
-            other = 0
-            for i in range(m):
-                if work[at.state + i] == STUCK:
-                    impulse += work[at.inverse + row * m + other] * work[at.slip + i]
-                    other += 1
+            impulse = impulse_of(row, m, work, at.state, work, at)
             el[IMPULSE, f] += impulse
             el[E_FRIC, f] += 0.5 * impulse * work[at.slip + f]
             row += 1
-    for f in range(m):
-        if work[at.state + f] == STUCK:
-            for j in range(n):
-                v[j] -= work[at.r + f * n + j] * work[at.slip + f]
+    unslip(v, m, work, at.state, at.slip, at.r, work)
     work[FIRST] = JAMMED
-    note(t, on, int(LOCK), v, twist, events, count)
+    note(t, on, int(LOCK), state)
     made = 1
     mode[on] = STUCK
     for f in range(m):
         if work[at.state + f] != STUCK and has_capacity(cap, f):
-            slip = 0.0
-            for j in range(n):
-                slip += w[f, j] * v[j]
+            slip = rate_of(w, f, v)
             old = mode[f]
             new = int(FORWARD) if slip > 0.0 else int(BACKWARD)
             if abs(slip) <= SEEN:
                 work[at.candidate + f] = 1.0 if old == OPEN else 0.0
             elif old != new:
-                note(t, f, int(CLOSE) if old == OPEN else (int(CROSS) if abs(old) < 2 else int(BREAK)), v, twist, events, count)
+                note(t, f, int(CLOSE) if old == OPEN else (int(CROSS) if abs(old) < 2 else int(BREAK)), state)
                 made += 1
                 mode[f] = new
     return made
 
 
+@njit(**INLINED)
+def carried(cap: Floats, f: int, mode: float, x: float) -> float:
+    """Return the torque of an element that slips or carries its limit, at share x of a step [Nm]."""
+    if mode == LOCKED_HIGH:
+        return high(cap, f, x)
+    if mode == LOCKED_LOW:
+        return low(cap, f, x)
+    return mode * lin(cap[KIN0, f], cap[KIN1, f], x)
+
+
+@njit(**STAGE)
+def first_set(mode: Ints, work: Floats, at: Places) -> bool:
+    """Set the modes that are tried first, and return whether they are the present ones; otherwise all candidates stick."""
+    kept = True
+    for f in range(mode.shape[0]):
+        if work[at.candidate + f] != 0.0 and (abs(mode[f]) < 2 or work[at.side + f] != 0.0):
+            kept = False
+    for f in range(mode.shape[0]):
+        work[at.once + f] = 0.0
+        work[at.state + f] = STUCK if work[at.candidate + f] != 0.0 and not kept else mode[f]
+    return kept
+
+
+@njit(**INLINED)
+def stick_all(m: int, work: Floats, at: Places) -> None:
+    """Let all candidates stick."""
+    for f in range(m):
+        if work[at.candidate + f] != 0.0:
+            work[at.state + f] = STUCK
+
+
+@njit(**STAGE)
+def choose_set(number: int, m: int, cap: Floats, work: Floats, at: Places) -> None:
+    """Set the modes of one of the sets that are tried one by one; before the first the last modes of the pivots are kept."""
+    left = number
+    for f in range(m):
+        if number == 0:
+            work[at.slip1 + f] = work[at.state + f]
+        if limited(f, cap, at.candidate, work):
+            work[at.state + f] = STUCK if left % 3 == 0 else (FORWARD if left % 3 == 1 else BACKWARD)
+            work[at.once + f] = 1.0
+            left //= 3
+        elif work[at.candidate + f] != 0.0:
+            work[at.state + f] = STUCK
+
+
+@njit(**STAGE)
+def hold_back(trying: bool, structure: Structure, work: Floats, at: Places) -> bool:
+    """Let candidates carry their limit where others prevent their slip; return whether one slips that does not any more."""
+    changed = False
+    for f in range(structure.w.shape[0]):
+        mode = abs(work[at.state + f])
+        if work[at.candidate + f] != 0.0 and (mode == 3.0 or (trying and mode == 1.0)):
+            held = dependent(f, structure.w, structure.minv, work, at.p)
+            if held and mode == 1.0:
+                work[at.state + f] *= 3.0
+            elif not held and mode == 3.0:
+                # an element whose slip is no longer prevented by others slips in the direction in which it was loaded
+                work[at.state + f] = FORWARD if work[at.state + f] > 0.0 else BACKWARD
+                changed = True
+    return changed
+
+
+@njit(**STAGE)
+def forces_of_set(x: float, structure: Structure, loads: Loads, loss: Floats, state: State, at: Places) -> None:
+    """Set the forces on the speeds, and the torques on which losses depend, without stuck elements and losses."""
+    w, sh, kc, cap, work, n = structure.w, structure.sh, structure.kc, loads.cap, state.work, state.v.shape[0]
+    put_losses(loss, cap, int(0), int(-1))
+    put_losses(loss, cap, int(1), int(-1))
+    for k in range(loss.shape[0]):
+        work[at.given + k] = 0.0
+    for j in range(n):
+        work[at.force + j] = lin(loads.q[0, j], loads.q[1, j], x)
+    for a in range(sh.shape[0]):
+        torque = kc[0, a] * state.twist[a] + kc[1, a] * rate_of(sh, a, state.v)
+        for j in range(n):
+            work[at.force + j] -= sh[a, j] * torque
+    for f in range(w.shape[0]):
+        mode = work[at.state + f]
+        torque = 0.0 if mode == STUCK else carried(cap, f, mode, x)
+        for k in range(loss.shape[0]):
+            work[at.given + k] += loss[k, WEIGHTS + f] * torque
+        if work[at.candidate + f] == 0.0:
+            torque += cap[VISC, f] * rate_of(w, f, state.v)
+        if torque != 0.0:
+            for j in range(n):
+                work[at.force + j] -= w[f, j] * torque
+
+
+@njit(**STAGE)
+def losses_of_set(structure: Structure, loss: Floats, state: State, at: Places) -> bool:
+    """Set NEXT to the losses of the set that is tried; return False where they have no solution."""
+    w, work, count, n = structure.w, state.work, loss.shape[0], state.v.shape[0]
+    m = w.shape[0]
+    for k in range(count):
+        for j in range(n):
+            row = 0.0
+            for f in range(m):
+                if work[at.state + f] == STUCK:
+                    row += loss[k, WEIGHTS + f] * work[at.r + f * n + j]
+            for i in range(n):
+                row += loss[k, WEIGHTS + m + i] * work[at.p + i * n + j]
+            work[at.row + j] = row
+            work[at.given + k] += row * work[at.force + j]
+        for other in range(count):
+            on = int(loss[other, ON])
+            by = brakes(loss[other, FACTOR], work[at.state + on])
+            fall = -loss[k, WEIGHTS + on] * by
+            for j in range(n):
+                fall += work[at.row + j] * w[on, j] * by
+            work[at.fall + k * count + other] = fall
+    return solve_losses(loss, state.v, work, at.given, at.fall, at.newton)
+
+
+@njit(**STAGE)
+def brake_set(w: Floats, cap: Floats, loss: Floats, work: Floats, at: Places) -> None:
+    """Let the losses of the set that is tried act."""
+    for k in range(loss.shape[0]):
+        loss[k, LAST] = loss[k, NEXT]
+    put_last(loss, cap)
+    for k in range(loss.shape[0]):
+        on = int(loss[k, ON])
+        torque = brakes(loss[k, FACTOR], work[at.state + on]) * loss[k, LAST]
+        for j in range(w.shape[1]):
+            work[at.force + j] -= w[on, j] * torque
+
+
+@njit(**INLINED)
+def overload(f: int, x: float, cap: Floats, work: Floats, at: Places) -> tuple[float, float]:
+    """Return by how much a stuck candidate exceeds its limit [Nm], 0 where it does not, and 1 or -1 for the direction."""
+    torque, kin, hi, lo = work[at.torque0 + f], lin(cap[KIN0, f], cap[KIN1, f], x), high(cap, f, x), low(cap, f, x)
+    forced = work[at.side + f]
+    if work[at.once + f] != 0.0:
+        forced = 0.0
+        if hi < np.inf:
+            hi = kin
+        if lo > -np.inf:
+            lo = -kin
+    tol = 1e-11 * (1.0 + abs(torque))
+    if forced > 0.0 and torque > hi - 1e-9 * (1.0 + abs(hi)):
+        return max(torque - hi, tol), 1.0
+    if forced < 0.0 and torque < lo + 1e-9 * (1.0 + abs(lo)):
+        return max(lo - torque, tol), -1.0
+    if torque - hi > tol:
+        return torque - hi, 1.0
+    if lo - torque > tol:
+        return lo - torque, -1.0
+    return 0.0, 0.0
+
+
+@njit(**STAGE)
+def most_overloaded(x: float, least: bool, w: Floats, cap: Floats, work: Floats, at: Places) -> tuple[int, float]:
+    """Return the most overloaded stuck candidate, or the first one (least), -1 without one, and the direction of its overload."""
+    m, n = w.shape
+    worst, worst_by, worst_dir = int(-1), 0.0, 0.0
+    for f in range(m):
+        if work[at.candidate + f] == 0.0 or work[at.state + f] != STUCK:
+            continue
+        work[at.torque0 + f] = sum_of(work, at.r + f * n, at.force, n)
+        if work[at.once + f] == JAMMED:
+            continue
+        over, direction = overload(f, x, cap, work, at)
+        if direction != 0.0 and (worst < 0 or (not least and over > worst_by * (1.0 + 1e-9))):
+            worst, worst_by, worst_dir = f, over, direction
+    return worst, worst_dir
+
+
+@njit(**STAGE)
+def moves_back(x: float, least: bool, structure: Structure, loads: Loads, losses: int, work: Floats, at: Places) -> int:
+    """Return the released candidate that moves most against its friction, or the first one (least), -1 without one."""
+    w, cap, n, back, back_by = structure.w, loads.cap, structure.w.shape[1], -1, 0.0
+    for f in range(w.shape[0]):
+        mode = work[at.state + f]
+        if work[at.candidate + f] == 0.0 or abs(mode) != 1.0:
+            continue
+        size = 0.0
+        for j in range(n):
+            size += abs(w[f, j] * work[at.accel + j])
+        against = -sum_at(work, at.accel, w, f) * mode
+        close = 1e-11 * (1.0 + size)
+        if least and losses > 0:
+            # the acceleration by the error of the losses is the tolerance: two choices may differ by no more than that
+            kin = lin(cap[KIN0, f], cap[KIN1, f], x)
+            for i in range(n):
+                for j in range(n):
+                    close += 1e-9 * (1.0 + kin) * w[f, i] * structure.minv[i, j] * w[f, j]
+        if against > close and (back < 0 or (not least and against > back_by)):
+            back, back_by = f, against
+    return back
+
+
+@njit(**STAGE)
+def certain(x: float, w: Floats, cap: Floats, work: Floats, at: Places) -> bool:
+    """Return whether each element that carries its limit would exceed it if it stuck."""
+    sure = True
+    for f in range(w.shape[0]):
+        mode = work[at.state + f]
+        if work[at.candidate + f] != 0.0 and abs(mode) == 3.0:
+            limit = high(cap, f, x) if mode > 0.0 else low(cap, f, x)
+            sure &= beyond(limit, mode, if_stuck(f, work, at.state, work, at.torque0, w, at.r, work)) > 0.0
+    return sure
+
+
+@njit(**STAGE)
+def keep_last(tried: bool, structure: Structure, work: Floats, at: Places) -> None:
+    """Take the last modes of the pivots, where no set was consistent; tried is whether sets were tried after them."""
+    w, minv = structure.w, structure.minv
+    for f in range(w.shape[0]):
+        if work[at.candidate + f] != 0.0 and tried:
+            work[at.state + f] = work[at.slip1 + f]
+    hold(minv, w, at.state, work)
+    for f in range(w.shape[0]):
+        if work[at.candidate + f] != 0.0 and abs(work[at.state + f]) == 3.0 and not dependent(f, w, minv, work, at.p):
+            work[at.state + f] = FORWARD if work[at.state + f] > 0.0 else BACKWARD
+
+
+@njit(**STAGE)
+def change_modes(t: float, w: Floats, state: State, at: Places) -> int:
+    """Give the candidates the modes that were found, take the slip of rounding off stuck ones; return the number of events."""
+    mode, work, made = state.mode, state.work, 0
+    for f in range(mode.shape[0]):
+        if work[at.candidate + f] == 0.0:
+            continue
+        old = mode[f]
+        new = int(work[at.state + f])
+        if abs(new) >= 2:
+            kind = int(LOCK) if abs(old) < 2 else 0
+        elif abs(old) >= 2:
+            kind = int(BREAK)
+        elif old == 0:
+            kind = int(CLOSE)
+        else:
+            kind = int(CROSS) if old != new else 0
+        if kind != 0:
+            note(t, f, kind, state)
+            made += 1
+        mode[f] = new
+        work[at.candidate + f] = 0.0
+    for f in range(mode.shape[0]):
+        # the root leaves a slip of rounding size; remove it so that a locked element has no slip
+        if mode[f] == STUCK:
+            work[at.slip + f] = rate_of(w, f, state.v)
+    capture(state, at)
+    unslip(state.v, mode.shape[0], mode, int(0), at.slip, at.r, work)
+    return made
+
+
 @njit(**INNER)
-def resolve(
-    x: float,
-    t: float,
-    minv: Floats,
-    w: Floats,
-    sh: Floats,
-    kc: Floats,
-    q: Floats,
-    cap: Floats,
-    loss: Floats,
-    v: Floats,
-    twist: Floats,
-    mode: Ints,
-    el: Floats,
-    events: Floats,
-    count: Ints,
-    work: Floats,
-) -> int:
+def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats, state: State) -> int:
     """Decide jointly, at acceleration level, which of the zero-slip elements (flagged as candidates) stick and which slip.
 
     It starts with all of them stuck. Each pivot releases the most overloaded element in the direction of its overload. A released
@@ -283,122 +499,31 @@ def resolve(
     stuck.
     """
     noinline()
-    n = minv.shape[0]
-    m = w.shape[0]
-    s = sh.shape[0]
+    minv, w, cap, work = structure.minv, structure.w, loads.cap, state.work
+    m, n = w.shape
     losses = loss.shape[0]
-    at = places(n, m, s, losses)
-    op, orr, of, oa, ost, ocand, oforce, oonce, oslip, ol0, oy, os, orow = (
-        at.p,
-        at.r,
-        at.force,
-        at.accel,
-        at.state,
-        at.candidate,
-        at.side,
-        at.once,
-        at.slip,
-        at.torque0,
-        at.given,
-        at.fall,
-        at.row,
-    )
-    kept = True  # whether the present modes are tried first
-    for f in range(m):
-        if work[ocand + f] != 0.0 and (abs(mode[f]) < 2 or work[oforce + f] != 0.0):
-            kept = False
-    for f in range(m):
-        work[oonce + f] = 0.0
-        work[ost + f] = STUCK if work[ocand + f] != 0.0 and not kept else mode[f]
+    at = places(n, m, structure.sh.shape[0], losses)
+    kept = first_set(state.mode, work, at)
     done = solved = False
     steep = int(-1)  # number of a mesh that turns and could jam in one of the sets
     pivots = 12 * m + 4
     sets = 1 if losses > 0 else 0
     for f in range(m):
-        if sets > 0 and limited(f, cap, ocand, work):
+        if sets > 0 and limited(f, cap, at.candidate, work):
             sets = 3 * sets if sets < MOST_SETS else 0
     for it in range(pivots + sets):
-        trying = it >= pivots
-        solved = True
+        trying, least, solved = it >= pivots, it > 3 * m, True
         if trying:
-            left = it - pivots
-            for f in range(m):
-                if it == pivots:
-                    work[at.slip1 + f] = work[ost + f]
-                if limited(f, cap, ocand, work):
-                    work[ost + f] = STUCK if left % 3 == 0 else (FORWARD if left % 3 == 1 else BACKWARD)
-                    work[oonce + f] = 1.0
-                    left //= 3
-                elif work[ocand + f] != 0.0:
-                    work[ost + f] = STUCK
-        hold(minv, w, ost, work)
-        changed = False
-        for f in range(m):
-            state = abs(work[ost + f])
-            if work[ocand + f] != 0.0 and (state == 3.0 or (trying and state == 1.0)):
-                held = dependent(f, w, minv, work, op)
-                if held and state == 1.0:
-                    work[ost + f] *= 3.0
-                elif not held and state == 3.0:
-                    # an element whose slip is no longer prevented by others slips in the direction in which it was loaded
-                    work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
-                    changed = True
-        put_losses(loss, cap, int(0), int(-1))
-        put_losses(loss, cap, int(1), int(-1))
-        for k in range(losses):
-            work[oy + k] = 0.0
-        for j in range(n):
-            work[of + j] = lin(q[0, j], q[1, j], x)
-        for a in range(s):
-            rate = 0.0
-            for j in range(n):
-                rate += sh[a, j] * v[j]
-            torque = kc[0, a] * twist[a] + kc[1, a] * rate
-            for j in range(n):
-                work[of + j] -= sh[a, j] * torque
-        for f in range(m):
-            state = work[ost + f]
-            if state == STUCK:
-                torque = 0.0
-            elif state == LOCKED_HIGH:
-                torque = high(cap, f, x)
-            elif state == LOCKED_LOW:
-                torque = low(cap, f, x)
-            else:
-                torque = state * lin(cap[KIN0, f], cap[KIN1, f], x)
-            for k in range(losses):
-                work[oy + k] += loss[k, WEIGHTS + f] * torque
-            if work[ocand + f] == 0.0:
-                slip = 0.0
-                for j in range(n):
-                    slip += w[f, j] * v[j]
-                torque += cap[VISC, f] * slip
-            if torque != 0.0:
-                for j in range(n):
-                    work[of + j] -= w[f, j] * torque
+            choose_set(it - pivots, m, cap, work, at)
+        hold(minv, w, at.state, work)
+        changed = hold_back(trying, structure, work, at)
+        forces_of_set(x, structure, loads, loss, state, at)
         if losses > 0:
-            for k in range(losses):
-                for j in range(n):
-                    row = 0.0
-                    for f in range(m):
-                        if work[ost + f] == STUCK:
-                            row += loss[k, WEIGHTS + f] * work[orr + f * n + j]
-                    for i in range(n):
-                        row += loss[k, WEIGHTS + m + i] * work[op + i * n + j]
-                    work[orow + j] = row
-                    work[oy + k] += row * work[of + j]
-                for other in range(losses):
-                    on = int(loss[other, ON])
-                    by = brakes(loss[other, FACTOR], work[ost + on])
-                    fall = -loss[k, WEIGHTS + on] * by
-                    for j in range(n):
-                        fall += work[orow + j] * w[on, j] * by
-                    work[os + k * losses + other] = fall
-            solved = solve_losses(loss, v, work, oy, os, at.newton)
+            solved = losses_of_set(structure, loss, state, at)
             jams = int(-1)
-            if it > 3 * m or not solved:
-                jams = jammed(minv, w, loss, ost, op, os, work)
-                if jams >= 0 and work[ocand + jams] == 0.0:
+            if least or not solved:
+                jams = jammed(minv, w, loss, at.state, at.p, at.fall, work)
+                if jams >= 0 and work[at.candidate + jams] == 0.0:
                     steep = jams
             if not solved:
                 if trying:
@@ -406,102 +531,21 @@ def resolve(
                 if jams >= 0:
                     if kept:
                         kept = False
-                        for f in range(m):
-                            if work[ocand + f] != 0.0:
-                                work[ost + f] = STUCK
+                        stick_all(m, work, at)
                         continue
-                    if work[ocand + jams] == 0.0:
+                    if work[at.candidate + jams] == 0.0:
                         return -1 - jams
-                    work[ost + jams] = STUCK
-                    work[oonce + jams] = JAMMED
+                    work[at.state + jams] = STUCK
+                    work[at.once + jams] = JAMMED
                     continue
-            for k in range(losses):
-                loss[k, LAST] = loss[k, NEXT]
-            put_losses(loss, cap, int(0), int(LAST))
-            put_losses(loss, cap, int(1), int(LAST))
-            for k in range(losses):
-                on = int(loss[k, ON])
-                torque = brakes(loss[k, FACTOR], work[ost + on]) * loss[k, LAST]
-                for j in range(n):
-                    work[of + j] -= w[on, j] * torque
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += work[op + i * n + j] * work[of + j]
-            work[oa + i] = total
-        least = it > 3 * m
-        worst = int(-1)
-        worst_dir = 0.0
-        worst_by = 0.0
-        back = -1
-        back_by = 0.0
-        for f in range(m):
-            if work[ocand + f] == 0.0:
-                continue
-            state = work[ost + f]
-            kin = lin(cap[KIN0, f], cap[KIN1, f], x)
-            if state == STUCK:
-                total = 0.0
-                for j in range(n):
-                    total += work[orr + f * n + j] * work[of + j]
-                work[ol0 + f] = total
-                if work[oonce + f] == JAMMED:
-                    continue
-                hi = high(cap, f, x)
-                lo = low(cap, f, x)
-                if work[oonce + f] != 0.0:
-                    if hi < np.inf:
-                        hi = kin
-                    if lo > -np.inf:
-                        lo = -kin
-                tol = 1e-11 * (1.0 + abs(total))
-                forced = work[oforce + f] if work[oonce + f] == 0.0 else 0.0
-                if forced > 0.0 and total > hi - 1e-9 * (1.0 + abs(hi)):
-                    over = max(total - hi, tol)
-                    direction = 1.0
-                elif forced < 0.0 and total < lo + 1e-9 * (1.0 + abs(lo)):
-                    over = max(lo - total, tol)
-                    direction = -1.0
-                elif total - hi > tol:
-                    over = total - hi
-                    direction = 1.0
-                elif lo - total > tol:
-                    over = lo - total
-                    direction = -1.0
-                else:
-                    continue
-                if worst < 0 or (not least and over > worst_by * (1.0 + 1e-9)):
-                    worst = f
-                    worst_by = over
-                    worst_dir = direction
-            elif abs(state) == 1.0:
-                accel = 0.0
-                size = 0.0
-                for j in range(n):
-                    accel += w[f, j] * work[oa + j]
-                    size += abs(w[f, j] * work[oa + j])
-                against = -accel * state
-                close = 1e-11 * (1.0 + size)
-                if least and losses > 0:
-                    # the acceleration by the error of the losses is the tolerance: two choices may differ by no more than that
-                    for i in range(n):
-                        for j in range(n):
-                            close += 1e-9 * (1.0 + kin) * w[f, i] * minv[i, j] * w[f, j]
-                if against > close and (back < 0 or (not least and against > back_by)):
-                    back = f
-                    back_by = against
+            brake_set(w, cap, loss, work, at)
+        multiply(work, at.p, at.force, at.accel, n)
+        worst, direction = most_overloaded(x, least, w, cap, work, at)
+        back = moves_back(x, least, structure, loads, losses, work, at)
         if kept:
             kept = False
-            certain = worst < 0 and not changed
-            for f in range(m):
-                state = work[ost + f]
-                if work[ocand + f] != 0.0 and abs(state) == 3.0:
-                    limit = high(cap, f, x) if state > 0.0 else low(cap, f, x)
-                    certain &= beyond(limit, state, if_stuck(f, work, ost, work, ol0, w, orr, work)) > 0.0
-            if not certain:
-                for f in range(m):
-                    if work[ocand + f] != 0.0:
-                        work[ost + f] = STUCK
+            if worst >= 0 or changed or not certain(x, w, cap, work, at):
+                stick_all(m, work, at)
                 continue
         if trying:
             if worst >= 0 or back >= 0:
@@ -514,59 +558,20 @@ def resolve(
             else:
                 back = -1
         if worst >= 0:
-            work[ost + worst] = worst_dir
-            work[oonce + worst] = 1.0
-            hold(minv, w, ost, work)
-            if dependent(worst, w, minv, work, op):
-                work[ost + worst] = 3.0 * worst_dir
+            work[at.state + worst] = direction
+            work[at.once + worst] = 1.0
+            hold(minv, w, at.state, work)
+            if dependent(worst, w, minv, work, at.p):
+                work[at.state + worst] = 3.0 * direction
         elif back >= 0:
-            work[ost + back] = STUCK
+            work[at.state + back] = STUCK
         elif not changed:
             done = True
             break
     if not done and steep >= 0:
         return -1 - steep
     if not (done and solved):
-        count[N_CAPPED] += 1
+        state.count[N_CAPPED] += 1
     if not done:
-        for f in range(m):
-            if work[ocand + f] != 0.0 and it >= pivots:
-                work[ost + f] = work[at.slip1 + f]
-        hold(minv, w, ost, work)
-        for f in range(m):
-            if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
-                work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
-    made = 0
-    for f in range(m):
-        if work[ocand + f] == 0.0:
-            continue
-        old = mode[f]
-        new = int(work[ost + f])
-        if abs(new) >= 2:
-            if abs(old) < 2:
-                note(t, f, int(LOCK), v, twist, events, count)
-                made += 1
-        elif abs(old) >= 2:
-            note(t, f, int(BREAK), v, twist, events, count)
-            made += 1
-        elif old == 0:
-            note(t, f, int(CLOSE), v, twist, events, count)
-            made += 1
-        elif old != new:
-            note(t, f, int(CROSS), v, twist, events, count)
-            made += 1
-        mode[f] = new
-        work[ocand + f] = 0.0
-    for f in range(m):
-        # the root leaves a slip of rounding size; remove it so that a locked element has no slip
-        if mode[f] == STUCK:
-            slip = 0.0
-            for j in range(n):
-                slip += w[f, j] * v[j]
-            work[oslip + f] = slip
-    capture(w, sh, mode, el, work)
-    for f in range(m):
-        if mode[f] == STUCK:
-            for j in range(n):
-                v[j] -= work[orr + f * n + j] * work[oslip + f]
-    return made
+        keep_last(it >= pivots, structure, work, at)
+    return change_modes(t, w, state, at)

@@ -10,11 +10,11 @@ arrays only, so that one compiled function serves every arrangement.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import INNER, njit
+from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     CLOSE,
@@ -26,34 +26,62 @@ from rig_nodes.driveline.algebra import (
     FORWARD,
     FREE,
     IMPULSE,
-    KIN0,
-    KIN1,
     LAM,
-    LOCKED_HIGH,
-    LOCKED_LOW,
     N_CAPPED,
     OPEN,
     STUCK,
     TAU,
     VISC,
+    Places,
     has_capacity,
     high,
     implicit,
     lin,
     low,
+    multiply,
     noinline,
     places,
     project,
+    rate_of,
     stale,
+    sum_at,
+    sum_of,
+    unslip,
 )
-from rig_nodes.driveline.joint import jammed, note, resolve, stop
-from rig_nodes.driveline.losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses
+from rig_nodes.driveline.joint import carried, jammed, note, resolve, stop
+from rig_nodes.driveline.losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, brakes, end_losses, put_last, put_losses
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base.arrays import Floats
+    from rig_nodes.driveline.state import Loads, State, Structure
 
 JAM = 1e-3  # share of a step: accuracy of the time at which a mesh jams
 UNDECIDED = 3  # most failed decisions in a step; one of them takes as much time as a hundred successful ones
+
+
+class Span(NamedTuple):
+    """What a sub-step starts from: the modes do not change in it before its end.
+
+    Parameters
+    ----------
+    h, done : float
+        Length of the whole step, and what of it is done [s].
+    pattern : float
+        Number of the set of stuck elements.
+    scale : float
+        1 plus the largest speed at the start of the whole step [rad/s], to which slips of rounding size are compared.
+    watch : bool
+        Whether events end the sub-step.
+    at : Places
+        Places in the work buffer.
+    """
+
+    h: float
+    done: float
+    pattern: float
+    scale: float
+    watch: bool
+    at: Places
 
 
 @njit(**INNER)
@@ -85,106 +113,367 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
     return -b / a if b > 0.0 else 0.0
 
 
-@njit(**INNER)
-def end_losses(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, loss: Floats, v: Floats, mode: Ints, work: Floats) -> bool:
-    """Set NEXT to the losses at the end of a sub-step of d, from its forces without them; return False where there is no solution.
+@njit(**STAGE)
+def start_modes(t: float, scale: float, w: Floats, cap: Floats, state: State, at: Places) -> tuple[int, bool]:
+    """Set the modes of elements that open, close or slip the other way at the start of a step.
 
-    A force F changes the speed reached by d H F / 2, the torque of a stuck element by R (1 - d B H / 2) F, and the acceleration at
-    the end by H F: mean and end of the trapezoidal rule.
+    Returns the number of events, and whether there are elements to be decided jointly.
     """
-    m, n = w.shape
-    k = loss.shape[0]
-    at = places(n, m, sh.shape[0], k)
-    oh, orr, of, oa, odf, ol1, orho, oz, oy, os, orow = (
-        at.h,
-        at.r,
-        at.force,
-        at.accel,
-        at.dforce,
-        at.torque1,
-        at.rho,
-        at.z,
-        at.given,
-        at.fall,
-        at.row,
-    )
-    for a in range(k):
+    mode, work, made, joint, tol = state.mode, state.work, 0, False, 1e-12 * scale
+    for f in range(mode.shape[0]):
+        mo = mode[f]
+        work[at.side + f] = 0.0
+        if not has_capacity(cap, f):
+            if mo != OPEN:
+                note(t, f, int(FREE), state)
+                made += 1
+                mode[f] = OPEN
+        elif mo == OPEN or abs(mo) == 1:
+            slip = rate_of(w, f, state.v)
+            if mo == OPEN:
+                if abs(slip) <= tol:
+                    work[at.candidate + f] = 1.0
+                    joint = True
+                else:
+                    mode[f] = FORWARD if slip > 0.0 else BACKWARD
+                    note(t, f, int(CLOSE), state)
+                    made += 1
+            elif mo * slip < -tol:
+                if mo * slip < -1e-6 * scale:
+                    # a capped step has left this mode, or the caller has set another speed
+                    mode[f] = -mo
+                    note(t, f, int(CROSS), state)
+                    made += 1
+                else:
+                    work[at.candidate + f] = 1.0
+                    joint = True
+        elif mo != STUCK:
+            joint = True
+    return made, joint
+
+
+@njit(**STAGE)
+def mark(tol: float, w: Floats, state: State, at: Places) -> None:
+    """Mark as candidates all elements that do not slip."""
+    for f in range(state.mode.shape[0]):
+        if abs(state.mode[f]) >= 2:
+            state.work[at.candidate + f] = 1.0
+        elif state.mode[f] != OPEN:
+            if abs(rate_of(w, f, state.v)) <= tol:
+                state.work[at.candidate + f] = 1.0
+
+
+@njit(**STAGE)
+def start_forces(x: float, structure: Structure, loads: Loads, state: State, at: Places) -> float:
+    """Set forces, accelerations, slips and torques at the start of a sub-step, share x of the step; return the pattern.
+
+    The pattern is the number of the set of stuck elements, for which P and R are computed.
+    """
+    w, sh, kc, cap, mode, work = structure.w, structure.sh, structure.kc, loads.cap, state.mode, state.work
+    m, n = mode.shape[0], state.v.shape[0]
+    pattern = 1.0
+    bit = 1.0
+    for j in range(n):
+        work[at.force + j] = lin(loads.q[0, j], loads.q[1, j], x)
+    for a in range(sh.shape[0]):
+        rate = rate_of(sh, a, state.v)
+        work[at.rate + a] = rate
+        torque = kc[0, a] * state.twist[a] + kc[1, a] * rate
         for j in range(n):
+            work[at.force + j] -= sh[a, j] * torque
+    for f in range(m):
+        mo = mode[f]
+        slip = rate_of(w, f, state.v)
+        work[at.slip0 + f] = slip
+        torque = 0.0
+        if mo == STUCK:
+            pattern += bit
+        elif mo != OPEN:
+            torque = carried(cap, f, mo, x)
+        bit *= 2.0
+        work[at.torque0 + f] = torque
+        torque += cap[VISC, f] * slip
+        for j in range(n):
+            work[at.force + j] -= w[f, j] * torque
+    if work[0] != pattern:
+        for f in range(m):
+            work[at.state + f] = mode[f]
+        project(structure.minv, w, at.state, work)
+    multiply(work, at.p, at.force, at.accel, n)
+    for f in range(m):
+        if mode[f] == STUCK:
+            work[at.torque0 + f] = sum_of(work, at.r + f * n, at.force, n)
+    return pattern
+
+
+@njit(**INLINED)
+def share_at(d: float, span: Span) -> float:
+    """Return the share of the whole step at which a sub-step of d ends."""
+    return 1.0 if d == span.h - span.done else (span.done + d) / span.h
+
+
+@njit(**STAGE)
+def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
+    """Set the change of the forces, and the torques at the end, over a sub-step of d before losses and anything implicit."""
+    w, sh, cap, work, at, n = structure.w, structure.sh, loads.cap, state.work, span.at, state.v.shape[0]
+    xa, xb = span.done / span.h, share_at(d, span)
+    if loss is not None:
+        put_losses(loss, cap, int(1), int(-1))
+    for j in range(n):
+        work[at.dforce + j] = lin(loads.q[0, j], loads.q[1, j], xb) - lin(loads.q[0, j], loads.q[1, j], xa)
+    for f in range(state.mode.shape[0]):
+        mo = state.mode[f]
+        if mo == OPEN:
+            work[at.torque1 + f] = 0.0
+        elif mo != STUCK:
+            torque = carried(cap, f, mo, xb if loss is None or work[at.lossy + f] == 0.0 else 1.0)
+            work[at.torque1 + f] = torque
+            torque -= work[at.torque0 + f]
+            for j in range(n):
+                work[at.dforce + j] -= w[f, j] * torque
+    # spring force grows by k d (rate at the start) before anything implicit
+    for a in range(sh.shape[0]):
+        torque = structure.kc[0, a] * d * work[at.rate + a]
+        for j in range(n):
+            work[at.dforce + j] -= sh[a, j] * torque
+
+
+@njit(**STAGE)
+def brake_meshes(structure: Structure, cap: Floats, loss: Floats, state: State, at: Places) -> None:
+    """Add the losses at the end of a sub-step to torques and forces."""
+    work = state.work
+    put_losses(loss, cap, int(1), int(NEXT))
+    for k in range(loss.shape[0]):
+        f = int(loss[k, ON])
+        torque = brakes(loss[k, FACTOR], state.mode[f]) * loss[k, NEXT]
+        work[at.torque1 + f] += torque
+        for j in range(state.v.shape[0]):
+            work[at.dforce + j] -= structure.w[f, j] * torque
+
+
+@njit(**STAGE)
+def change_speeds(d: float, structure: Structure, cap: Floats, state: State, at: Places) -> None:
+    """Set the change of the speeds over a sub-step of d, and the slips and torques of stuck elements at its end."""
+    w, sh, kc, work, n = structure.w, structure.sh, structure.kc, state.work, state.v.shape[0]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += work[at.h + i * n + j] * (work[at.force + j] + 0.5 * work[at.dforce + j])
+        work[at.dv + i] = d * total
+    for a in range(sh.shape[0]):
+        torque = (kc[1, a] + 0.5 * d * kc[0, a]) * sum_at(work, at.dv, sh, a)
+        for j in range(n):
+            work[at.dforce + j] -= sh[a, j] * torque
+    for f in range(state.mode.shape[0]):
+        gain = sum_at(work, at.dv, w, f)
+        work[at.slip1 + f] = work[at.slip0 + f] + gain
+        torque = cap[VISC, f] * gain
+        for j in range(n):
+            work[at.dforce + j] -= w[f, j] * torque
+    for f in range(state.mode.shape[0]):
+        if state.mode[f] == STUCK:
             total = 0.0
-            for f in range(m):
-                if mode[f] == STUCK:
-                    total += loss[a, WEIGHTS + f] * work[orr + f * n + j]
-            work[orho + a * n + j] = total
-        for j in range(n):
-            work[oz + a * n + j] = 0.0
-        for f in range(m):
-            along = 0.0
             for j in range(n):
-                along += work[orho + a * n + j] * w[f, j]
-            for j in range(n):
-                work[oz + a * n + j] += cap[VISC, f] * along * w[f, j]
-        for i in range(sh.shape[0]):
-            along = 0.0
-            for j in range(n):
-                along += work[orho + a * n + j] * sh[i, j]
-            for j in range(n):
-                work[oz + a * n + j] += (kc[1, i] + 0.5 * d * kc[0, i]) * along * sh[i, j]
-    for a in range(k):
-        y = 0.0
-        for f in range(m):
-            if mode[f] != STUCK:
-                y += loss[a, WEIGHTS + f] * work[ol1 + f]
-        for j in range(n):
-            mean = 0.0
-            for i in range(n):
-                mean += work[oh + j * n + i] * (work[of + i] + 0.5 * work[odf + i])
-            end = 2.0 * mean - work[oa + j]
-            force = work[of + j] + work[odf + j]
-            y += work[orho + a * n + j] * force - work[oz + a * n + j] * d * mean + loss[a, WEIGHTS + m + j] * end
-            row = work[orho + a * n + j]
-            for i in range(n):
-                row += (loss[a, WEIGHTS + m + i] - 0.5 * d * work[oz + a * n + i]) * work[oh + i * n + j]
-            work[orow + j] = row
-        work[oy + a] = y
-        for b in range(k):
-            on = int(loss[b, ON])
-            by = brakes(loss[b, FACTOR], mode[on])
-            fall = -loss[a, WEIGHTS + on] * by
-            for j in range(n):
-                fall += work[orow + j] * w[on, j] * by
-            work[os + a * k + b] = fall
-    return solve_losses(loss, v, work, oy, os, at.newton)
+                total += work[at.r + f * n + j] * (work[at.force + j] + work[at.dforce + j])
+            work[at.torque1 + f] = total
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def driveline_step(
-    h: float,
-    t: float,
-    minv: Floats,
-    w: Floats,
-    sh: Floats,
-    kc: Floats,
-    q: Floats,
-    cap: Floats,
-    loss: Floats | None,
-    v: Floats,
-    twist: Floats,
-    mode: Ints,
-    el: Floats,
-    shaft: Floats,
-    e_in: Floats,
-    events: Floats,
-    count: Ints,
-    work: Floats,
-) -> int:
-    """Move a driveline from t to t + h and return the number of events in the step.
+@njit(**INLINED)
+def room_left(torque: float, sign: int, cap: Floats, f: int, x: float) -> float:
+    """Return by how much the torque of a stuck element is within its upper (sign 1) or lower (-1) limit at share x of a step."""
+    return high(cap, f, x) - torque if sign > 0 else torque - low(cap, f, x)
 
-    There are n speeds, m friction elements (m <= 50), s shafts and k losses. Every array is float64 and C-contiguous unless said
-    otherwise, in SI units. Modes, kinds and names of rows are those of driveline_algebra. Nothing is allocated.
+
+@njit(**STAGE)
+def first_event(
+    d: float, hit: int, side: int, span: Span, structure: Structure, cap: Floats, loss: Floats | None, state: State
+) -> tuple[float, int, int, float, float]:
+    """Return what ends a sub-step of d first.
+
+    Parameters
+    ----------
+    d : float
+        Length of the sub-step [s].
+    hit, side : int
+        Element whose root the sub-step is to end at, -1 for none yet; 1 or -1 for its upper or lower limit, 0 for its slip.
+    span, structure, cap, loss, state
+        As of the sub-step.
+
+    Returns
+    -------
+    first : float
+        Time of the first event [s], inf without one; the element that is hit does not count.
+    who, way : int
+        Element of this event, -1 without one, and its side.
+    gap : float
+        Distance of the hit element from its root at the end of the sub-step.
+    again : float
+        A better time for this root [s].
+    """
+    work, at, xa, xb = state.work, span.at, span.done / span.h, share_at(d, span)
+    first, who, way, gap, again = np.inf, int(-1), int(0), 0.0, np.inf
+    for f in range(state.mode.shape[0]):
+        mo = state.mode[f]
+        if mo == FORWARD or mo == BACKWARD:
+            y0 = mo * work[at.slip0 + f]
+            y1 = mo * work[at.slip1 + f]
+            speeding = mo * sum_at(work, at.accel, structure.w, f)
+            te = first_down(y0, speeding, y1, d, 1e-12 * span.scale)
+            if f == hit:
+                gap = y1
+                # if the sub-step ends before the root, this time lies beyond that end
+                fall = 2.0 * (y1 - y0) / d - speeding
+                if y1 <= 0.0:
+                    again = te
+                elif fall < 0.0:
+                    again = d - y1 / fall
+            elif te < first:
+                first, who, way = te, f, 0
+        elif mo == STUCK:
+            l0, l1 = work[at.torque0 + f], work[at.torque1 + f]
+            lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
+            whole = loss is not None and work[at.lossy + f] != 0.0
+            for sign in (1, -1):
+                y0 = room_left(l0, sign, cap, f, 0.0 if whole else xa)
+                y1 = room_left(l1, sign, cap, f, 1.0 if whole else xb)
+                te = d * y0 / (y0 - y1) if y0 > 0.0 and y1 < y0 else 0.0
+                if f == hit and sign == side:
+                    gap, again = y1, te
+                elif (y1 < -lim or y0 < -4.0 * lim) and te < first:
+                    first, who, way = te, f, sign
+    return first, who, way, gap, again
+
+
+@njit(**STAGE)
+def sub_step(
+    span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State
+) -> tuple[float, int, int, bool, bool, int]:
+    """Solve the longest sub-step in which no mode changes, from what `start_forces` has set.
+
+    Returns
+    -------
+    d : float
+        Its length [s].
+    hit, side : int
+        Element whose event ends it, -1 for none; 1 or -1 for its upper or lower limit, 0 for its slip.
+    missed : bool
+        Whether the slip reached zero in a longer sub-step only, so that there is no event.
+    shorter : bool
+        Whether it ends before a mesh jams, without an event.
+    jams : int
+        Element of a mesh that jams at the start of the sub-step, -1 for none.
+    """
+    cap, work, at, left = loads.cap, state.work, span.at, span.h - span.done
+    d = left
+    hit, side, tries, below, above = int(-1), int(0), 0, 0.0, left
+    missed = shorter = False
+    jams = int(-1)
+    while True:
+        if stale(d, span.pattern, cap, work):
+            implicit(d, structure.w, structure.sh, structure.kc, cap, work)
+        change_forces(d, span, structure, loads, loss, state)
+        if loss is not None and loss.shape[0] > 0:
+            if not end_losses(d, structure, cap, loss, state):
+                # a mesh jams in this sub-step; halve it until it ends just before that
+                if span.watch:
+                    for f in range(state.mode.shape[0]):
+                        work[at.state + f] = state.mode[f]
+                    jams = jammed(structure.minv, structure.w, loss, at.state, at.p, at.fall, work)
+                if jams >= 0:
+                    if d <= JAM * span.h:
+                        break
+                    shorter = True
+                    hit, side, tries, below = int(-1), int(0), 0, 0.0
+                    d *= 0.5
+                    above = d
+                    jams = int(-1)
+                    continue
+                state.count[N_CAPPED] += 1
+            brake_meshes(structure, cap, loss, state, at)
+        change_speeds(d, structure, cap, state, at)
+        if not span.watch:
+            break
+        first, who, way, gap, again = first_event(d, hit, side, span, structure, cap, loss, state)
+        if hit < 0 and (who < 0 or first >= d * (1.0 - 1e-12)):
+            hit, side = who, way
+            break
+        if hit >= 0:
+            # in a linear problem the shortened step ends at the root; with drag, shafts or losses it does not end exactly there
+            tries += 1
+            if (work[3] == 0.0 and (loss is None or loss.shape[0] == 0)) or tries > 60:
+                break
+        if hit < 0 or first < d * (1.0 - 1e-9):
+            if hit >= 0:
+                below, above = 0.0, d
+            hit, side = who, way
+            d = 0.0 if first <= 1e-12 * span.h else first
+            if d == 0.0:
+                break
+            continue
+        if abs(gap) <= 1e-13 * span.scale or again == d:
+            break
+        if gap > 0.0:
+            below = d
+        else:
+            above = d
+        if above - below <= 1e-15 * span.h:
+            # the slip reached zero only in the longer sub-step
+            missed = gap > 1e-9 * span.scale
+            break
+        d = again if below < again < above else 0.5 * (below + above)
+    return d, hit, side, missed, shorter, jams
+
+
+@njit(**STAGE)
+def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
+    """Move the state by the sub-step of d that has been solved."""
+    sh, cap, mode, v, twist, el, work = structure.sh, loads.cap, state.mode, state.v, state.twist, state.el, state.work
+    at, n, slots = span.at, v.shape[0], sh.shape[0]
+    xa, xb = span.done / span.h, share_at(d, span)
+    if 0.0 <= work[FIRST] <= 1e-9 * span.h:
+        work[FIRST] = span.done + d
+    if loss is not None:
+        for k in range(loss.shape[0]):
+            loss[k, LAST] = loss[k, NEXT]
+    stuck = False
+    for f in range(mode.shape[0]):
+        work[at.side + f] = 0.0
+        lam = 0.5 * (work[at.torque0 + f] + work[at.torque1 + f])
+        slip = 0.5 * (work[at.slip0 + f] + work[at.slip1 + f])
+        el[LAM, f] = work[at.torque1 + f]
+        el[IMPULSE, f] += d * lam
+        if mode[f] == STUCK:
+            stuck = True
+        elif mode[f] != OPEN:
+            el[E_FRIC, f] += d * lam * slip  # of rounding size for a locked element
+        el[E_VISC, f] += d * cap[VISC, f] * slip * slip
+    for j in range(n):
+        force = 0.5 * (lin(loads.q[0, j], loads.q[1, j], xa) + lin(loads.q[0, j], loads.q[1, j], xb))
+        state.e_in[j] += d * force * (v[j] + 0.5 * work[at.dv + j])
+        if twist.shape[0] > slots:
+            twist[slots + j] += d * (v[j] + 0.5 * work[at.dv + j])
+        v[j] += work[at.dv + j]
+    for a in range(slots):
+        gain = sum_at(work, at.dv, sh, a)
+        rate = work[at.rate + a] + 0.5 * gain
+        twist[a] += d * rate
+        state.shaft[E_SHAFT, a] += d * structure.kc[1, a] * rate * rate
+        state.shaft[TAU, a] = structure.kc[0, a] * twist[a] + structure.kc[1, a] * (work[at.rate + a] + gain)
+    if stuck:
+        # without this, a locked clutch would creep by rounding over millions of steps
+        for f in range(mode.shape[0]):
+            if mode[f] == STUCK:
+                work[at.slip1 + f] = rate_of(structure.w, f, v)
+        unslip(v, mode.shape[0], mode, int(0), at.slip1, at.r, work)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
+def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> int:
+    """Move a driveline with m <= 50 friction elements from t to t + h and return the number of events in the step.
 
     Equations of motion and law of friction:
     M dv/dt = q - W^T (lam + visc W v) - S^T tau, tau = k twist + c S v, d twist/dt = S v, slip = W v;
-    slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi.
+    slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi. Nothing is allocated.
 
     Parameters
     ----------
@@ -192,48 +481,13 @@ def driveline_step(
         Length of the step [s].
     t : float
         Time at its start [s].
-    minv : (n, n) array
-        Inverse of M.
-    w : (m, n) array
-        W, slips by the speeds.
-    sh : (s, n) array
-        S, rates of the shafts' twists by the speeds.
-    kc : (2, s) array
-        Stiffness and damping of the shafts.
-    q : (2, n) array
-        Forces on the speeds. Rows 0 and 1 of q and the 0/1 pairs of cap hold the right limit at t and the left limit at t + h.
-        They are linear in between, so jumps belong on step boundaries.
-    cap : (7, m) array
-        Rows KIN0, KIN1: kinetic torque >= 0; LO0, LO1 <= 0 and HI0, HI1 >= 0: stick limits (a limit below the kinetic torque
-        counts as the kinetic torque; infinite at both ends or at none); VISC: drag coefficient over the step. An element with
-        kin, lo, hi zero at both ends is OPEN.
+    structure, loads, state : Structure, Loads, State
+        The driveline; the state is changed in place. Beyond 6 m + 12 events in one step, or where the set of stuck elements could
+        not be decided more than UNDECIDED times, the rest of the step runs with the modes as they are, and counts as capped.
     loss : (k, loss_width(n, m)) array, or None
-        Losses that grow with a torque, with the columns of driveline_losses. The capacities, above 0, of the elements that they
+        Losses that grow with a torque, with the columns of driveline.losses. The capacities, above 0, of the elements that they
         own come from there. None where there are no losses: the step is then compiled without them, which saves a tenth
         of its time.
-    v : (n,) array
-        Speeds, changed in place.
-    twist : (s,) or (s + n,) array
-        Twists of the shafts and, where there is room, the integrals of the speeds; changed in place.
-    mode : (m,) array of int64
-        Modes, changed in place. The mode OPEN is set automatically at the start of the step; a locked element must have zero
-        slip when it is passed in.
-    el : (4, m) array
-        Output. LAM: friction torque at the end (positive opposes positive slip, without drag); IMPULSE += int lam dt;
-        E_FRIC += int lam slip dt; E_VISC += int visc slip^2 dt.
-    shaft : (2, s) array
-        Output. TAU: torque at the end; E_SHAFT += int c (S v)^2 dt.
-    e_in : (n,) array
-        Output, += int q v dt.
-    events : (rows, 3) or (rows, 3 + 2 n) array
-        Time, element, kind, and the speeds v and their integrals at each event, a ring that is filled from row 0. Where it has
-        speeds, twist must have room for the integrals.
-    count : (2,) array of int64
-        N_EVENTS: events so far; N_CAPPED: steps in which the bound on events or pivots was reached. Beyond 6 m + 12 events in
-        one step, or where the set of stuck elements could not be decided more than UNDECIDED times, the rest of the step runs
-        with the modes as they are.
-    work : array
-        At least work_size(n, m, s, k) numbers, zeros at first.
 
     Returns
     -------
@@ -249,85 +503,36 @@ def driveline_step(
     for any step, and no loss can become negative. Compared with the exact integrals they are of second order in the step.
     """
     noinline()
-    n = minv.shape[0]
+    w, cap, work, count = structure.w, loads.cap, state.work, state.count
     m = w.shape[0]
-    s = sh.shape[0]
-    at = places(n, m, s, int(0) if loss is None else loss.shape[0])
-    op, oh, orr, of, oa, odf, odv, orate = at.p, at.h, at.r, at.force, at.accel, at.dforce, at.dv, at.rate
-    ost, ocand, oforce, olossy = at.state, at.candidate, at.side, at.lossy
-    os0, os1, ol0, ol1 = at.slip0, at.slip1, at.torque0, at.torque1
+    at = places(state.v.shape[0], m, structure.sh.shape[0], int(0) if loss is None else loss.shape[0])
     if loss is not None:
         for f in range(m):
-            work[olossy + f] = 0.0
+            work[at.lossy + f] = 0.0
         for k in range(loss.shape[0]):
-            work[olossy + int(loss[k, OWN])] = 1.0
+            work[at.lossy + int(loss[k, OWN])] = 1.0
             loss[k, BEFORE] = loss[k, LAST]
-        put_losses(loss, cap, int(0), int(LAST))
-        put_losses(loss, cap, int(1), int(LAST))
+        put_last(loss, cap)
     work[FIRST] = 0.0
-    made = 0
-    joint = False
-    vmax = 0.0
-    for j in range(n):
-        vmax = max(vmax, abs(v[j]))
-    tol = 1e-12 * (1.0 + vmax)
-    for f in range(m):
-        mo = mode[f]
-        work[oforce + f] = 0.0
-        if not has_capacity(cap, f):
-            if mo != OPEN:
-                note(t, f, int(FREE), v, twist, events, count)
-                made += 1
-                mode[f] = OPEN
-        elif mo == OPEN or abs(mo) == 1:
-            slip = 0.0
-            for j in range(n):
-                slip += w[f, j] * v[j]
-            if mo == OPEN:
-                if abs(slip) <= tol:
-                    work[ocand + f] = 1.0
-                    joint = True
-                else:
-                    mode[f] = FORWARD if slip > 0.0 else BACKWARD
-                    note(t, f, int(CLOSE), v, twist, events, count)
-                    made += 1
-            elif mo * slip < -tol:
-                if mo * slip < -1e-6 * (1.0 + vmax):
-                    # a capped step has left this mode, or the caller has set another speed
-                    mode[f] = -mo
-                    note(t, f, int(CROSS), v, twist, events, count)
-                    made += 1
-                else:
-                    work[ocand + f] = 1.0
-                    joint = True
-        elif mo != STUCK:
-            joint = True
-    tl = 0.0
-    passes = 0
-    stalls = 0
-    undecided = 0
+    scale = 0.0
+    for j in range(state.v.shape[0]):
+        scale = max(scale, abs(state.v[j]))
+    scale += 1.0
+    made, joint = start_modes(t, scale, w, cap, state, at)
+    done, passes, stalls, undecided = 0.0, 0, 0, 0
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
         if loss is not None and jams >= 0:
             # the only call of stop, because each call is compiled with the passing of all these arrays
-            made += stop(t + tl, jams, minv, w, sh, cap, loss, v, twist, mode, el, events, count, work)
+            made += stop(t + done, jams, structure, cap, loss, state)
             jams = int(-1)
             joint = True
         if joint:
-            for f in range(m):
-                if abs(mode[f]) >= 2:
-                    work[ocand + f] = 1.0
-                elif mode[f] != OPEN:
-                    slip = 0.0
-                    for j in range(n):
-                        slip += w[f, j] * v[j]
-                    if abs(slip) <= tol:
-                        work[ocand + f] = 1.0
+            mark(1e-12 * scale, w, state, at)
             # a joint decision that was reversed at once was one between equal choices: decide with the inputs of a later instant
-            ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
+            ahead = (h - done) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
-            losses = cap[:0] if loss is None else loss
-            decided = resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, losses, v, twist, mode, el, events, count, work)
+            decided = resolve((done + ahead) / h, t + done, structure, loads, cap[:0] if loss is None else loss, state)
             if decided < 0:
                 jams = -1 - decided
                 continue
@@ -336,288 +541,20 @@ def driveline_step(
             if count[N_CAPPED] != capped:
                 undecided += 1
         passes += 1
-        watch = passes <= 6 * m + 12 and undecided <= UNDECIDED
         if passes == 6 * m + 13:
             count[N_CAPPED] += 1
-        xa = tl / h
-        left = h - tl
-        if left <= 0.0:
+        if h - done <= 0.0:
             break
-        # forces at the start of the sub-step; put_losses sets the capacities under losses at both ends
         if loss is not None:
-            put_losses(loss, cap, int(0), int(LAST))
-            put_losses(loss, cap, int(1), int(LAST))
-        pattern = 1.0
-        bit = 1.0
-        for j in range(n):
-            work[of + j] = lin(q[0, j], q[1, j], xa)
-        for a in range(s):
-            rate = 0.0
-            for j in range(n):
-                rate += sh[a, j] * v[j]
-            work[orate + a] = rate
-            torque = kc[0, a] * twist[a] + kc[1, a] * rate
-            for j in range(n):
-                work[of + j] -= sh[a, j] * torque
-        for f in range(m):
-            mo = mode[f]
-            slip = 0.0
-            for j in range(n):
-                slip += w[f, j] * v[j]
-            work[os0 + f] = slip
-            torque = 0.0
-            if mo == FORWARD or mo == BACKWARD:
-                torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xa)
-            elif mo == STUCK:
-                pattern += bit
-            elif mo == LOCKED_HIGH:
-                torque = high(cap, f, xa)
-            elif mo == LOCKED_LOW:
-                torque = low(cap, f, xa)
-            bit *= 2.0
-            work[ol0 + f] = torque
-            torque += cap[VISC, f] * slip
-            for j in range(n):
-                work[of + j] -= w[f, j] * torque
-        if work[0] != pattern:
-            for f in range(m):
-                work[ost + f] = mode[f]
-            project(minv, w, ost, work)
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += work[op + i * n + j] * work[of + j]
-            work[oa + i] = total
-        for f in range(m):
-            if mode[f] == STUCK:
-                total = 0.0
-                for j in range(n):
-                    total += work[orr + f * n + j] * work[of + j]
-                work[ol0 + f] = total
-        d = left
-        hit = -1
-        side = 0
-        below = 0.0
-        above = left
-        tries = 0
-        missed = False
-        shorter = False
-        while True:
-            if stale(d, pattern, cap, work):
-                implicit(d, w, sh, kc, cap, work)
-            xb = 1.0 if d == left else (tl + d) / h
-            if loss is not None:
-                put_losses(loss, cap, int(1), int(-1))
-            for j in range(n):
-                work[odf + j] = lin(q[0, j], q[1, j], xb) - lin(q[0, j], q[1, j], xa)
-            for f in range(m):
-                mo = mode[f]
-                if mo == OPEN:
-                    work[ol1 + f] = 0.0
-                elif mo != STUCK:
-                    xe = xb if loss is None or work[olossy + f] == 0.0 else 1.0
-                    if mo == LOCKED_HIGH:
-                        torque = high(cap, f, xe)
-                    elif mo == LOCKED_LOW:
-                        torque = low(cap, f, xe)
-                    else:
-                        torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xe)
-                    work[ol1 + f] = torque
-                    torque -= work[ol0 + f]
-                    for j in range(n):
-                        work[odf + j] -= w[f, j] * torque
-            # spring force grows by k d (rate at the start) before anything implicit
-            for a in range(s):
-                torque = kc[0, a] * d * work[orate + a]
-                for j in range(n):
-                    work[odf + j] -= sh[a, j] * torque
-            if loss is not None and loss.shape[0] > 0:
-                if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
-                    # a mesh jams in this sub-step; halve it until it ends just before that
-                    if watch:
-                        for f in range(m):
-                            work[ost + f] = mode[f]
-                        jams = jammed(minv, w, loss, ost, op, at.fall, work)
-                    if jams >= 0:
-                        if d <= JAM * h:
-                            break
-                        shorter = True
-                        hit, side, tries, below = -1, 0, 0, 0.0
-                        d *= 0.5
-                        above = d
-                        jams = int(-1)
-                        continue
-                    count[N_CAPPED] += 1
-                put_losses(loss, cap, int(1), int(NEXT))
-                for k in range(loss.shape[0]):
-                    f = int(loss[k, ON])
-                    torque = brakes(loss[k, FACTOR], mode[f]) * loss[k, NEXT]
-                    work[ol1 + f] += torque
-                    for j in range(n):
-                        work[odf + j] -= w[f, j] * torque
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += work[oh + i * n + j] * (work[of + j] + 0.5 * work[odf + j])
-                work[odv + i] = d * total
-            for a in range(s):
-                gain = 0.0
-                for j in range(n):
-                    gain += sh[a, j] * work[odv + j]
-                torque = (kc[1, a] + 0.5 * d * kc[0, a]) * gain
-                for j in range(n):
-                    work[odf + j] -= sh[a, j] * torque
-            for f in range(m):
-                gain = 0.0
-                for j in range(n):
-                    gain += w[f, j] * work[odv + j]
-                work[os1 + f] = work[os0 + f] + gain
-                torque = cap[VISC, f] * gain
-                for j in range(n):
-                    work[odf + j] -= w[f, j] * torque
-            for f in range(m):
-                if mode[f] == STUCK:
-                    total = 0.0
-                    for j in range(n):
-                        total += work[orr + f * n + j] * (work[of + j] + work[odf + j])
-                    work[ol1 + f] = total
-            if not watch:
-                break
-            first = np.inf
-            who = -1
-            way = 0
-            gap = 0.0
-            again = np.inf
-            for f in range(m):
-                mo = mode[f]
-                if mo == FORWARD or mo == BACKWARD:
-                    y0 = mo * work[os0 + f]
-                    y1 = mo * work[os1 + f]
-                    speeding = 0.0
-                    for j in range(n):
-                        speeding += w[f, j] * work[oa + j]
-                    if f == hit:
-                        gap = y1
-                        # if the sub-step ends before the root, this time lies beyond that end
-                        fall = 2.0 * (y1 - y0) / d - mo * speeding
-                        if y1 <= 0.0:
-                            again = first_down(y0, mo * speeding, y1, d, tol)
-                        elif fall < 0.0:
-                            again = d - y1 / fall
-                        continue
-                    te = first_down(y0, mo * speeding, y1, d, tol)
-                    if te < first:
-                        first = te
-                        who = f
-                        way = 0
-                elif mo == STUCK:
-                    l0 = work[ol0 + f]
-                    l1 = work[ol1 + f]
-                    lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
-                    xs = xa
-                    xe = xb
-                    if loss is not None and work[olossy + f] != 0.0:
-                        xs = 0.0
-                        xe = 1.0
-                    for sign in (1, -1):
-                        if sign > 0:
-                            y0 = high(cap, f, xs) - l0
-                            y1 = high(cap, f, xe) - l1
-                        else:
-                            y0 = l0 - low(cap, f, xs)
-                            y1 = l1 - low(cap, f, xe)
-                        te = d * y0 / (y0 - y1) if y0 > 0.0 and y1 < y0 else 0.0
-                        if f == hit and sign == side:
-                            gap = y1
-                            again = te
-                        elif (y1 < -lim or y0 < -4.0 * lim) and te < first:
-                            first = te
-                            who = f
-                            way = sign
-            if hit < 0:
-                if who < 0:
-                    break
-                hit = who
-                side = way
-                if first >= d * (1.0 - 1e-12):
-                    break
-                if first <= 1e-12 * h:
-                    d = 0.0
-                    break
-                d = first
-            else:
-                # in a linear problem the shortened step ends at the root; with drag, shafts or losses it does not end exactly there
-                tries += 1
-                if (work[3] == 0.0 and (loss is None or loss.shape[0] == 0)) or tries > 60:
-                    break
-                if first < d * (1.0 - 1e-9):
-                    hit = who
-                    side = way
-                    below = 0.0
-                    above = d
-                    if first <= 1e-12 * h:
-                        d = 0.0
-                        break
-                    d = first
-                    continue
-                if abs(gap) <= 1e-13 * (1.0 + vmax) or again == d:
-                    break
-                if gap > 0.0:
-                    below = d
-                else:
-                    above = d
-                if above - below <= 1e-15 * h:
-                    # the slip reached zero only in the longer sub-step
-                    missed = gap > 1e-9 * (1.0 + vmax)
-                    break
-                d = again if below < again < above else 0.5 * (below + above)
+            put_last(loss, cap)
+        pattern = start_forces(done / h, structure, loads, state, at)
+        span = Span(h, done, pattern, scale, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)
+        d, hit, side, missed, shorter, jams = sub_step(span, structure, loads, loss, state)
         if jams >= 0:
             continue
         if d > 0.0:
-            if 0.0 <= work[FIRST] <= 1e-9 * h:
-                work[FIRST] = tl + d
-            if loss is not None:
-                for k in range(loss.shape[0]):
-                    loss[k, LAST] = loss[k, NEXT]
-            stuck = False
-            for f in range(m):
-                work[oforce + f] = 0.0
-                lam = 0.5 * (work[ol0 + f] + work[ol1 + f])
-                slip = 0.5 * (work[os0 + f] + work[os1 + f])
-                el[LAM, f] = work[ol1 + f]
-                el[IMPULSE, f] += d * lam
-                if mode[f] == STUCK:
-                    stuck = True
-                elif mode[f] != OPEN:
-                    el[E_FRIC, f] += d * lam * slip  # of rounding size for a locked element
-                el[E_VISC, f] += d * cap[VISC, f] * slip * slip
-            for j in range(n):
-                force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))
-                e_in[j] += d * force * (v[j] + 0.5 * work[odv + j])
-                if twist.shape[0] > s:
-                    twist[s + j] += d * (v[j] + 0.5 * work[odv + j])
-                v[j] += work[odv + j]
-            for a in range(s):
-                gain = 0.0
-                for j in range(n):
-                    gain += sh[a, j] * work[odv + j]
-                rate = work[orate + a] + 0.5 * gain
-                twist[a] += d * rate
-                shaft[E_SHAFT, a] += d * kc[1, a] * rate * rate
-                shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (work[orate + a] + gain)
-            if stuck:
-                # without this, a locked clutch would creep by rounding over millions of steps
-                for f in range(m):
-                    if mode[f] == STUCK:
-                        slip = 0.0
-                        for j in range(n):
-                            slip += w[f, j] * v[j]
-                        work[os1 + f] = slip
-                for f in range(m):
-                    if mode[f] == STUCK:
-                        for j in range(n):
-                            v[j] -= work[orr + f * n + j] * work[os1 + f]
-            tl = h if d == left else tl + d
+            take(d, span, structure, loads, loss, state)
+            done = h if d == h - done else done + d
         if hit < 0:
             if shorter:
                 continue
@@ -625,7 +562,7 @@ def driveline_step(
         stalls = 0 if d > 0.0 else stalls + 1
         if missed:
             continue
-        work[ocand + hit] = 1.0
-        work[oforce + hit] = side
+        work[at.candidate + hit] = 1.0
+        work[at.side + hit] = side
         joint = True
     return made

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.driveline.tables import Table, Tables, stored_in, tables_of, value_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base.arrays import Floats, Ints
     from rig_nodes.driveline.system import System
 
 # kinds, in the order in which they act on a step
@@ -75,19 +76,35 @@ class Law(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """All laws as arrays, one row for each; law k has the springs from first_spring[k] to first_spring[k + 1]."""
+    """All laws as arrays, one row for each of `Law`; law k has the springs from first_spring[k] to first_spring[k + 1].
 
-    kind: np.ndarray
-    angle: np.ndarray
-    slot: np.ndarray
-    element: np.ndarray
-    factor: np.ndarray
-    of: np.ndarray
-    on: np.ndarray
-    gap: np.ndarray
-    damping: np.ndarray
-    first_spring: np.ndarray
-    springs: np.ndarray
+    Parameters
+    ----------
+    kind, angle, slot, element, factor : (laws,) arrays of int64
+        As those of `Law`.
+    of, on : (laws, n) arrays
+        Coefficients of the generalised speeds that each reads and on which it acts.
+    gap, damping : (laws,) arrays
+        Half the backlash [rad] and damping [Nm s/rad] of a SHAFT.
+    first_spring : (laws + 1,) array of int64
+        Where the springs of each begin.
+    springs : (springs, 2) array
+        Stiffness [Nm/rad] and limit [Nm] of each.
+    tables : Tables
+        The characteristics.
+    """
+
+    kind: Ints
+    angle: Ints
+    slot: Ints
+    element: Ints
+    factor: Ints
+    of: Floats
+    on: Floats
+    gap: Floats
+    damping: Floats
+    first_spring: Ints
+    springs: Floats
     tables: Tables
 
 
@@ -113,6 +130,60 @@ class LawState(NamedTuple):
     spring: np.ndarray
     way: np.ndarray
     work: np.ndarray
+
+
+class Model(NamedTuple):
+    """A driveline with laws; no step changes it.
+
+    Parameters
+    ----------
+    bare : int
+        Address of the bare step.
+    structure : Structure
+        The driveline without its laws.
+    mass : (n, n) array
+        Mass matrix of the speeds [kg m2].
+    laws : Laws
+        The laws.
+    """
+
+    bare: int
+    structure: Structure
+    mass: Floats
+    laws: Laws
+
+
+class Given(NamedTuple):
+    """What acts on a driveline with laws over a step, or (k, ...) over k steps.
+
+    Parameters
+    ----------
+    loads : Loads
+        Forces and capacities without those of laws.
+    factors : (3, inputs) array
+        Inputs of the laws at both ends, and by how much they are above the mean of these in the middle.
+    """
+
+    loads: Loads
+    factors: Floats
+
+
+class Moving(NamedTuple):
+    """What a step of a driveline with laws changes in place.
+
+    Parameters
+    ----------
+    loss : (k, loss_width(n, m)) array
+        Losses by torque, with the columns of driveline.losses.
+    state : State
+        State of the driveline; its twist has places for the integrals of the speeds.
+    own : LawState
+        State of the laws.
+    """
+
+    loss: Floats
+    state: State
+    own: LawState
 
 
 def laws_of(laws: Sequence[Law], n: int) -> Laws:

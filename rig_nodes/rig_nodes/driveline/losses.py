@@ -14,10 +14,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rig_nodes.base.compiled import INLINED, INNER, njit
-from rig_nodes.driveline.algebra import HI0, KIN0, LO0, OPEN, STUCK, noinline
+from rig_nodes.driveline.algebra import HI0, KIN0, LO0, OPEN, STUCK, VISC, noinline, places, sum_at
 
 if TYPE_CHECKING:
     from rig_nodes.base.arrays import Floats
+    from rig_nodes.driveline.state import State, Structure
 
 # Columns of `loss`, one row for each loss: the parabola (CONSTANT, SHARE, SQUARE); the element that the loss owns (OWN), whose
 # other capacity is BASE; the element that it brakes (ON), its own or that of another loss, by FACTOR times the parabola; the
@@ -44,6 +45,13 @@ def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
     """
     if loss.shape[0] > 0:
         put_all_losses(loss, cap, end, column)
+
+
+@njit(**INLINED)
+def put_last(loss: Floats, cap: Floats) -> None:
+    """Set the capacities of the elements that losses own to BASE plus the last losses, at both ends of a step."""
+    put_losses(loss, cap, int(0), int(LAST))
+    put_losses(loss, cap, int(1), int(LAST))
 
 
 @njit(**INNER)
@@ -223,3 +231,59 @@ def solve_equations(count: int, work: Floats, oe: int) -> None:
                     work[oe + k * width + i] -= share * work[oe + col * width + i]
     for k in range(count):
         work[oe + k * width + count + 1] = work[oe + k * width + count] / work[oe + k * width + k]
+
+
+@njit(**INNER)
+def end_losses(d: float, structure: Structure, cap: Floats, loss: Floats, state: State) -> bool:
+    """Set NEXT to the losses at the end of a sub-step of d, from its forces without them; return False where there is no solution.
+
+    A force F changes the speed reached by d H F / 2, the torque of a stuck element by R (1 - d B H / 2) F, and the acceleration at
+    the end by H F: mean and end of the trapezoidal rule.
+    """
+    w, sh, kc, mode, work = structure.w, structure.sh, structure.kc, state.mode, state.work
+    m, n = w.shape
+    k = loss.shape[0]
+    at = places(n, m, sh.shape[0], k)
+    oh, orho, oz = at.h, at.rho, at.z
+    for a in range(k):
+        for j in range(n):
+            total = 0.0
+            for f in range(m):
+                if mode[f] == STUCK:
+                    total += loss[a, WEIGHTS + f] * work[at.r + f * n + j]
+            work[orho + a * n + j] = total
+        for j in range(n):
+            work[oz + a * n + j] = 0.0
+        for f in range(m):
+            along = sum_at(work, orho + a * n, w, f)
+            for j in range(n):
+                work[oz + a * n + j] += cap[VISC, f] * along * w[f, j]
+        for i in range(sh.shape[0]):
+            along = sum_at(work, orho + a * n, sh, i)
+            for j in range(n):
+                work[oz + a * n + j] += (kc[1, i] + 0.5 * d * kc[0, i]) * along * sh[i, j]
+    for a in range(k):
+        y = 0.0
+        for f in range(m):
+            if mode[f] != STUCK:
+                y += loss[a, WEIGHTS + f] * work[at.torque1 + f]
+        for j in range(n):
+            mean = 0.0
+            for i in range(n):
+                mean += work[oh + j * n + i] * (work[at.force + i] + 0.5 * work[at.dforce + i])
+            end = 2.0 * mean - work[at.accel + j]
+            force = work[at.force + j] + work[at.dforce + j]
+            y += work[orho + a * n + j] * force - work[oz + a * n + j] * d * mean + loss[a, WEIGHTS + m + j] * end
+            row = work[orho + a * n + j]
+            for i in range(n):
+                row += (loss[a, WEIGHTS + m + i] - 0.5 * d * work[oz + a * n + i]) * work[oh + i * n + j]
+            work[at.row + j] = row
+        work[at.given + a] = y
+        for b in range(k):
+            on = int(loss[b, ON])
+            by = brakes(loss[b, FACTOR], mode[on])
+            fall = -loss[a, WEIGHTS + on] * by
+            for j in range(n):
+                fall += work[at.row + j] * w[on, j] * by
+            work[at.fall + a * k + b] = fall
+    return solve_losses(loss, state.v, work, at.given, at.fall, at.newton)

@@ -11,13 +11,14 @@ acceleration that varies in the step as it does under any other torque. A speed 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from rig_nodes.base.compiled import INNER, njit
+from rig_nodes.base.compiled import ALLOCATES, INNER, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HELD, VISC, lin, noinline
 
 if TYPE_CHECKING:
     from rig_nodes.base.arrays import Floats
+    from rig_nodes.driveline.state import Loads, State, Structure
 
 NOISE = 1e-13  # share of a speed: a smaller change is rounding, which would push a clutch that joins two prescribed bodies
 
@@ -29,6 +30,16 @@ def product(row: Floats, v: Floats) -> float:
     total = 0.0
     for j in range(row.shape[0]):
         total += row[j] * v[j]
+    return total
+
+
+@njit(**INNER)
+def mobility_of(of: Floats, inverse: Floats) -> float:
+    """Return the acceleration of a twist with the coefficients `of` (n,) by a torque [1/(kg m2)]."""
+    noinline()
+    total = 0.0
+    for i in range(of.shape[0]):
+        total += of[i] * product(inverse[i], of)
     return total
 
 
@@ -97,7 +108,7 @@ def accelerations_of(given: Floats, k: int, begin: float, end: float, d: float, 
     return (gain + above) / d, (gain - above) / d
 
 
-@njit(**INNER)
+@njit(**ALLOCATES)
 def hold(mass: Floats, moved: Floats, inverse: Floats) -> None:
     """Set `inverse` to the inverse of a mass matrix in which the speeds with moved (n,) above 0 are prescribed."""
     noinline()
@@ -127,22 +138,28 @@ def drive(mass: Floats, moved: Floats, gains: Floats, q: Floats) -> None:
                 q[end, j] = gains[end, j] / HELD
 
 
+class Turned(NamedTuple):
+    """What a part of a step has changed.
+
+    Parameters
+    ----------
+    gained, turned : (n,) arrays
+        Change [rad/s] and integral [rad] of the speeds.
+    impulse : (m,) array
+        Impulse of each friction element without its drag [Nm s].
+    twist0, twist : (s,) arrays
+        Twists of the shafts before and after [rad].
+    """
+
+    gained: Floats
+    turned: Floats
+    impulse: Floats
+    twist0: Floats
+    twist: Floats
+
+
 @njit(**INNER)
-def impulse_of(
-    j: int,
-    d: float,
-    mass: Floats,
-    w: Floats,
-    sh: Floats,
-    kc: Floats,
-    q: Floats,
-    cap: Floats,
-    gained: Floats,
-    turned: Floats,
-    impulse: Floats,
-    twist0: Floats,
-    twist: Floats,
-) -> float:
+def impulse_of(j: int, d: float, mass: Floats, structure: Structure, loads: Loads, part: Turned) -> float:
     """Return the impulse that a prescribed motion has put on speed j in a part of a step without an event inside.
 
     Parameters
@@ -151,14 +168,12 @@ def impulse_of(
         Number of the speed.
     d : float
         Length of the part [s].
-    mass, w, sh, kc, q, cap : arrays
-        As those of the kernel; q (2, n) without the forces of motions.
-    gained, turned : (n,) arrays
-        Change and integral of the speeds.
-    impulse : (m,) array
-        Impulse of each friction element without its drag [Nm s].
-    twist0, twist : (s,) arrays
-        Twists before and after.
+    mass : (n, n) array
+        Mass matrix.
+    structure, loads : Structure, Loads
+        As those of the bare step, but the forces of motions are not in q.
+    part : Turned
+        What the part has changed.
 
     Returns
     -------
@@ -166,38 +181,29 @@ def impulse_of(
         The impulse [Nm s].
     """
     noinline()
-    total = product(mass[j], gained) - 0.5 * d * (q[0, j] + q[1, j])
+    w, sh, kc = structure.w, structure.sh, structure.kc
+    total = product(mass[j], part.gained) - 0.5 * d * (loads.q[0, j] + loads.q[1, j])
     for f in range(w.shape[0]):
         if w[f, j] != 0.0:
-            total += w[f, j] * (impulse[f] + cap[VISC, f] * product(w[f], turned))
+            total += w[f, j] * (part.impulse[f] + loads.cap[VISC, f] * product(w[f], part.turned))
     for a in range(sh.shape[0]):
-        mean = 0.5 * (twist0[a] + twist[a])
-        total += sh[a, j] * (d * kc[0, a] * mean + kc[1, a] * (twist[a] - twist0[a]))
+        mean = 0.5 * (part.twist0[a] + part.twist[a])
+        total += sh[a, j] * (d * kc[0, a] * mean + kc[1, a] * (part.twist[a] - part.twist0[a]))
     return total
 
 
 @njit(**INNER)
-def work_of(
-    mass: Floats,
-    kc: Floats,
-    v0: Floats,
-    v: Floats,
-    twist0: Floats,
-    twist: Floats,
-    el0: Floats,
-    el: Floats,
-    shaft0: Floats,
-    shaft: Floats,
-    others: float,
-) -> float:
+def work_of(mass: Floats, kc: Floats, before: State, after: State, twist0: Floats, others: float) -> float:
     """Return the work of prescribed motions in a part of a step in which modes change, as the remainder of the energy balance.
 
     Parameters
     ----------
     mass, kc : arrays
-        As those of the kernel.
-    v0, v, twist0, twist, el0, el, shaft0, shaft : arrays
-        Speeds, twists, friction elements and shafts of the kernel before and after.
+        As those of the bare step.
+    before, after : State
+        The state before and after the part.
+    twist0 : (s,) array
+        Twists before it, 0 for those of laws [rad].
     others : float
         Work of all other torques [J].
 
@@ -207,11 +213,12 @@ def work_of(
         The work [J].
     """
     noinline()
+    v0, v, el0, el, shaft0, shaft = before.v, after.v, before.el, after.el, before.shaft, after.shaft
     total = -others
     for i in range(v.shape[0]):
         total += 0.5 * (v[i] - v0[i]) * (product(mass[i], v) + product(mass[i], v0))
     for f in range(el.shape[1]):
         total += el[E_FRIC, f] - el0[E_FRIC, f] + el[E_VISC, f] - el0[E_VISC, f]
     for a in range(shaft.shape[1]):
-        total += shaft[E_SHAFT, a] - shaft0[E_SHAFT, a] + 0.5 * kc[0, a] * (twist[a] ** 2 - twist0[a] ** 2)
+        total += shaft[E_SHAFT, a] - shaft0[E_SHAFT, a] + 0.5 * kc[0, a] * (after.twist[a] ** 2 - twist0[a] ** 2)
     return total

@@ -75,7 +75,7 @@ def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int
     return kept
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)
 def attempt(h: float, line: Record, before: int) -> int:
     """Take the step of :func:`quiet_step` with predicted losses by torque, or with those that the attempts ``before`` corrected.
 

@@ -21,10 +21,11 @@ from rig_nodes.driveline import algebra
 from rig_nodes.driveline.calls import bare_address, bare_step
 from rig_nodes.driveline.described import is_number
 from rig_nodes.driveline.inputs import SAME, Input, Signal, step_ends
-from rig_nodes.driveline.law_steps import put, run_laws, settled_address
-from rig_nodes.driveline.laws import CAPACITY, MOTION, TORQUE, LawState, law_state, laws_of, stored_energy
+from rig_nodes.driveline.law_steps import LawRows, run_laws, settled_address
+from rig_nodes.driveline.laws import CAPACITY, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of, stored_energy
 from rig_nodes.driveline.result import EVENT_NAMES, Event, Moment, Result
-from rig_nodes.driveline.system import State, System, check_built, torque_refused
+from rig_nodes.driveline.state import Loads, Rows, State, Structure, put_row
+from rig_nodes.driveline.system import System, check_built, torque_refused
 
 if TYPE_CHECKING:
     from rig_nodes.base.arrays import Floats, Ints
@@ -33,41 +34,11 @@ Controller = Callable[[Moment], Mapping[str, float] | None]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _run_steps(
-    bare: int,
-    t: Floats,
-    minv: Floats,
-    w: Floats,
-    sh: Floats,
-    kc: Floats,
-    q: Floats,
-    cap: Floats,
-    v: Floats,
-    twist: Floats,
-    mode: Ints,
-    el: Floats,
-    shaft: Floats,
-    e_in: Floats,
-    events: Floats,
-    count: Ints,
-    work: Floats,
-    out_v: Floats,
-    out_twist: Floats,
-    out_mode: Ints,
-    out_el: Floats,
-    out_shaft: Floats,
-    out_e_in: Floats,
-) -> None:
-    for i in range(q.shape[0]):
-        bare_step(
-            bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], None, v, twist, mode, el, shaft, e_in, events, count, work
-        )
-        put(out_v[i], v)
-        put(out_twist[i], twist)
-        put(out_mode[i], mode)
-        put(out_el[i], el)
-        put(out_shaft[i], shaft)
-        put(out_e_in[i], e_in)
+def _run_steps(bare: int, structure: Structure, loads: Loads, state: State, t: Floats, rows: Rows) -> None:
+    """Take a step to each time after the first and record the state there; bare is an address, the loads are those of all steps."""
+    for i in range(loads.q.shape[0]):
+        bare_step(bare, t[i + 1] - t[i], t[i], structure, Loads(loads.q[i], loads.cap[i]), None, state)
+        put_row(rows, i, state)
 
 
 class Run:
@@ -128,7 +99,7 @@ class Run:
             raise RigError(f"driveline: breakpoints are {brief(breakpoints)}; a list of finite times in s is needed")
         self.system, self.step_length = system, float(step)
         self._controller, self._every, self._max_events = controller, int(every), max_events
-        self._state = system.state(max_events, recorded=True)
+        self._state, self._loss = system.state(max_events, recorded=True), system.losses()
         self._laws, self._own = laws_of(system.laws, len(system.speeds)), law_state(system.laws)
         self._inputs: dict[str, Input] = {}
         self._breakpoints = np.unique(np.array([float(x) for x in breakpoints]))
@@ -270,7 +241,7 @@ class Run:
             self._rows.append(self._first(t))
         pushes, cap, given = self._given(t)
         x.count[algebra.N_EVENTS] = 0
-        out = self._move(t, pushes, cap, given, x, self._own)
+        out = self._move(t, (pushes, cap, given), self._loss, x, self._own)
         count = int(x.count[algebra.N_EVENTS])
         if count > self._max_events:
             raise RigError(f"driveline: {count} events between {t[0]:g} and {t[-1]:g} s; max_events is {self._max_events}")
@@ -310,38 +281,24 @@ class Run:
             cap[:, algebra.HI0 + k, f] = self.system.stick[0, f] * ends[:, k]
             cap[:, algebra.LO0 + k, f] = -self.system.stick[1, f] * ends[:, k]
 
-    def _move(self, t: Floats, pushes: Floats, cap: Floats, given: Floats, x: State, own: LawState) -> tuple[Floats | Ints, ...]:
-        """Move the state x and that of the laws through the steps between times t, and return both at the end of each step."""
+    def _move(
+        self, t: Floats, inputs: tuple[Floats, Floats, Floats], loss: Floats, x: State, own: LawState
+    ) -> tuple[Floats | Ints, ...]:
+        """Move losses, state and that of the laws through the steps between times t by what `_given` returns.
+
+        The state and that of the laws at the end of each step are returned.
+        """
+        pushes, cap, given = inputs
         s, steps = self.system, len(t) - 1
-        q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
-        kc = np.zeros((2, len(s.slots)))
-        kc[:, : len(s.shafts)] = s.kc
-        out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
-        soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
-        state = (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+        loads = Loads(np.ascontiguousarray(pushes @ s.bodies_from_speeds), cap)
+        rows = Rows(*(np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)))
+        law_rows = LawRows(*(np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)))
         if s.laws or s.meshes:
-            run_laws(
-                settled_address(),
-                bare_address(),
-                t,
-                self._laws,
-                own,
-                given,
-                s.mass,
-                s.minv,
-                s.w,
-                s.slots,
-                kc,
-                q,
-                cap,
-                x.loss,
-                *state,
-                *out,
-                *soft,
-            )
+            model = Model(bare_address(), s.structure, s.mass, self._laws)
+            run_laws(settled_address(), model, Given(loads, given), Moving(loss, x, own), t, rows, law_rows)
         else:
-            _run_steps(bare_address(losses=False), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
-        return *out, *soft
+            _run_steps(bare_address(losses=False), s.structure, loads, x, t, rows)
+        return *rows, *law_rows
 
     def _first(self, t: Floats) -> tuple[np.ndarray, ...]:
         """Return row 0, whose torques are those of a step of zero length."""
@@ -353,7 +310,11 @@ class Run:
             ends[:, 1] = ends[:, 0]
         given[:, 2] = 0.0
         _, _, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
-            t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws)
+            t[0] + np.array([0.0, 1e-9 * self.step_length]),
+            (pushes, cap, given),
+            s.losses(),
+            s.state(0, recorded=True),
+            law_state(s.laws),
         )
         el[:, 1:], shaft[:, algebra.E_SHAFT] = 0.0, 0.0
         return (

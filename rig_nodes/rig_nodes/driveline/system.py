@@ -9,6 +9,7 @@ driveline/builder.py makes a `System`; driveline/run.py, the engine and the anal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,27 +18,9 @@ from rig_nodes.driveline import algebra
 from rig_nodes.driveline.algebra import work_size
 from rig_nodes.driveline.laws import Law
 from rig_nodes.driveline.losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
+from rig_nodes.driveline.state import State, Structure
 
 LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
-
-
-@dataclass
-class State:
-    """Everything that a step of the kernel changes.
-
-    The arrays have the shapes that `driveline_step` expects.
-    """
-
-    loss: np.ndarray
-    v: np.ndarray
-    twist: np.ndarray
-    mode: np.ndarray
-    el: np.ndarray
-    shaft: np.ndarray
-    e_in: np.ndarray
-    events: np.ndarray
-    count: np.ndarray
-    work: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -86,7 +69,7 @@ class System:
     mass : (n, n) array of float
         Mass matrix of the generalised speeds.
     minv, w, sh, kc : arrays of float
-        Arguments of the kernel, which are passed to it unchanged.
+        As those of driveline.state.Structure, without the rows of laws.
     stick : (2, m) array of float
         Ratio of break-away to kinetic torque, forwards and backwards.
     drag : (m,) array of float
@@ -141,6 +124,13 @@ class System:
     factors: dict[str, float]
     balanced: tuple[str, ...]
 
+    @cached_property
+    def structure(self) -> Structure:
+        """The structure that the compiled steps take; rows of laws among the shafts have neither stiffness nor damping."""
+        kc = np.zeros((2, len(self.slots)))
+        kc[:, : len(self.shafts)] = self.kc
+        return Structure(self.minv, self.w, self.slots, kc)
+
     def state(self, max_events: int = 256, recorded: bool = False) -> State:
         """Return the initial state: each free-wheel overruns or is locked, everything else is open.
 
@@ -162,16 +152,12 @@ class System:
         for f in np.flatnonzero(self.one_way):
             if slip[f] < 0.0:
                 mode[f] = algebra.BACKWARD
-        loss = np.zeros((len(self.meshes), loss_width(n, m)))
-        for row, mesh in zip(loss, self.meshes):
+        for mesh in self.meshes:
             mode[mesh.gear] = algebra.STUCK
-            row[SHARE], row[OWN], row[ON], row[FACTOR], row[BASE] = mesh.share, mesh.brake, mesh.brake, 1.0, LEAST_LOSS
-            row[WEIGHTS + mesh.gear], row[WEIGHTS + mesh.brake] = 1.0, -mesh.before
         extra = n if recorded else 0
         twist = np.zeros(s + extra)
         twist[: len(self.shafts)] = self.twist_start
         return State(
-            loss,
             self.v_start.copy(),
             twist,
             mode,
@@ -182,6 +168,14 @@ class System:
             np.zeros(2, np.int64),
             np.zeros(work_size(n, m, s, len(self.meshes))),
         )
+
+    def losses(self) -> np.ndarray:
+        """Return new rows (meshes, loss_width) of the meshes' losses, with the columns of driveline.losses."""
+        loss = np.zeros((len(self.meshes), loss_width(len(self.speeds), len(self.elements))))
+        for row, mesh in zip(loss, self.meshes):
+            row[SHARE], row[OWN], row[ON], row[FACTOR], row[BASE] = mesh.share, mesh.brake, mesh.brake, 1.0, LEAST_LOSS
+            row[WEIGHTS + mesh.gear], row[WEIGHTS + mesh.brake] = 1.0, -mesh.before
+        return loss
 
     def limits(self) -> np.ndarray:
         """Return a new `cap` (7, m) for the kernel in which drag, free-wheels and meshes are set and everything else is open."""

@@ -136,7 +136,7 @@ def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
     return area(np.asarray(x, float)) - area(np.zeros(1))[0]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
 def piece(tables: Tables, k: int, x: float) -> int:
     """Return the number of the straight piece of table k that reaches from x to the right; -1 is before the first point."""
     noinline()
@@ -159,7 +159,7 @@ def piece(tables: Tables, k: int, x: float) -> int:
     return low - first
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
 def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, float, float]:
     """Return (begin, end, value at one of its points, this point, slope) of a straight piece of table k."""
     noinline()
@@ -182,7 +182,7 @@ def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, floa
 LEAST = 1e-150  # least length of an interval whose square is still a normal number
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
 def value(tables: Tables, k: int, x: float) -> float:
     """Return the value of table k at x."""
     noinline()

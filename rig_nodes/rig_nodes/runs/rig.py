@@ -130,8 +130,8 @@ class Rig(CommandedRig, ShownState):
         self.clutches = [self.device(name) for name in self.clutch_names]
         self.stored_first = self.stored()
         if self.shifts:
-            self._law_config = config.alfa46.law_config(config.transmission)
-            self._law_profiles = np.array(config.alfa46.profiles, order="C")  # a copy, because set_controller writes into it
+            self._law_config[:] = config.alfa46.law_config(config.transmission)
+            self._law_profiles[:] = config.alfa46.profiles
 
     # ---- time
 

@@ -126,13 +126,18 @@ class RigBase(ABC):
         self._shown["present"], self._shown["source"] = gauges.present, self.world.source[:count]
         self._shown["untouched_source"] = self.world.source[count:]
         self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
-        world = self.world
-        self._addresses = general_step.NONE
+        world, steps = self.world, self._steps_per_sample
+        self._plant = loop.Plant(
+            world.record, world.numbers, world.moved, world.finite, world.kept, self.step, steps, general_step.NONE
+        )
+        self._gauges = loop.Gauges(self._shown, *gauges.arrays)
+        self._law = loop.Law(self._law_config, self._law_profiles, self._law_outputs, self._law_state)
+        self._rings = loop.Rings(self._log, self._commands, self._moments, self._capacities)
         with compiling_in_parallel(plan.driven) as cold:
-            loop.first_row(self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays)
+            loop.first_row(self._log, self._plant, self._gauges)
             if cold:
                 self._advance(0)
-        self._addresses = general_step.addresses(plan.driven)
+        self._plant = self._plant._replace(addresses=general_step.addresses(plan.driven))
 
     def move(self, samples: int) -> bool:
         """Move by a number of samples; False when the plant trips the rig. A tripped rig moves on as far as it can."""
@@ -145,30 +150,7 @@ class RigBase(ABC):
         return True
 
     def _advance(self, samples: int) -> tuple[int, int]:
-        world = self.world
-        return loop.advance(
-            samples,
-            self.sample,
-            self._steps_per_sample,
-            self.step,
-            self._by,
-            self._addresses,
-            world.record,
-            world.numbers,
-            self._shown,
-            *self.gauges.arrays,
-            self._law_config,
-            self._law_profiles,
-            self._law_outputs,
-            self._law_state,
-            self._commands,
-            self._moments,
-            self._capacities,
-            self._log,
-            world.moved,
-            world.finite,
-            world.kept,
-        )
+        return loop.advance(samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
 
     def device(self, name: str) -> np.void:
         """Return the states of a device by its name [SI], which can be read and set."""

@@ -9,29 +9,45 @@ time. Both are compiled once for all rigs, in parallel with the rest, and are no
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from ...base.compiled import intrinsic, types
-from ...driveline.calls import ARGUMENTS, address_of, array_types, bare_address, bare_types, call_at
-from ...driveline.driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS, driven_step
+from ...base.compiled import INLINED, njit, types
+from ...driveline.calls import address_of, bare_address, bare_step, call_of
+from ...driveline.driven import driven_step
 from ...driveline.law_steps import settled_address
-from ...driveline.quick import QUICK, quick_address
+from ...driveline.quick import quick_address, quick_types
+from ...driveline.state import Loads, State, Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from llvmlite import ir
-    from numba.core.base import BaseContext
-    from numba.core.typing.context import BaseContext as TypingContext
-    from numba.core.typing.templates import Signature
-
-DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # arrays of the driveline's record, which follow the addresses and times in a call
-_DRIVEN = (types.int64, types.int64, types.float64, types.float64, *array_types(DRIVEN, WHOLE_NUMBERS))
-NONE = (0, 0, 0, 0)
+    from ...base.arrays import Record
 
 
-def addresses(driven: bool = False) -> tuple[int, int, int, int]:
-    """Return the addresses at which compiled steps begin in this process; the steps are compiled or read from the cache.
+class Addresses(NamedTuple):
+    """Addresses at which the driveline's compiled steps begin in this process; 0 for one that is not used.
+
+    Parameters
+    ----------
+    bare, settled, driven, quick : int
+        Of driveline.kernel.driveline_step, driveline.law_steps.settled_step, driveline.driven.driven_step and
+        driveline.quick.quick_step.
+    """
+
+    bare: int
+    settled: int = 0
+    driven: int = 0
+    quick: int = 0
+
+
+NONE = Addresses(0)
+
+
+def driven_types() -> tuple:
+    """Return the types of the arguments of `driven_step`."""
+    return types.int64, types.int64, *quick_types()
+
+
+def addresses(driven: bool = False) -> Addresses:
+    """Return the addresses of the steps, which are compiled or read from the cache.
 
     Parameters
     ----------
@@ -40,63 +56,33 @@ def addresses(driven: bool = False) -> tuple[int, int, int, int]:
 
     Returns
     -------
-    tuple of int
-        Addresses of the bare, the settled, the driven and the quick step; for a driveline that is not driven all but the first are
-        0.
+    Addresses
+        The addresses; for a driveline that is not driven that of the bare step alone.
     """
     if not driven:
-        return bare_address(), 0, 0, 0
-    return bare_address(), settled_address(), address_of(driven_step, _DRIVEN), quick_address()
+        return Addresses(bare_address())
+    return Addresses(bare_address(), settled_address(), address_of(driven_step, driven_types()), quick_address())
 
 
-def _fields(
-    context: BaseContext, builder: ir.IRBuilder, kind: types.Record, line: ir.Value, names: Iterable[str]
-) -> list[ir.Value]:
-    return [context.get_getattr(kind, name)(context, builder, kind, line, name) for name in names]
+_driven_step = call_of(lambda _: driven_types())
+_quick_step = call_of(lambda _: quick_types())
 
 
-@intrinsic
-def general_step(
-    context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
-) -> tuple[Signature, Callable]:
-    """Move a driveline's record from t over h by the bare step; `at` are :func:`addresses`."""
-
-    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
-        at, h, t, line = given
-        values = [h, t, *_fields(context, builder, signature.args[3], line, ARGUMENTS)]
-        call_at(context, builder, builder.extract_value(at, 0), bare_types(), values)
-        return context.get_dummy_value()
-
-    return types.void(at, h, t, line), build
+@njit(**INLINED)
+def general_step(at: Addresses, h: float, t: float, line: Record) -> None:
+    """Move a driveline's record from t over h by the bare step."""
+    structure, loads = Structure(line.minv, line.w, line.sh, line.kc), Loads(line.q, line.cap)
+    state = State(line.v, line.twist, line.mode, line.el, line.shaft, line.e_in, line.events, line.count, line.work)
+    bare_step(at.bare, h, t, structure, loads, line.loss, state)
 
 
-@intrinsic
-def driven_step_at(
-    context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
-) -> tuple[Signature, Callable]:
+@njit(**INLINED)
+def driven_step_at(at: Addresses, h: float, t: float, line: Record) -> None:
     """Move a driveline's record from t over h by the driven step; the record must have the arrays that this step needs."""
-
-    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
-        at, h, t, line = given
-        bare, settled, driven = (builder.extract_value(at, k) for k in range(3))
-        values = [settled, bare, h, t, *_fields(context, builder, signature.args[3], line, DRIVEN)]
-        call_at(context, builder, driven, _DRIVEN, values)
-        return context.get_dummy_value()
-
-    return types.void(at, h, t, line), build
+    _driven_step(at.driven, at.settled, at.bare, line.layout, h, t)
 
 
-@intrinsic
-def quick_step_at(
-    context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
-) -> tuple[Signature, Callable]:
+@njit(**INLINED)
+def quick_step_at(at: Addresses, h: float, t: float, line: Record) -> bool:
     """Move a driveline's record from t over h by the quick step, and return whether that has done it."""
-
-    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
-        at, h, t, line = given
-        base = builder.ptrtoint(line, context.get_value_type(types.int64))
-        values = [base, *_fields(context, builder, signature.args[3], line, ["layout"]), h, t]
-        done = call_at(context, builder, builder.extract_value(at, 3), QUICK, values)
-        return builder.icmp_signed("!=", done, done.type(0))
-
-    return types.boolean(at, h, t, line), build
+    return _quick_step(at.quick, line.layout, h, t) != 0

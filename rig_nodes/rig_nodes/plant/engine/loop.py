@@ -9,7 +9,7 @@ rows; it allocates nothing and holds no lock.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...base.clocks import TICK_SAMPLES
 from ...base.compiled import INLINED, INNER, njit
@@ -27,8 +27,81 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from ...base.arrays import Floats, Ints, Record
+    from .general_step import Addresses
 
 EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
+
+
+class Plant(NamedTuple):
+    """The plant and how it is moved.
+
+    Parameters
+    ----------
+    worlds : (1,) record array
+        The world.
+    numbers, moved : arrays of float64 and of int64
+        Its beginning, as two types.
+    finite : int
+        How many of the first numbers must be finite.
+    kept : (2, count) array of int64
+        Copy of ``moved`` at a sample's beginning, and the state that was not finite.
+    h : float
+        Length of a step [s].
+    steps : int
+        Steps in a sample.
+    addresses : Addresses
+        Addresses of the driveline's steps.
+    """
+
+    worlds: Record
+    numbers: Floats
+    moved: Ints
+    finite: int
+    kept: Ints
+    h: float
+    steps: int
+    addresses: Addresses
+
+
+class Gauges(NamedTuple):
+    """The transducers: records of plant.instruments.transducers.shown_dtype (1,), and the arrays of runs.gauges.Gauges."""
+
+    showns: Record
+    table: Floats
+    keys: npt.NDArray[np.uint64]
+    hum: Floats
+    state: Floats
+    counts: Floats
+
+
+class Law(NamedTuple):
+    """The embedded controller: record arrays of plant.alfa46_law, one output each, and its profiles (outputs, 6, 2)."""
+
+    config: Record
+    profiles: Floats
+    outputs: Record
+    state: Record
+
+
+class Rings(NamedTuple):
+    """What is written down.
+
+    Parameters
+    ----------
+    log : (rows, channels) array of float
+        Logger rows; row j belongs to the time j * h.
+    commands : (samples, 2 + 2 outputs) array of float
+        Commands of the law: :func:`put_command` writes the row of each sample that it answers.
+    moments : (ticks, count) array of int64
+        ``Plant.moved`` at each tick of the graph.
+    capacities : (ticks, elements) array of float
+        Capacities of the driveline's elements then [Nm].
+    """
+
+    log: Floats
+    commands: Floats
+    moments: Ints
+    capacities: Floats
 
 
 @njit(**INLINED)
@@ -93,72 +166,66 @@ def put_row(log: Floats, place: int, shown: Record) -> None:
 
 
 @njit(**INLINED)
-def put_command(commands: Floats, place: int, outputs: Record, state: Record) -> None:
-    """Write the law's command to a row of the ring: gear, 1 while it shifts, duty of each output, setpoint of each output [A]."""
+def put_command(commands: Floats, sample: int, outputs: Record, state: Record) -> None:
+    """Write the law's command to the row of a sample: gear, 1 while it shifts, duty and then setpoint [A] of each output."""
+    place, count = sample % commands.shape[0], outputs.shape[0]
     commands[place, 0] = state.gear
     commands[place, 1] = 1.0 if state.sample < state.shift_end else 0.0
-    count = outputs.shape[0]
     for k in range(count):
         commands[place, 2 + k] = outputs[k].duty
         commands[place, 2 + count + k] = outputs[k].setpoint
 
 
 @njit(**INLINED)
-def put_moment(moments: Ints, capacities: Floats, place: int, moved: Ints, world: Record) -> None:
-    """Write the present state to a row of the rings."""
+def put_moment(moments: Ints, capacities: Floats, tick: int, moved: Ints, world: Record) -> None:
+    """Write the present state to the row of a tick."""
+    place = tick % moments.shape[0]
     for i in range(moments.shape[1]):
         moments[place, i] = moved[i]
     for f in range(capacities.shape[1]):
         capacities[place, f] = world.driveline.cap[KIN1, f]
 
 
+@njit(**INLINED)
+def measured_currents(world: Record, log: Floats, row: int) -> None:
+    """Set the coil currents of the outputs to those of a logger row; an output without a channel keeps its own."""
+    for k in range(world.channel.shape[0]):
+        if world.channel[k] != NOWHERE:
+            world.current[k] = log[row, world.channel[k]]
+
+
 @njit(**INNER)
-def power_stage(row: Floats, world: Record, outputs: Record, config: Record) -> None:
+def power_stage(world: Record, outputs: Record, config: Record) -> None:
     """Run the plant's current driver for controllers that return setpoints: the current loop of the Alfa46 for each output.
 
     Parameters
     ----------
-    row : array of float
-        Logger row with the coil currents.
     world : Record
-        The world.
+        The world with the coil currents.
     outputs : record array
         Outputs with the setpoints, in which the duties are set.
     config : Record
         Record of plant.alfa46_law.LAW_CONFIG.
     """
     for k in range(world.channel.shape[0]):
-        if world.channel[k] != NOWHERE:
-            world.current[k] = row[world.channel[k]]
         out = outputs[k]
         current_loop(out.phase != OFF and world.safe == 0.0, world.current[k], out, config)
 
 
-@njit(cache=True, error_model="numpy")
-def first_row(
-    log: Floats,
-    h: float,
-    worlds: Record,
-    numbers: Floats,
-    showns: Record,
-    table: Floats,
-    keys: npt.NDArray[np.uint64],
-    hum: Floats,
-    state: Floats,
-    counts: Floats,
-) -> None:
+@njit(cache=True, error_model="numpy", _nrt=False)
+def first_row(log: Floats, plant: Plant, gauges: Gauges) -> None:
     """Write the logger's row of time 0."""
-    shown = showns[0]
-    transducers.take(shown, table, keys, state)
-    shown.mains = hum[0]
+    shown, counts = gauges.showns[0], gauges.counts
+    transducers.take(shown, gauges.table, gauges.keys, gauges.state)
+    shown.mains = gauges.hum[0]
     for e in range(shown.encoder.shape[0]):
         shown.counted[shown.encoder[e]] = 0.0
-    true_row(numbers, shown)
-    measure(int(0), h, worlds[0], shown)  # int(): a literal would make numba compile the function once more
+    true_row(plant.numbers, shown)
+    measure(int(0), plant.h, plant.worlds[0], shown)  # int(): a literal would make numba compile the function once more
     for e in range(shown.encoder.shape[0]):
         counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
     put_row(log, int(0), shown)
-    transducers.give(shown, state)
+    transducers.give(shown, gauges.state)
 
 
 @njit(**INNER)
@@ -170,35 +237,48 @@ def put_back(world: Record, moved: Ints, kept: Ints) -> None:
     world.driveline.work[:] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def advance(
-    samples: int,
-    first_sample: int,
-    steps_per_sample: int,
-    h: float,
-    drive: int,
-    addresses: tuple[int, int, int, int],
-    worlds: Record,
-    numbers: Floats,
-    showns: Record,
-    table: Floats,
-    keys: npt.NDArray[np.uint64],
-    hum: Floats,
-    gauge_state: Floats,
-    counts: Floats,
-    law_config: Record,
-    law_profiles: Floats,
-    law_outputs: Record,
-    law_state: Record,
-    commands: Floats,
-    moments: Ints,
-    capacities: Floats,
-    log: Floats,
-    moved: Ints,
-    finite: int,
-    kept: Ints,
-) -> tuple[int, int]:
-    """Advance everything by whole controller samples; row j of the ring ``log`` belongs to the time j * h.
+@njit(**INLINED)
+def is_finite(moved: Ints, finite: int) -> bool:
+    """Return whether the first numbers of the world are finite."""
+    wrong = 0
+    for i in range(finite):
+        wrong |= (moved[i] & EXPONENT) == EXPONENT
+    return not wrong
+
+
+@njit(**INLINED)
+def control(sample: int, drive: int, plant: Plant, law: Law, rings: Rings) -> None:
+    """Apply the duty at a controller sample, and let the law or the power stage compute one; see :func:`advance`."""
+    world, rows, config = plant.worlds[0], rings.log.shape[0], law.config[0]
+    if drive == BY_SETPOINT and sample > 0:
+        measured_currents(world, rings.log, ((sample - 1) * plant.steps) % rows)
+        power_stage(world, law.outputs, config)
+    command(world, law.outputs, drive)
+    if drive == BY_LAW:
+        measured_currents(world, rings.log, (sample * plant.steps) % rows)
+        law_step(sample, world.current, config, law.profiles, law.outputs, law.state[0])
+        put_command(rings.commands, sample, law.outputs, law.state[0])
+    ordered(world, law.outputs, plant.steps, plant.h)
+
+
+@njit(**INLINED)
+def count_encoders(shown: Record, counts: Floats, slot: int) -> None:
+    """Set the counter that each encoder had when its gate began, one gate before row ``slot`` of the ring of counters."""
+    for e in range(shown.encoder.shape[0]):
+        begun = slot - int(shown.table[transducers.GATE, shown.encoder[e]])
+        shown.counted[shown.encoder[e]] = counts[begun if begun >= 0 else begun + counts.shape[0], shown.encoder[e]]
+
+
+@njit(**INLINED)
+def keep_encoders(shown: Record, counts: Floats, slot: int) -> None:
+    """Write the counters of the encoders to a row of their ring."""
+    for e in range(shown.encoder.shape[0]):
+        counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+def advance(samples: int, first_sample: int, drive: int, plant: Plant, gauges: Gauges, law: Law, rings: Rings) -> tuple[int, int]:
+    """Advance everything by whole controller samples.
 
     The call ends early with the sample in which something went wrong. After a sample with a value that is not finite, the plant has
     the state of the sample's beginning, and the sample's rows show that state.
@@ -214,90 +294,62 @@ def advance(
         Number of samples.
     first_sample : int
         Number of the first one.
-    steps_per_sample : int
-        Steps in a sample.
-    h : float
-        Length of a step [s].
     drive : int
         BY_DUTY, BY_LAW or BY_SETPOINT.
-    addresses : tuple of int
-        Addresses of the driveline's steps, from plant.engine.general_step.
-    worlds : (1,) record array
-        The world.
-    numbers, moved : arrays of float64 and of int64
-        The beginning of ``worlds``, as two types.
-    showns, table, keys, hum, gauge_state, counts : arrays
-        Arrays of the gauges.
-    law_config, law_profiles, law_outputs, law_state : arrays
-        Arrays of the law.
-    commands : (samples, 2 + 2 outputs) array of float
-        Ring of the law's commands: :func:`put_command` writes the row of each sample that the law answers.
-    moments, capacities : (ticks, count) array of int64, (ticks, elements) array of float
-        Rings with ``moved`` at each tick of the graph, and with the capacities of the driveline's elements then.
-    log : (rows, channels) array of float
-        Ring of logger rows.
-    finite : int
-        How many of the first ``numbers`` must be finite.
-    kept : (2, count) array of int64
-        Copy of ``moved`` at the sample's beginning, and the state that was not finite.
+    plant, gauges, law, rings : Plant, Gauges, Law, Rings
+        What is moved, what it shows, the embedded controller, and what is written down.
 
     Returns
     -------
     tuple of int
         The sample that was reached, and WHOLE, NOT_FINITE or NOT_SETTLED.
     """
-    rows, first, gate = log.shape[0], first_sample * steps_per_sample, counts.shape[0]
-    newest, mains, slot = first % rows, first % hum.shape[0], first % gate
-    world, shown = worlds[0], showns[0]
+    numbers, moved, kept, h, steps, hum, counts, log = (
+        plant.numbers,
+        plant.moved,
+        plant.kept,
+        plant.h,
+        plant.steps,
+        gauges.hum,
+        gauges.counts,
+        rings.log,
+    )
+    first = first_sample * steps
+    newest, mains, slot = first % log.shape[0], first % hum.shape[0], first % counts.shape[0]
+    world, shown = plant.worlds[0], gauges.showns[0]
     fill(world, h)
-    transducers.take(shown, table, keys, gauge_state)
+    transducers.take(shown, gauges.table, gauges.keys, gauges.state)
     capped, how, reached = world.driveline.count[N_CAPPED], WHOLE, first_sample
     for s in range(first_sample, first_sample + samples):
-        if drive == BY_SETPOINT and s > 0:
-            power_stage(log[((s - 1) * steps_per_sample) % rows], world, law_outputs, law_config[0])
-        command(world, law_outputs, drive)
-        if drive == BY_LAW:
-            for k in range(world.channel.shape[0]):
-                if world.channel[k] != NOWHERE:
-                    world.current[k] = log[newest, world.channel[k]]
-            law_step(s, world.current, law_config[0], law_profiles, law_outputs, law_state[0])
-            put_command(commands, s % commands.shape[0], law_outputs, law_state[0])
-        ordered(world, law_outputs, steps_per_sample, h)
+        control(s, drive, plant, law, rings)
         for i in range(kept.shape[1]):
             kept[0, i] = moved[i]
-        for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
+        for index in range(s * steps, (s + 1) * steps):
             if how == WHOLE:
-                plant_step(world, addresses, h, index * h)
+                plant_step(world, plant.addresses, h, index * h)
             if not true_row(numbers, shown) and how == WHOLE:
                 # the states of the gauges would keep a value that is not finite
                 how = NOT_FINITE
                 put_back(world, moved, kept)
                 true_row(numbers, shown)
-            newest = newest + 1 if newest + 1 < rows else 0
+            newest = newest + 1 if newest + 1 < log.shape[0] else 0
             mains = mains + 1 if mains + 1 < hum.shape[0] else 0
-            slot = slot + 1 if slot + 1 < gate else 0
-            # no arrays are passed to the functions called here, because a call counts the references of its arrays up and down
+            slot = slot + 1 if slot + 1 < counts.shape[0] else 0
             shown.mains = hum[mains]
-            for e in range(shown.encoder.shape[0]):
-                begun = slot - int(shown.table[transducers.GATE, shown.encoder[e]])  # row at which its gate began, in the ring
-                shown.counted[shown.encoder[e]] = counts[begun if begun >= 0 else begun + gate, shown.encoder[e]]
+            count_encoders(shown, counts, slot)
             measure(index + 1, h, world, shown)
-            for e in range(shown.encoder.shape[0]):
-                counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]
+            keep_encoders(shown, counts, slot)
             put_row(log, newest, shown)
         reached = s + 1
         if how == WHOLE:
-            wrong = 0
-            for i in range(finite):
-                wrong |= (moved[i] & EXPONENT) == EXPONENT
-            if wrong:
+            if not is_finite(moved, plant.finite):
                 how = NOT_FINITE
                 put_back(world, moved, kept)
             elif world.driveline.count[N_CAPPED] != capped:
                 how = NOT_SETTLED
         if reached % TICK_SAMPLES == 0:
-            put_moment(moments, capacities, (reached // TICK_SAMPLES) % moments.shape[0], moved, world)
+            put_moment(rings.moments, rings.capacities, reached // TICK_SAMPLES, moved, world)
         if how != WHOLE:
             break
-    transducers.give(shown, gauge_state)
+    transducers.give(shown, gauges.state)
     return reached, how

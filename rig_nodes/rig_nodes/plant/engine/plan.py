@@ -19,8 +19,9 @@ from ...base.schema import fill
 from ...driveline.driven import driven_arrays
 from ...driveline.laws import MOTION, TORQUE
 from ...driveline.losses import ON, OWN
-from ...driveline.quick import layout_of
-from ...driveline.system import State, System
+from ...driveline.record import layout_of
+from ...driveline.state import State
+from ...driveline.system import System
 from ...driveline.tables import Table
 from ..parts.part import BODY, NOWHERE, Part, part
 from .world import Sizes, places, world_dtype
@@ -175,7 +176,7 @@ class World:
         for instance in plan.instances:
             shapes.update({name: table.shape for name, table in instance.tables.items()})
         start = system.state(recorded=plan.driven)
-        self.losses = np.concatenate([plan.losses, start.loss])
+        self.losses = np.concatenate([plan.losses, system.losses()])
         owned = tuple(int(element) for element in self.losses[:, OWN])
         if len(set(owned)) < len(owned) or not set(self.losses[:, ON]) <= set(owned):
             raise RigError("each loss by torque needs a friction element of its own, and brakes one that a loss owns")
@@ -331,7 +332,7 @@ class World:
 
     def _fill_driveline(self, system: System, start: State) -> None:
         plan, line = self.plan, self.line
-        line["minv"], line["w"], line["sh"], line["kc"][:, : len(system.shafts)] = system.minv, system.w, system.slots, system.kc
+        line["minv"], line["w"], line["sh"], line["kc"] = system.structure
         line["v"], line["twist"], line["mode"] = start.v, start.twist, start.mode
         line["cap"], line["loss"] = system.limits(), self.losses
         rows = np.array([system.bodies_from_speeds[system.bodies.index(name)] for name in plan.bodies])

@@ -29,18 +29,19 @@ if TYPE_CHECKING:
     from numba import types
 
     from ...base.arrays import Record
+    from .general_step import Addresses
 
 
 @njit(**INLINED)
-def plant_step(world: Record, addresses: tuple[int, int, int, int], h: float, t: float) -> None:
+def plant_step(world: Record, addresses: Addresses, h: float, t: float) -> None:
     """Move the plant from t to t + h.
 
     Parameters
     ----------
     world : Record
         The world.
-    addresses : tuple of int
-        Addresses of the driveline's steps, from plant.engine.general_step.
+    addresses : Addresses
+        Addresses of the driveline's steps.
     h : float
         Length of the step [s].
     t : float
@@ -72,7 +73,7 @@ def is_driven(line: types.Record) -> bool:
     return "begun" in line.fields
 
 
-def move_driveline(line: Record, addresses: tuple[int, int, int, int], h: float, t: float) -> None:
+def move_driveline(line: Record, addresses: Addresses, h: float, t: float) -> None:
     """Move the driveline's record from t over h, by the step that its type needs."""
     raise TypeError("the driveline is moved from compiled code only")
 

@@ -17,9 +17,8 @@ import numpy as np
 
 from ...base.compiled import one_record
 from ...driveline.algebra import work_size
-from ...driveline.driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS
 from ...driveline.losses import loss_width
-from ...driveline.quick import FIELDS, SIZES, quick_arrays
+from ...driveline.record import FIELDS, INPUTS, KEPT, LAWS, SIZES, WHOLE_NUMBERS, Room, room_shapes
 from ..parts.part import part
 
 EVENTS = 256  # number of the driveline's events that are kept
@@ -84,9 +83,9 @@ def driveline_dtype(n: Sizes) -> np.dtype:
     s, m = n.speeds, n.elements
     kept, fixed = (
         [(name, "i8" if name in WHOLE_NUMBERS else "f8", n.driven[name]) for name in names if n.driven]
-        for names in (KEPT, {**LAWS, **INPUTS})
+        for names in (KEPT, (*LAWS, *INPUTS))
     )
-    quick = quick_arrays(s, m, n.shafts, n.driven["kind"][0], n.driven["given_kind"][0], n.driven["default"][0]) if n.driven else {}
+    room = room_shapes(s, m, n.shafts, n.driven["kind"][0], n.driven["default"][0]) if n.driven else ()
     return np.dtype(
         [
             ("v", "f8", (s,)),
@@ -117,8 +116,8 @@ def driveline_dtype(n: Sizes) -> np.dtype:
             ("count", "i8", (2,)),
             ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
             *fixed,
-            *[(name, "f8", shape) for name, shape in quick.items()],
-            *[("layout", "i8", (SIZES + len(FIELDS),))] * bool(quick),
+            *[(name, "f8", shape) for name, shape in zip(Room._fields, room)],
+            *[("layout", "i8", (SIZES + len(FIELDS),))] * bool(room),
         ]
     )
 

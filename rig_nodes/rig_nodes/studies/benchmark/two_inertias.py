@@ -11,7 +11,6 @@ chance with straight lines. A torque acts on both sides, so that the common spee
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,8 +19,9 @@ from ...base.compiled import njit
 from ...driveline.algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
 from ...driveline.builder import Driveline
 from ...driveline.quiet import quiet_step
-from ...driveline.system import State, System
-from ...plant.engine.general_step import addresses, general_step
+from ...driveline.state import State
+from ...driveline.system import System
+from ...plant.engine.general_step import Addresses, addresses, general_step
 from ...plant.engine.world import Sizes, driveline_dtype
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Ours:
             line[name] = getattr(s, name)
         line["q"][:, 0], line["q"][:, -1] = DRIVE, LOAD
         line["cap"] = s.limits()
-        self.state = State(*(line[field.name] for field in fields(State)))
+        self.state = State(*(line[name] for name in State._fields))
         self._advance = _advance.made  # numba's own function, because a call may be one short step
 
     def start(self) -> None:
@@ -146,7 +146,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(begin: float, steps: int, h: float, lines: Record, addresses: tuple[int, int, int]) -> None:
+def _advance(begin: float, steps: int, h: float, lines: Record, addresses: Addresses) -> None:
     line = lines[0]
     # the straight line through the capacity at the step's two Gauss points has the mean of the capacity to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
