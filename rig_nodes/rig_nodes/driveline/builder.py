@@ -10,56 +10,33 @@ or pass the arrays to driveline/kernel.py inside a larger kernel. The drive trai
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rig_nodes.base.atomic_write import atomic_write
 from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.assembly import Assembly
 from rig_nodes.driveline.described import checks_arguments
-from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Law
-from rig_nodes.driveline.motions import locks_itself, rank
+from rig_nodes.driveline.description import Points
+from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE
 from rig_nodes.driveline.picture import Body, Link, svg
-from rig_nodes.driveline.system import LEAST_LOSS, Mesh, System
-from rig_nodes.driveline.tables import Table, table_of, value_at
-from rig_nodes.driveline.ties import GROUND, bodies_from_speeds, move_nothing, start_speeds
+from rig_nodes.driveline.system import System
+from rig_nodes.driveline.tables import Table, table_of
+from rig_nodes.driveline.ties import GROUND
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from rig_nodes.base.arrays import Floats
-
-_MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
 _ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # words in pictures
 
-Points = tuple[Sequence[float], Sequence[float]]
-
 
 @checks_arguments
-class Driveline:
+class Driveline(Assembly):
     """Description of a driveline: add the bodies first, then what joins them; `build` returns the arrays.
 
     The slip of a joint a-b, and the rate of a shaft's twist, is ca w_a - cb w_b; the coefficients are 1 by default. A positive
     torque of a joint slows a and drives b. All methods raise a RigError with one sentence when the description is wrong.
     """
-
-    def __init__(self) -> None:
-        self._inertia: dict[str, float] = {}
-        self._speed: dict[str, float | None] = {}
-        self._gears: list[tuple[str, str, float]] = []
-        self._relations: dict[str, dict[str, float]] = {}  # coefficients by the name that messages use
-        self._ties: dict[str, dict[str, float]] = {}  # coefficients of gears, sets and relations by name
-        self._shafts: dict[str, tuple] = {}
-        self._elements: dict[str, tuple] = {}
-        self._meshes: dict[str, tuple[str, str, float, float, float]] = {}
-        self._lossy_sets: dict[str, tuple[str, str, str, float, float, float]] = {}
-        self._soft: dict[str, tuple] = {}  # characteristics of shafts that are not straight lines
-        self._friction: dict[str, Table] = {}
-        self._capacities: dict[str, tuple] = {}
-        self._acts: dict[str, tuple] = {}  # torques, motions and inertias that follow the motion itself
 
     def inertia(self, name: str, j: float, speed: float | None = None) -> None:
         """Add a body.
@@ -266,31 +243,12 @@ class Driveline:
         for k, limit in springs:
             self._positive(f"stiffness in the hysteresis of shaft '{name}'", k)
             self._positive(f"torque in the hysteresis of shaft '{name}'", limit)
+        soft = table is not None or backlash > 0.0 or bool(springs)
         if table is None:
             self._not_negative(f"stiffness of shaft '{name}'", stiffness)
             table = ([-1.0, 1.0], [-stiffness, stiffness])
-            soft = backlash > 0.0 or bool(springs)
-        else:
-            soft = True
         if soft:
-            table = table_of(f"shaft '{name}'", table, "straight")
-            if len(table.x) < 2 or np.any(np.diff(table.y) < 0.0) or np.any(np.diff(table.x) == 0.0):
-                raise RigError(
-                    f"driveline: the table of shaft '{name}' needs two points or more, twists rising, torques not falling"
-                )
-            if backlash > 0.0:
-                if abs(value_at(table, 0.0)) > 0.0:
-                    raise RigError(
-                        f"driveline: the table of shaft '{name}' has {value_at(table, 0.0):g} Nm at twist 0; "
-                        "with backlash it must be 0 there"
-                    )
-                table = _apart(table, 0.5 * backlash)
-            stiffness = (value_at(table, twist + 1e-9) - value_at(table, twist - 1e-9)) / 2e-9 + sum(k for k, _ in springs)
-            if abs(twist) < 0.5 * backlash:
-                damping, damped = 0.0, damping
-            else:
-                damped = damping
-            self._soft[name] = table, 0.5 * backlash, float(damped), springs
+            stiffness, damping = self._soft_shaft(name, table, damping, twist, backlash, springs)
         self._shafts[name] = (a, b, float(ca), float(cb), float(stiffness), float(damping), float(twist))
 
     def clutch(
@@ -329,13 +287,13 @@ class Driveline:
         RigError
             When a body does not exist, the name is taken or a number is out of its range.
         """
-        self._element(name, a, b, ca, cb, stick, drag, False, friction)
+        self._element(name, (a, b, ca, cb), stick, drag, False, friction)
 
     def brake(
         self, name: str, a: str, *, stick: float | tuple[float, float] = 1.0, drag: float = 0.0, friction: Points | None = None
     ) -> None:
         """Add a brake: a clutch between body a and the ground, whose slip is w_a; arguments and errors as those of `clutch`."""
-        self._element(name, a, GROUND, 1.0, 1.0, stick, drag, False, friction)
+        self._element(name, (a, GROUND, 1.0, 1.0), stick, drag, False, friction)
 
     def freewheel(self, name: str, a: str, b: str = GROUND, *, drag: float = 0.0) -> None:
         """Add a one-way clutch: a cannot turn faster than b, and the clutch overruns without torque while a is slower.
@@ -354,7 +312,7 @@ class Driveline:
         RigError
             When a body does not exist, the name is taken or the drag is negative.
         """
-        self._element(name, a, b, 1.0, 1.0, 1.0, drag, True)
+        self._element(name, (a, b, 1.0, 1.0), 1.0, drag, True)
 
     def torque(
         self,
@@ -595,379 +553,4 @@ class Driveline:
         RigError
             When the description contradicts itself or has no body with inertia.
         """
-        bodies = tuple(self._inertia)
-        inertia = np.array([self._inertia[name] for name in bodies])
-        if not inertia.any():
-            raise RigError("driveline: no body with inertia; at least one is needed")
-        elements, rows = self._elements | self._mesh_elements(), self._mesh_rows()
-        if len(elements) > _MAX_ELEMENTS:
-            raise RigError(
-                f"driveline: {len(elements)} friction elements, two for each mesh or set with losses; at most {_MAX_ELEMENTS} work"
-            )
-        prescribed = [next(iter(on)) for kind, on, *_ in self._acts.values() if kind == MOTION]
-        balances, balanced = self._balances(bodies)
-        relations = self._relations | balances
-        speeds, t = bodies_from_speeds(self._inertia, self._gears, relations, prescribed)
-        heavy = inertia > 0.0
-        with np.errstate(over="ignore", invalid="ignore"):
-            mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
-        if not np.isfinite(mass).all():
-            raise RigError(
-                "driveline: reduced by the ratios, an inertia is no finite number; inertias and ratios nearer to 1 are needed"
-            )
-        row = {name: t[i] for i, name in enumerate(bodies)}
-        row[GROUND] = np.zeros(len(speeds))
-        w = np.zeros((len(elements), len(speeds)))
-        for f, (name, (a, b, ca, cb, *_)) in enumerate(elements.items()):
-            joint = rows.get(name)
-            w[f] = ca * row[a] - cb * row[b] if joint is None else sum(c * row[body] for body, c in joint.items())
-            self._moves(name, w[f])
-        sh = np.zeros((len(self._shafts), len(speeds)))
-        for i, (name, (a, b, ca, cb, *_)) in enumerate(self._shafts.items()):
-            sh[i] = ca * row[a] - cb * row[b]
-            self._moves(name, sh[i])
-        given = {name: speed for name, speed in self._speed.items() if speed is not None}
-        v_start = self._start(given, bodies, speeds, t, relations)
-        e = list(elements.values())
-        one_way = np.array([x[6] for x in e], dtype=bool)
-        for f, name in enumerate(elements):
-            if one_way[f] and w[f] @ v_start > 1e-9 * (1.0 + np.abs(v_start).max()):
-                raise RigError(
-                    f"driveline: free-wheel '{name}' starts with its driving side faster by "
-                    f"{w[f] @ v_start:g} rad/s; give initial speeds with a at most as fast as b"
-                )
-        k = list(self._shafts.values())
-        return System(
-            bodies,
-            tuple(elements),
-            tuple(self._shafts),
-            speeds,
-            inertia,
-            t,
-            mass,
-            np.ascontiguousarray(np.linalg.inv(mass)),
-            w,
-            sh,
-            np.array([[x[4] for x in k], [x[5] for x in k]], dtype=float).reshape(2, len(k)),
-            np.array([x[4] for x in e], dtype=float).reshape(len(e), 2).T,
-            np.array([x[5] for x in e], dtype=float),
-            one_way,
-            v_start,
-            np.array([x[6] for x in k], dtype=float),
-            _rows(bodies, (rows.get(name, {a: ca, b: -cb}) for name, (a, b, ca, cb, *_) in elements.items())),
-            _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
-            tuple(self._ties),
-            _rows(bodies, self._ties.values()),
-            tuple(self._mesh_of(name, tuple(elements)) for name in (*self._meshes, *self._lossy_sets)),
-            *self._laws_of(bodies, speeds, t, w, sh, v_start),
-            balanced,
-        )
-
-    def _balances(self, bodies: tuple[str, ...]) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
-        """Return the relations for bodies without inertia between shafts, and these bodies with those that gears tie to them.
-
-        At such a body the torques of its shafts, k (x + b dx/dt) with the same b for all, balance at all times. So the rates of
-        their twists, each times its stiffness, balance too, which is a relation between speeds. The torques stay in balance if
-        they are so at the start. Where no shaft has a stiffness, the rates are multiplied by the dampings instead.
-        """
-        found = move_nothing(self._inertia, self._gears, self._relations)
-        balances, balanced = {}, np.zeros(len(bodies), bool)
-        if not found:
-            return balances, ()
-        elements, rows, shafts = self._elements | self._mesh_elements(), self._mesh_rows(), self._shafts
-        acting = {name: rows.get(name, {a: ca, b: -cb}) for name, (a, b, ca, cb, *_) in elements.items()}
-        acting |= {name: on for name, (_, on, *_) in self._acts.items()}
-        acting |= {name: {a: ca, b: -cb} for name, (a, b, ca, cb, *_) in shafts.items() if name in self._soft}
-        twisting = _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in shafts.values()))
-        values = np.array([shaft[4:7] for shaft in shafts.values()], float).reshape(-1, 3)
-        for name, moves in found.items():
-            for one, row in zip(acting, _rows(bodies, acting.values()) @ moves):
-                if abs(row) > 1e-12:
-                    raise RigError(
-                        f"driveline: body '{name}' has no inertia, and '{one}' acts on it; without inertia it may have straight "
-                        "shafts only: give it one; a billionth of its neighbours' acts as none"
-                    )
-            share = twisting @ moves
-            on = np.abs(share) > 1e-12
-            if on.sum() < 2 or not values[on, :2].any():
-                continue
-            stiffness, damping, twist = values[on].T
-            weights = stiffness if stiffness.any() else damping
-            if np.abs(damping * weights.max() - damping[np.argmax(weights)] * weights).max() > 1e-9 * weights.max() * damping.max():
-                raise RigError(
-                    f"driveline: body '{name}' has no inertia, and the damping of its shafts is not in the same proportion to "
-                    "their stiffness; make it so, or give the body an inertia; a billionth of its neighbours' acts as none"
-                )
-            torques = share[on] * stiffness * twist
-            if abs(torques.sum()) > 1e-9 * np.abs(torques).max():
-                raise RigError(
-                    f"driveline: at the start the twists of its shafts put {-torques.sum():g} Nm on body '{name}', which has no "
-                    "inertia; give twists whose torques balance"
-                )
-            row = (share[on] * weights) @ twisting[on]
-            balances[f"the balance of torques at '{name}'"] = {body: c for body, c in zip(bodies, row) if c != 0.0}
-            balanced |= moves != 0.0
-        return balances, tuple(body for body, one in zip(bodies, balanced) if one)
-
-    def _mesh_rows(self) -> dict[str, dict[str, float]]:
-        """Return the coefficients of the two friction elements of each mesh and planetary set with losses, by name.
-
-        One is a clutch that never slips. The other one brakes the output side of power from a, which is b or the ring; its slip is
-        scaled to the speed of a or the sun, so that its torque is that at a. In a set all speeds are relative to the carrier.
-        """
-        out = {}
-        for name, (a, b, ratio, *_) in self._meshes.items():
-            out[name], out[f"{name} loss"] = {a: 1.0, b: -ratio}, {b: ratio}
-        for name, (sun, ring, carrier, ratio, *_) in self._lossy_sets.items():
-            out[name], out[f"{name} loss"] = {sun: 1.0, ring: ratio, carrier: -1.0 - ratio}, {ring: -ratio, carrier: ratio}
-        return out
-
-    def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
-        """Return the two friction elements of each mesh and set with losses, by name; `_mesh_rows` has their coefficients."""
-        return {name: (next(iter(row)), GROUND, 1.0, 1.0, (1.0, 1.0), 0.0, False) for name, row in self._mesh_rows().items()}
-
-    def _mesh_of(self, name: str, elements: tuple[str, ...]) -> Mesh:
-        """Return the mesh with the coefficients of its loss.
-
-        Of a power x from a, (1 - efficiency) x is lost, and of a power x from b, (1 - back) x. With a torque t into the mesh at a,
-        and t - loss out of it, both losses are `share` times |t - before * loss|, because t is greater than before * loss where a
-        drives and smaller where b drives.
-        """
-        there, back = (self._meshes.get(name) or self._lossy_sets[name])[-2:]
-        ahead, behind = _losses(there, back)
-        before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
-        return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
-
-    def _start(
-        self,
-        given: Mapping[str, float],
-        bodies: tuple[str, ...],
-        speeds: tuple[str, ...],
-        t: Floats,
-        relations: Mapping[str, Mapping[str, float]],
-    ) -> Floats:
-        if not self._meshes and not self._lossy_sets:
-            return start_speeds(given, bodies, t)
-        rows = self._mesh_rows()
-        meshes = {f"mesh '{name}'": rows[name] for name in self._meshes}
-        meshes |= {f"planetary set '{name}'": rows[name] for name in self._lossy_sets}
-        _, tied = bodies_from_speeds(self._inertia, self._gears, {**relations, **meshes})
-        at_start = dict(zip(bodies, tied @ start_speeds(given, bodies, tied)))
-        return np.array([at_start[name] for name in speeds])
-
-    def _laws_of(
-        self, bodies: tuple[str, ...], speeds: tuple[str, ...], t: Floats, w: Floats, sh: Floats, v_start: Floats
-    ) -> tuple[tuple[Law, ...], Floats, dict[str, float]]:
-        """Return the laws, the rows of the shafts and of the laws that need one, and the inputs of the laws with their defaults."""
-        laws, slots, factors = [], list(sh), {}
-        nothing = np.zeros(len(bodies))
-        elements, shafts = list(self._elements), list(self._shafts)
-        for name, (reads, by, table, angle) in self._capacities.items():
-            of = _rows(bodies, [reads])[0] @ t
-            f = elements.index(name)
-            laws.append(Law(name, CAPACITY, by == "angle", of, 0.0 * of, nothing, table, element=f, start=angle))
-        for name, table in self._friction.items():
-            f = elements.index(name)
-            laws.append(Law(name, FRICTION, False, w[f], 0.0 * w[f], nothing, table, element=f))
-        for name, (table, gap, damping, springs) in self._soft.items():
-            i = shafts.index(name)
-            laws.append(
-                Law(
-                    name,
-                    SHAFT,
-                    True,
-                    sh[i],
-                    0.0 * sh[i],
-                    nothing,
-                    table,
-                    slot=i,
-                    start=self._shafts[name][6],
-                    gap=gap,
-                    damping=damping,
-                    springs=springs,
-                )
-            )
-        for name, (kind, on, of, by, table, angle) in self._acts.items():
-            acts = _rows(bodies, [on])[0]
-            on, of = acts @ t, _rows(bodies, [of])[0] @ t
-            self._moves(name, on)
-            slot = factor = -1
-            if kind == TORQUE and np.array_equal(on, of):
-                slot = len(slots)
-                slots.append(on)
-            if kind in (TORQUE, MOTION):
-                factor = len(factors)
-                factors[name] = 1.0 if kind == TORQUE else float(on @ v_start)
-            laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
-        held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
-        if rank(held) < len(held):
-            raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
-        if len(held):
-            self._left_free(held.any(axis=0), w)
-        return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
-
-    def _left_free(self, held: npt.NDArray[np.bool_], w: Floats) -> None:
-        """Raise a RigError for elements that could hold the prescribed speeds `held` (n,); `w` (m, n) are the slips."""
-        elements = self._elements | self._mesh_elements()
-        rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes or name in self._lossy_sets]
-        if rank(w[np.ix_(rigid, ~held)]) < rank(w[rigid]):
-            names = ", ".join(f"'{list(elements)[f]}'" for f in rigid)
-            raise RigError(
-                f"driveline: motions prescribe speeds that the meshes and free-wheels ({names}) can hold against them; "
-                "leave out one of those that do"
-            )
-        joints = []
-        for name, (*_, there, back) in (self._meshes | self._lossy_sets).items():
-            gear, loss = (w[list(elements).index(one)] for one in (name, f"{name} loss"))
-            joints.append((gear, loss, *_losses(there, back)))
-        others = [f for f in rigid if list(elements.values())[f][6]]
-        if joints and locks_itself(joints, w[others], held):
-            names = ", ".join(f"'{name}'" for name in (*self._meshes, *self._lossy_sets))
-            raise RigError(
-                f"driveline: motions prescribe speeds that meshes ({names}) can hold by their losses, because they lock "
-                "themselves; leave out a motion, or raise an efficiency until power gets through"
-            )
-
-    def _new_name(self, name: str) -> None:
-        if name == GROUND or any(
-            name in parts for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._mesh_elements())
-        ):
-            raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
-
-    def _exist(self, where: str, *names: str) -> None:
-        for name in names:
-            if (name != GROUND and name not in self._inertia) or (name == GROUND and where.startswith("gear")):
-                known = ", ".join(self._inertia) or "none"
-                raise RigError(f"driveline: {where} names the body '{name}', which does not exist; bodies are: {known}")
-
-    def _read_by(self, what: str, of: str) -> dict[str, float]:
-        """Return the bodies whose speeds a law reads, with coefficients: one body, or the two bodies of an element's slip."""
-        if of in self._elements:
-            a, b, ca, cb, *_ = self._elements[of]
-            return {a: ca, b: -cb}
-        self._exist(what, of)
-        return {of: 1.0}
-
-    def _known(self, where: str, *names: str) -> None:
-        self._exist(where, *names)
-        if names[0] == names[1]:
-            raise RigError(f"driveline: {where} joins '{names[0]}' with itself; two bodies are needed")
-
-    def _turns(self, what: str, body: str) -> None:
-        self._exist(what, body)
-        if body == GROUND:
-            raise RigError(f"driveline: {what} names the {GROUND}, which stands still; a body that turns is needed")
-
-    @staticmethod
-    def _positive(what: str, value: float) -> None:
-        if not (math.isfinite(value) and value > 0.0):
-            raise RigError(f"driveline: {what} is {value}; a finite number above 0 is needed")
-
-    @staticmethod
-    def _not_negative(what: str, value: float) -> None:
-        if not (math.isfinite(value) and value >= 0.0):
-            raise RigError(f"driveline: {what} is {value}; a finite number of at least 0 is needed")
-
-    @staticmethod
-    def _moves(name: str, row: Floats) -> None:
-        if not np.any(np.abs(row) > 1e-12):
-            raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; its slip is always 0")
-
-    @staticmethod
-    def _efficiencies(what: str, a: str, b: str, efficiency: float, back: float | None) -> tuple[float, float]:
-        """Return the shares of the power that arrive from a at b, and from b at a."""
-        back = efficiency if back is None else back
-        if not 0.0 < efficiency <= 1.0:
-            raise RigError(f"driveline: efficiency of {what} is {efficiency}; a number above 0, at most 1, is needed")
-        if not (math.isfinite(back) and back <= 1.0):
-            raise RigError(f"driveline: efficiency of {what} from {b} back to {a} is {back}; at most 1 is possible")
-        return float(efficiency), float(back)
-
-    def _relate(self, kind: str, name: str, coefficients: dict[str, float], least: int) -> None:
-        self._new_name(name)
-        what = f"{kind} '{name}'"
-        if len(coefficients) < least:
-            raise RigError(
-                f"driveline: {what} joins {' and '.join(map(repr, coefficients)) or 'nothing'}; "
-                f"{'two' if least == 2 else 'three'} different bodies are needed"
-            )
-        self._exist(what, *coefficients)
-        for body, c in coefficients.items():
-            if not math.isfinite(c) or c == 0.0:
-                raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; a finite number other than 0 is needed")
-        self._relations[what] = self._ties[name] = coefficients
-
-    def _element(
-        self,
-        name: str,
-        a: str,
-        b: str,
-        ca: float,
-        cb: float,
-        stick: float | tuple[float, float],
-        drag: float,
-        one_way: bool,
-        friction: Points | None = None,
-    ) -> None:
-        self._new_name(name)
-        self._known(f"'{name}'", a, b)
-        both = stick if isinstance(stick, tuple) else (stick, stick)
-        if len(both) != 2 or not all(math.isfinite(one) and one >= 1.0 for one in both):
-            raise RigError(
-                f"driveline: stick ratio of '{name}' is {stick}; "
-                "a finite number of at least 1 is needed, or two for the two directions"
-            )
-        self._coefficients(name, ca, cb)
-        self._not_negative(f"drag of '{name}'", drag)
-        if friction is not None:
-            table = table_of(f"friction of '{name}'", friction)
-            if table.x[0] != 0.0 or table.y.min() <= 0.0 or np.any(np.diff(table.x) == 0.0):
-                raise RigError(f"driveline: the table of friction of '{name}' needs slips that rise from 0 and factors above 0")
-            self._friction[name] = table
-        self._elements[name] = (a, b, float(ca), float(cb), tuple(map(float, both)), float(drag), one_way)
-
-    @staticmethod
-    def _coefficients(name: str, ca: float, cb: float) -> None:
-        if not (math.isfinite(ca) and math.isfinite(cb) and ca != 0.0 and cb != 0.0):
-            raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; finite numbers other than 0 are needed")
-
-    @staticmethod
-    def _law_table(what: str, table: Points, by: str, period: float | None) -> Table:
-        if by not in ("speed", "angle"):
-            raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
-        if period is not None and by == "speed":
-            raise RigError(f"driveline: {what} has a period and is by speed; only a table over an angle repeats")
-        found = table_of(what, table, "flat", period)
-        if by == "speed" and np.any(np.diff(found.x) == 0.0):
-            at = found.x[1:][np.diff(found.x) == 0.0][0]
-            raise RigError(
-                f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
-                "between which it changes, or use a clutch where it is friction"
-            )
-        return found
-
-
-def _losses(there: float, back: float) -> tuple[float, float]:
-    """Return the shares of power that a mesh loses in its two directions, from its efficiencies."""
-    return max(1.0 - there, LEAST_LOSS), max(1.0 - back, LEAST_LOSS)
-
-
-def _apart(table: Table, gap: float) -> Table:
-    """Split a table that goes through 0 at 0 there, and move each half outwards by `gap`."""
-    left, right = table.x < 0.0, table.x > 0.0
-    return Table(
-        np.concatenate([table.x[left] - gap, [-gap, gap], table.x[right] + gap]),
-        np.concatenate([table.y[left], [0.0, 0.0], table.y[right]]),
-        table.beyond,
-    )
-
-
-def _rows(bodies: tuple[str, ...], joints: Iterable[Mapping[str, float]]) -> Floats:
-    """Return the coefficients (joints, bodies) of joints, each of which maps bodies to coefficients."""
-    joints = list(joints)
-    out = np.zeros((len(joints), len(bodies)))
-    for row, joint in zip(out, joints):
-        for body, c in joint.items():
-            if body != GROUND:
-                row[bodies.index(body)] += c
-    return out
+        return self._assemble()

@@ -1,0 +1,210 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a description of a driveline has collected, and the checks of each thing that is added to it.
+
+Used by driveline/assembly.py, which makes arrays of it, and so by driveline/builder.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig_nodes.base.errors import RigError
+from rig_nodes.driveline.system import LEAST_LOSS
+from rig_nodes.driveline.tables import Table, table_of, value_at
+from rig_nodes.driveline.ties import GROUND
+
+if TYPE_CHECKING:
+    from rig_nodes.base.arrays import Floats
+
+Points = tuple[Sequence[float], Sequence[float]]
+
+
+class Description:
+    """Bodies and what joins them, by name; :class:`driveline.builder.Driveline` adds them."""
+
+    def __init__(self) -> None:
+        self._inertia: dict[str, float] = {}
+        self._speed: dict[str, float | None] = {}
+        self._gears: list[tuple[str, str, float]] = []
+        self._relations: dict[str, dict[str, float]] = {}  # coefficients by the name that messages use
+        self._ties: dict[str, dict[str, float]] = {}  # coefficients of gears, sets and relations by name
+        self._shafts: dict[str, tuple] = {}
+        self._elements: dict[str, tuple] = {}
+        self._meshes: dict[str, tuple[str, str, float, float, float]] = {}
+        self._lossy_sets: dict[str, tuple[str, str, str, float, float, float]] = {}
+        self._soft: dict[str, tuple] = {}  # characteristics of shafts that are not straight lines
+        self._friction: dict[str, Table] = {}
+        self._capacities: dict[str, tuple] = {}
+        self._acts: dict[str, tuple] = {}  # torques, motions and inertias that follow the motion itself
+
+    def _new_name(self, name: str) -> None:
+        if name == GROUND or any(
+            name in parts for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._mesh_elements())
+        ):
+            raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
+
+    def _exist(self, where: str, *names: str) -> None:
+        for name in names:
+            if (name != GROUND and name not in self._inertia) or (name == GROUND and where.startswith("gear")):
+                known = ", ".join(self._inertia) or "none"
+                raise RigError(f"driveline: {where} names the body '{name}', which does not exist; bodies are: {known}")
+
+    def _read_by(self, what: str, of: str) -> dict[str, float]:
+        """Return the bodies whose speeds a law reads, with coefficients: one body, or the two bodies of an element's slip."""
+        if of in self._elements:
+            a, b, ca, cb, *_ = self._elements[of]
+            return {a: ca, b: -cb}
+        self._exist(what, of)
+        return {of: 1.0}
+
+    def _known(self, where: str, *names: str) -> None:
+        self._exist(where, *names)
+        if names[0] == names[1]:
+            raise RigError(f"driveline: {where} joins '{names[0]}' with itself; two bodies are needed")
+
+    def _turns(self, what: str, body: str) -> None:
+        self._exist(what, body)
+        if body == GROUND:
+            raise RigError(f"driveline: {what} names the {GROUND}, which stands still; a body that turns is needed")
+
+    @staticmethod
+    def _positive(what: str, value: float) -> None:
+        if not (math.isfinite(value) and value > 0.0):
+            raise RigError(f"driveline: {what} is {value}; a finite number above 0 is needed")
+
+    @staticmethod
+    def _not_negative(what: str, value: float) -> None:
+        if not (math.isfinite(value) and value >= 0.0):
+            raise RigError(f"driveline: {what} is {value}; a finite number of at least 0 is needed")
+
+    @staticmethod
+    def _moves(name: str, row: Floats) -> None:
+        if not np.any(np.abs(row) > 1e-12):
+            raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; its slip is always 0")
+
+    @staticmethod
+    def _efficiencies(what: str, a: str, b: str, efficiency: float, back: float | None) -> tuple[float, float]:
+        """Return the shares of the power that arrive from a at b, and from b at a."""
+        back = efficiency if back is None else back
+        if not 0.0 < efficiency <= 1.0:
+            raise RigError(f"driveline: efficiency of {what} is {efficiency}; a number above 0, at most 1, is needed")
+        if not (math.isfinite(back) and back <= 1.0):
+            raise RigError(f"driveline: efficiency of {what} from {b} back to {a} is {back}; at most 1 is possible")
+        return float(efficiency), float(back)
+
+    def _relate(self, kind: str, name: str, coefficients: dict[str, float], least: int) -> None:
+        self._new_name(name)
+        what = f"{kind} '{name}'"
+        if len(coefficients) < least:
+            raise RigError(
+                f"driveline: {what} joins {' and '.join(map(repr, coefficients)) or 'nothing'}; "
+                f"{'two' if least == 2 else 'three'} different bodies are needed"
+            )
+        self._exist(what, *coefficients)
+        for body, c in coefficients.items():
+            if not math.isfinite(c) or c == 0.0:
+                raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; a finite number other than 0 is needed")
+        self._relations[what] = self._ties[name] = coefficients
+
+    def _soft_shaft(
+        self, name: str, table: Points, damping: float, twist: float, backlash: float, springs: tuple
+    ) -> tuple[float, float]:
+        """Add the characteristic of a shaft that is no straight line, and return its stiffness and damping at the start."""
+        found = table_of(f"shaft '{name}'", table, "straight")
+        if len(found.x) < 2 or np.any(np.diff(found.y) < 0.0) or np.any(np.diff(found.x) == 0.0):
+            raise RigError(f"driveline: the table of shaft '{name}' needs two points or more, twists rising, torques not falling")
+        if backlash > 0.0:
+            if abs(value_at(found, 0.0)) > 0.0:
+                raise RigError(
+                    f"driveline: the table of shaft '{name}' has {value_at(found, 0.0):g} Nm at twist 0; "
+                    "with backlash it must be 0 there"
+                )
+            found = _apart(found, 0.5 * backlash)
+        self._soft[name] = found, 0.5 * backlash, float(damping), springs
+        stiffness = (value_at(found, twist + 1e-9) - value_at(found, twist - 1e-9)) / 2e-9 + sum(k for k, _ in springs)
+        return stiffness, 0.0 if abs(twist) < 0.5 * backlash else damping
+
+    def _element(
+        self,
+        name: str,
+        joint: tuple[str, str, float, float],
+        stick: float | tuple[float, float],
+        drag: float,
+        one_way: bool,
+        friction: Points | None = None,
+    ) -> None:
+        a, b, ca, cb = joint
+        self._new_name(name)
+        self._known(f"'{name}'", a, b)
+        both = stick if isinstance(stick, tuple) else (stick, stick)
+        if len(both) != 2 or not all(math.isfinite(one) and one >= 1.0 for one in both):
+            raise RigError(
+                f"driveline: stick ratio of '{name}' is {stick}; "
+                "a finite number of at least 1 is needed, or two for the two directions"
+            )
+        self._coefficients(name, ca, cb)
+        self._not_negative(f"drag of '{name}'", drag)
+        if friction is not None:
+            table = table_of(f"friction of '{name}'", friction)
+            if table.x[0] != 0.0 or table.y.min() <= 0.0 or np.any(np.diff(table.x) == 0.0):
+                raise RigError(f"driveline: the table of friction of '{name}' needs slips that rise from 0 and factors above 0")
+            self._friction[name] = table
+        self._elements[name] = (a, b, float(ca), float(cb), tuple(map(float, both)), float(drag), one_way)
+
+    @staticmethod
+    def _coefficients(name: str, ca: float, cb: float) -> None:
+        if not (math.isfinite(ca) and math.isfinite(cb) and ca != 0.0 and cb != 0.0):
+            raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; finite numbers other than 0 are needed")
+
+    @staticmethod
+    def _law_table(what: str, table: Points, by: str, period: float | None) -> Table:
+        if by not in ("speed", "angle"):
+            raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
+        if period is not None and by == "speed":
+            raise RigError(f"driveline: {what} has a period and is by speed; only a table over an angle repeats")
+        found = table_of(what, table, "flat", period)
+        if by == "speed" and np.any(np.diff(found.x) == 0.0):
+            at = found.x[1:][np.diff(found.x) == 0.0][0]
+            raise RigError(
+                f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
+                "between which it changes, or use a clutch where it is friction"
+            )
+        return found
+
+    def _mesh_rows(self) -> dict[str, dict[str, float]]:
+        """Return the coefficients of the two friction elements of each mesh and planetary set with losses, by name.
+
+        One is a clutch that never slips. The other one brakes the output side of power from a, which is b or the ring; its slip is
+        scaled to the speed of a or the sun, so that its torque is that at a. In a set all speeds are relative to the carrier.
+        """
+        out = {}
+        for name, (a, b, ratio, *_) in self._meshes.items():
+            out[name], out[f"{name} loss"] = {a: 1.0, b: -ratio}, {b: ratio}
+        for name, (sun, ring, carrier, ratio, *_) in self._lossy_sets.items():
+            out[name], out[f"{name} loss"] = {sun: 1.0, ring: ratio, carrier: -1.0 - ratio}, {ring: -ratio, carrier: ratio}
+        return out
+
+    def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
+        """Return the two friction elements of each mesh and set with losses, by name; `_mesh_rows` has their coefficients."""
+        return {name: (next(iter(row)), GROUND, 1.0, 1.0, (1.0, 1.0), 0.0, False) for name, row in self._mesh_rows().items()}
+
+
+def losses_of(there: float, back: float) -> tuple[float, float]:
+    """Return the shares of power that a mesh loses in its two directions, from its efficiencies."""
+    return max(1.0 - there, LEAST_LOSS), max(1.0 - back, LEAST_LOSS)
+
+
+def _apart(table: Table, gap: float) -> Table:
+    """Split a table that goes through 0 at 0 there, and move each half outwards by `gap`."""
+    left, right = table.x < 0.0, table.x > 0.0
+    return Table(
+        np.concatenate([table.x[left] - gap, [-gap, gap], table.x[right] + gap]),
+        np.concatenate([table.y[left], [0.0, 0.0], table.y[right]]),
+        table.beyond,
+    )
