@@ -12,12 +12,12 @@ from rig_nodes.analysis.valve_response import valve_delay
 from rig_nodes.base.errors import RigError
 
 RATE = 125e3
+STEADY = {"slope": 1.33, "noise": 0.0, "hum": 0.0, "hum_hz": 50.0, "pickup": 0.0}
 
 
-def trace(
-    delay=0.3306, pulse=0.8753, pwm=1000.0, duty=0.3, slope=1.33, seed=None, noise=0.0, hum=0.0, hum_hz=50.0, pickup=0.0, length=1.9
-):
+def trace(delay=0.3306, pulse=0.8753, pwm=1000.0, duty=0.3, seed=None, length=1.9, **disturbed):
     """Returns times, 24 V PWM, and a pressure [MPa] that rises to 2.3 by a straight fill and a steep end."""
+    slope, noise, hum, hum_hz, pickup = ({**STEADY, **disturbed}[name] for name in STEADY)
     t = np.arange(int(length * RATE)) / RATE
     coil = np.where((t >= pulse) & (((t - pulse) * pwm) % 1.0 < duty), 24.0, 0.0)
     start = pulse + delay
