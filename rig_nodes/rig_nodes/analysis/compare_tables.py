@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from ..rig.catalogue import Signal
 from ..rig.transmission import Transmission
 from .metrics import named_metrics
-from .shown import in_unit, shown
+from .shown import fixed, in_unit, shown
 from .side_by_side import Comparison, short_names
 
 Table = tuple[list[str], list[list[str]]]  # heads and rows
@@ -44,7 +44,7 @@ def metric_tables(found: Comparison, box: Transmission) -> list[Table]:
             values = [
                 shown(*in_unit(row[key], row["error"], one.factor), one.digits + 1) for key in ("first", "other", "difference")
             ]
-            ends = [_fixed(row["error"], one.factor, one.digits + 1), _fixed(row["in_errors"], 1.0, 2)]
+            ends = [fixed(row["error"], one.factor, one.digits + 1), fixed(row["in_errors"], 1.0, 2)]
             rows.append([str(row["shift"]), one.heading(box), *values, *ends])
         tables.append((["shift", "metric", names[0], names[run], "difference", "+-", "in errors"], rows))
     return tables
@@ -58,8 +58,8 @@ def signal_tables(found: Comparison, signals: Mapping[str, Signal]) -> list[Tabl
         for row in found.signals:
             if row["run"] == run and (one := signals.get(row["signal"])):
                 digits = _digits(row["error"] or 0.0, row["largest"] or 0.0, one.scale)
-                values = [_fixed(row[key], one.scale, digits) for key in ("mean", "rms", "largest", "error")]
-                rows.append([f"{one.name} {one.display_unit}", *values, _fixed(row["in_errors"], 1.0, 2)])
+                values = [fixed(row[key], one.scale, digits) for key in ("mean", "rms", "largest", "error")]
+                rows.append([f"{one.name} {one.display_unit}", *values, fixed(row["in_errors"], 1.0, 2)])
         tables.append((["signal", "mean difference", "rms", "largest", "+-", "rms in errors"], rows))
     return tables
 
@@ -84,7 +84,3 @@ def _digits(error: float, largest: float, scale: float) -> int:
     """Return the digits behind the point with which the last one is a tenth of an error, or the last of DIGITS."""
     size, least = (error * scale, 1) if error else (largest * scale, DIGITS - 1)
     return max(0, least - math.floor(math.log10(abs(size)))) if size else 1
-
-
-def _fixed(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:z.{digits}f}"

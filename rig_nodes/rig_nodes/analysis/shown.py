@@ -42,6 +42,11 @@ def shown_shortly(value: float | None, error: float | None = None) -> str:
     return f"<{abs(value) + (error or 0.0):.4g}" if drowned(value, error) else f"{value:z.4g}"
 
 
+def fixed(value: float | None, factor: float, digits: int) -> str:
+    """Return a value times a factor with digits behind the decimal point, without the sign of a zero; ``-`` for None."""
+    return "-" if value is None else f"{value * factor:z.{digits}f}"
+
+
 def drowned(value: float | None, error: float | None) -> bool:
     """Return whether a value is smaller than its largest error, so that it must not be printed."""
     return value is not None and error is not None and error > abs(value)

@@ -19,6 +19,7 @@ from ..analysis.quality import sentence_of
 from ..analysis.ranges import range_lines
 from ..analysis.report_text import no_shift, numbered_way, shift_name
 from ..analysis.run_report import shown_transmission, verdicts_in
+from ..analysis.shown import fixed
 from ..analysis.state_at_order import begun_lines
 from ..rig.transmission import Transmission
 
@@ -82,14 +83,14 @@ def _run_rows(report: dict, box: Transmission) -> list[list[str]]:
     run = report["run"]
     rows = [["messages lost", "unknown" if run.get("lost") is None else str(run["lost"])]]
     if run.get("recorded_from_s"):
-        rows.append(["recorded from s", _number(run["recorded_from_s"], 1.0, 3)])
+        rows.append(["recorded from s", fixed(run["recorded_from_s"], 1.0, 3)])
     late = run.get("lateness_ms")
     if late:
-        rows += [[f"lateness {key} ms", _number(late.get(key), 1.0, 2)] for key in ("p50", "p99", "max")]
+        rows += [[f"lateness {key} ms", fixed(late.get(key), 1.0, 2)] for key in ("p50", "p99", "max")]
         rows.append(["overruns", f"{run.get('overruns')} of {run.get('ticks')} ticks"])
     for number, (row, account) in enumerate(zip(report["shifts"], report.get("energy", {}).get("shifts", [])), 1):
         if account:
-            rows.append([f"heat {numbered_way(number, row, box, ARROW)} J", _number(clutch_heat(account, box), 1.0, 0)])
+            rows.append([f"heat {numbered_way(number, row, box, ARROW)} J", fixed(clutch_heat(account, box), 1.0, 0)])
     rig = (run.get("configuration") or {}).get("name", "unknown")
     rows += [["rig", str(rig)], ["seed", str(run.get("seed"))]]
     rows += [[name, str(version)] for name, version in (run.get("versions") or {}).items()]
@@ -100,10 +101,6 @@ def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
     """Return the text that the list of events shows for an event, and its level; ``t`` is its time [s]."""
     level = next((level for part, level in LEVELS if part in name), "INFO")
     return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
-
-
-def _number(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:z.{digits}f}"
 
 
 def markdown_table(rows: list[list[str]]) -> str:
