@@ -104,9 +104,9 @@ def main(args: argparse.Namespace) -> int:
     from ..base.errors import RigError, ended_by, quoted
     from ..runs.campaign import Workers
     from ..runs.folders import free_folder
-    from ..studies.sweep.store import parquet
+    from ..studies.sweep.store import begun, open_journal, parquet
     from ..studies.tune import document, run, scout, search
-    from ..studies.tune.folder import open_journal
+    from ..studies.tune.folder import JOURNAL, MANIFEST
     from ..studies.tune.uncertainty import spreads_of
 
     for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("fresh", 1), ("seed", 0)):
@@ -120,12 +120,13 @@ def main(args: argparse.Namespace) -> int:
     scout.load_cmaes()
     folder = free_folder("tune") if args.out is None else Path(args.out)
     problem = _problem(args)
-    _check_folder(folder, problem.manifest(), args.spreads is not None)
+    # what open_journal would refuse is refused before the spreads are determined, which takes some seconds
+    begun(folder, MANIFEST, problem.manifest(), "tuning", () if args.spreads else ("spreads",))
     line = ProgressLine(1.0)
     with Workers(args.jobs) as workers:
         if not args.spreads:
             problem = replace(problem, spreads=spreads_of(problem.config, problem.calibration, workers))
-        journal = open_journal(folder, problem.manifest())
+        journal = open_journal(folder, MANIFEST, JOURNAL, problem.manifest(), "tuning")
         try:
             summary = run.tune(problem, folder, workers, journal, line.show)
         except KeyboardInterrupt as stop:
@@ -144,26 +145,6 @@ def main(args: argparse.Namespace) -> int:
     else:
         print(run.text(summary, problem.objectives))
     return 0
-
-
-def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None:
-    """Refuse what open_journal would refuse, before the spreads are determined, which takes some seconds."""
-    from ..base.errors import RigError
-    from ..studies.sweep.store import differs
-    from ..studies.tune.folder import MANIFEST
-
-    path = folder / MANIFEST
-    if not path.exists():
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"{folder}: it exists and holds no tuning; choose a new name with --out")
-        return
-    try:
-        before = json.loads(path.read_text(encoding="utf-8"))
-        known = manifest if spreads_are_known else {**manifest, "spreads": before["spreads"]}
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise RigError(f"{path}: cannot be read ({error}); start in a new folder") from None
-    if (why := differs(before, known)) is not None:
-        raise RigError(f"{folder} holds another tuning ({why} is not the same); choose a new folder with --out")
 
 
 def _problem(args: argparse.Namespace) -> Problem:

@@ -59,15 +59,7 @@ class Store:
     def __init__(self, folder: Path, manifest: dict) -> None:
         """Open the folder, or make it."""
         self.folder, self.manifest = Path(folder), manifest
-        path = self.folder / MANIFEST
-        if not path.exists():
-            if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
-                raise RigError(f"{folder}: it exists and holds no sweep; choose a new name with --out")
-            self.folder.mkdir(parents=True, exist_ok=True)
-            atomic_write(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
-        elif (why := differs(read_manifest(self.folder), manifest)) is not None:
-            raise RigError(f"{folder} holds another sweep ({why} is not the same); choose a new folder with --out")
-        self._journal = Journal(self.folder / JOURNAL)
+        self._journal = open_journal(self.folder, MANIFEST, JOURNAL, manifest, "sweep")
         self.done: set[int] = {entry["member"] for entry in self._journal.entries()}
 
     def __enter__(self) -> Store:
@@ -92,18 +84,13 @@ class Store:
 
         The old file stays until the new one is complete.
         """
-        pa, pq = parquet()
         entries = sorted(self.entries(), key=lambda entry: entry["member"])
         table = next((one["table"]["columns"] for one in entries if "table" in one), {})
         states = dict.fromkeys(name for one in entries for row in one["shifts"] for name in flat(row))
         schema = schema_of(plan, self.manifest, table, sorted(states))
         rows = [dict.fromkeys(schema.names) | row for entry in entries for row in rows_of(plan, entry)]
         columns = {name: [row[name] for row in rows] for name in schema.names}
-        path = self.folder / RESULTS
-        temporary = path.with_suffix(".part")
-        pq.write_table(pa.table(columns, schema=schema), temporary, compression="zstd")
-        os.replace(temporary, path)
-        return path
+        return write_table(self.folder / RESULTS, columns, schema)
 
 
 class Journal:
@@ -148,6 +135,58 @@ class Journal:
         self._file.close()
 
 
+def open_journal(folder: Path, name: str, journal: str, manifest: dict, what: str) -> Journal:
+    """Open the journal of a new piece of work, or of the same that was begun before.
+
+    Parameters
+    ----------
+    folder : Path
+        Its folder; it is made when it does not exist.
+    name, journal : str
+        Names of the files with the manifest and with the journal.
+    manifest : dict
+        What decides the work.
+    what : str
+        What the work is, for errors: sweep or tuning.
+
+    Raises
+    ------
+    RigError
+        When the folder holds something else, cannot be read, or another process works in it.
+    """
+    if not begun(folder, name, manifest, what):
+        folder.mkdir(parents=True, exist_ok=True)
+        atomic_write(folder / name, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
+    return Journal(folder / journal)
+
+
+def begun(folder: Path, name: str, manifest: dict, what: str, apart: Iterable[str] = ()) -> bool:
+    """Return whether a piece of work was begun in a folder; the arguments are as for :func:`open_journal`.
+
+    ``apart`` holds keys of the manifest that are not compared. RigError when the folder holds something else or cannot be read.
+    """
+    path = folder / name
+    if not path.exists():
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise RigError(f"{folder}: it exists and holds no {what}; choose a new name with --out")
+        return False
+    before = _read_json(path, what)
+    if (why := differs(before, manifest | {key: before.get(key) for key in apart})) is not None:
+        raise RigError(f"{folder} holds another {what} ({why} is not the same); choose a new folder with --out")
+    return True
+
+
+def _read_json(path: Path, what: str) -> dict:
+    """Return the manifest in a file; RigError when it cannot be read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(found, dict):
+            raise ValueError("it is no map")
+    except (OSError, ValueError) as error:
+        raise RigError(f"{path}: cannot be read ({error}); start the {what} in a new folder") from None
+    return found
+
+
 def encode(entry: dict) -> bytes:
     """Return an entry as a line of the journal: checksum, content."""
     text = json.dumps(entry, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
@@ -167,14 +206,11 @@ def decode(line: bytes) -> dict | None:
 def read_manifest(folder: str | Path) -> dict:
     """Return the manifest of a sweep's folder; RigError when the folder holds none."""
     path = Path(folder) / MANIFEST
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(manifest, dict) or "plan" not in manifest:
-            raise ValueError("no plan in it")
-    except FileNotFoundError:
-        raise RigError(f"{folder}: holds no sweep (no {MANIFEST} in it)") from None
-    except (OSError, ValueError) as error:
-        raise RigError(f"{path}: cannot be read ({error}); start the sweep in a new folder") from None
+    if not path.is_file():
+        raise RigError(f"{folder}: holds no sweep (no {MANIFEST} in it)")
+    manifest = _read_json(path, "sweep")
+    if "plan" not in manifest:
+        raise RigError(f"{path}: cannot be read (no plan in it); start the sweep in a new folder")
     return manifest
 
 
@@ -196,6 +232,15 @@ def parquet() -> tuple[ModuleType, ModuleType]:
     except ImportError as error:
         raise no_pyarrow("sweeps write Parquet", error) from None
     return pyarrow, pyarrow.parquet
+
+
+def write_table(path: Path, columns: Mapping[str, list], schema: pyarrow.Schema) -> Path:
+    """Write columns as a Parquet file and return its path; an old file stays until the new one is complete."""
+    pa, pq = parquet()
+    temporary = path.with_suffix(".part")
+    pq.write_table(pa.table(dict(columns), schema=schema), temporary, compression="zstd")
+    os.replace(temporary, path)
+    return path
 
 
 # ---- the table

@@ -12,11 +12,9 @@ import json
 from dataclasses import fields
 from pathlib import Path
 
-from ...base.atomic_write import atomic_write
-from ...base.errors import RigError
 from ...base.units import UNITS
 from ...rig.alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values
-from ..sweep.store import Journal, differs, parquet
+from ..sweep.store import parquet, write_table
 from ..validation.figures import Figure, Series
 from .problem import OBJECTIVES
 from .space import BOUNDS, check
@@ -38,42 +36,6 @@ SETTING_UNITS = {
     "t23": "ms",
     "t32": "ms",
 }
-
-
-def open_journal(folder: Path, manifest: dict) -> Journal:
-    """Open the journal of a new tuning, or of the same tuning that was begun before.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the tuning; it is made when it does not exist.
-    manifest : dict
-        What decides the tuning, from Problem.manifest.
-
-    Returns
-    -------
-    Journal
-        The journal.
-
-    Raises
-    ------
-    RigError
-        When the folder holds something else or cannot be read.
-    """
-    path = folder / MANIFEST
-    if not path.exists():
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"{folder}: it exists and holds no tuning; choose a new name with --out")
-        folder.mkdir(parents=True, exist_ok=True)
-        atomic_write(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
-    else:
-        try:
-            before = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise RigError(f"{path}: cannot be read ({error}); start in a new folder") from None
-        if (why := differs(before, manifest)) is not None:
-            raise RigError(f"{folder} holds another tuning ({why} is not the same); choose a new folder with --out")
-    return Journal(folder / JOURNAL)
 
 
 def controller_yaml(settings: Alfa46Config, title: str) -> str:
@@ -129,7 +91,7 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
     manifest : dict
         What decides the tuning; it is stored in the schema.
     """
-    pa, pq = parquet()
+    pa, _ = parquet()
     objectives = manifest["objectives"]
     columns = [
         pa.field("way", pa.string()),
@@ -153,10 +115,7 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
     for name in BOUNDS:
         columns.append(pa.field(name, pa.int64(), metadata={"unit": "mA" if name.endswith("current") else "ms"}))
     schema = pa.schema(columns, metadata={"rig_nodes.tune": json.dumps(manifest, ensure_ascii=False)})
-    path = folder / f"{FRONT}.parquet"
-    table = pa.table({name: [row[name] for row in rows] for name in schema.names}, schema=schema)
-    pq.write_table(table, path.with_suffix(".part"))
-    path.with_suffix(".part").replace(path)
+    write_table(folder / f"{FRONT}.parquet", {name: [row[name] for row in rows] for name in schema.names}, schema)
 
 
 def picture(way: str, rows: list[dict], objectives: list[str], chosen: dict[str, dict]) -> Figure:
