@@ -12,7 +12,7 @@ import fnmatch
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -110,7 +110,8 @@ class Signals:
 
     def rows(self) -> int:
         """Return the approximate number of values in the groups."""
-        return sum(self._counts[one.topic] * len(one.columns) * (50 if one.logger else 1) for one in self.groups)
+        rows = {one.topic: self.last / 1e9 / max(1e-6, self._list_of(one.topic).period) for one in self.groups if one.logger}
+        return round(sum(rows.get(one.topic, self._counts[one.topic]) * len(one.columns) for one in self.groups))
 
     def parts(self, progress: Callable[[float, str], None] | None = None) -> Iterator[list[Part]]:
         """Yield all rows in the order of the file, piece by piece.
@@ -156,7 +157,7 @@ class Signals:
             names = small.columns(topic)
             if not names:
                 continue
-            stated = dict(zip(names, self._stated_units(topic)))
+            stated = dict(zip(names, self._list_of(topic).units))
             groups.append(Group(topic, True, tuple(_column(name, known.get(name), stated[name], units) for name in names)))
             taken |= set(names)
         by_topic: dict[str, list[Column]] = {}
@@ -168,11 +169,12 @@ class Signals:
                 by_topic.setdefault(topic.name, []).append(_command(topic.name, like, units))
         return groups + [Group(topic, False, tuple(columns)) for topic, columns in by_topic.items()]
 
-    def _stated_units(self, topic: str) -> list[str]:
+    def _list_of(self, topic: str) -> Any:
+        """Return the message with names, units and period of a topic's blocks."""
         node = topic.rpartition("/")[0]
         lists = [name for name, ros_type in self.small.types.items() if ros_type == DESCRIBING[2]]
         (channels_topic,) = [name for name in lists if name.rpartition("/")[0] == node][:1]
-        return next(list(message.units) for _, message in self.small.messages(channels_topic))
+        return next(message for _, message in self.small.messages(channels_topic))
 
 
 def _column(name: str, signal: Signal | None, unit: str, units: str) -> Column:
