@@ -4,6 +4,19 @@
 """Joint decision, at one instant, of which friction elements stick and which slip.
 
 Used by driveline/kernel.py at every event inside a step.
+
+The decision starts with all candidates stuck. Each pivot releases the most overloaded element in the direction of its overload. A
+released element that would move against its friction sticks again; from then on its limit is its kinetic torque, which makes the
+remaining problem convex with box constraints. After 3 m pivots the lowest index is taken first (Murty's rule, which cannot cycle
+unless a limit grows with a torque). After 12 m pivots, where there are losses, all sets are tried in turn if there are at most
+MOST_SETS; if none of them is consistent, the last set of the pivots is kept and the step counts as capped. An overloaded element
+whose slip others prevent keeps its limit torque instead of slipping.
+
+Losses that grow with a torque are solved again for every set that is tried. Where they have no solution, a mesh jams. A mesh at
+rest then sticks whatever its torque. For a mesh that turns, nothing is decided before it is stopped. The same holds where no set
+is consistent and the loss of a mesh that turns is steep enough to jam in one of the sets. Where the only change is that an
+element carries its limit, the present modes are tried first: they stay when all stuck elements are within their limits and that
+element would exceed its own limit if it stuck.
 """
 
 from __future__ import annotations
@@ -265,6 +278,26 @@ def stick_all(m: int, work: Floats, at: Places) -> None:
 
 
 @njit(**STAGE)
+def sets_of(losses: int, cap: Floats, work: Floats, at: Places) -> int:
+    """Return how many sets of modes are tried one by one where the pivots do not end; 0 without losses or above MOST_SETS."""
+    sets = 1 if losses > 0 else 0
+    for f in range(cap.shape[1]):
+        if sets > 0 and limited(f, cap, at.candidate, work):
+            sets = 3 * sets if sets < MOST_SETS else 0
+    return sets
+
+
+@njit(**STAGE)
+def release(f: int, direction: float, structure: Structure, work: Floats, at: Places) -> None:
+    """Let a candidate slip in the direction of its overload, or carry its limit where others prevent that."""
+    work[at.state + f] = direction
+    work[at.once + f] = 1.0
+    hold(structure.minv, structure.w, at.state, work)
+    if dependent(f, structure.w, structure.minv, work, at.p):
+        work[at.state + f] = 3.0 * direction
+
+
+@njit(**STAGE)
 def choose_set(number: int, m: int, cap: Floats, work: Floats, at: Places) -> None:
     """Set the modes of one of the sets that are tried one by one; before the first the last modes of the pivots are kept."""
     left = number
@@ -484,19 +517,8 @@ def change_modes(t: float, w: Floats, state: State, at: Places) -> int:
 def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats, state: State) -> int:
     """Decide jointly, at acceleration level, which of the zero-slip elements (flagged as candidates) stick and which slip.
 
-    It starts with all of them stuck. Each pivot releases the most overloaded element in the direction of its overload. A released
-    element that would move against its friction sticks again; from then on its limit is its kinetic torque, which makes the
-    remaining problem convex with box constraints. After 3 m pivots the lowest index is taken first (Murty's rule, which cannot
-    cycle unless a limit grows with a torque). After 12 m pivots, where there are losses, all sets are tried in turn if there are at
-    most MOST_SETS; if none of them is consistent, the last set of the pivots is kept and the step counts as capped. An overloaded
-    element whose slip others prevent keeps its limit torque instead of slipping.
-
-    Losses that grow with a torque are solved again for every set that is tried. Where they have no solution, a mesh jams. A mesh at
-    rest then sticks whatever its torque. For a mesh that turns, the function decides nothing and returns -1 - f with the number f
-    of the element that :func:`stop` must stop first. It returns the same where no set is consistent and the loss of a mesh that
-    turns is steep enough to jam in one of the sets. Where the only change is that an element carries its limit, the present modes
-    are tried first: they stay when all stuck elements are within their limits and that element would exceed its own limit if it
-    stuck.
+    It returns the number of events. For a mesh that turns and jams the function decides nothing and returns -1 - f with the number
+    f of the element that :func:`stop` must stop first.
     """
     noinline()
     minv, w, cap, work = structure.minv, structure.w, loads.cap, state.work
@@ -507,11 +529,7 @@ def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats
     done = solved = False
     steep = int(-1)  # number of a mesh that turns and could jam in one of the sets
     pivots = 12 * m + 4
-    sets = 1 if losses > 0 else 0
-    for f in range(m):
-        if sets > 0 and limited(f, cap, at.candidate, work):
-            sets = 3 * sets if sets < MOST_SETS else 0
-    for it in range(pivots + sets):
+    for it in range(pivots + sets_of(losses, cap, work, at)):
         trying, least, solved = it >= pivots, it > 3 * m, True
         if trying:
             choose_set(it - pivots, m, cap, work, at)
@@ -558,11 +576,7 @@ def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats
             else:
                 back = -1
         if worst >= 0:
-            work[at.state + worst] = direction
-            work[at.once + worst] = 1.0
-            hold(minv, w, at.state, work)
-            if dependent(worst, w, minv, work, at.p):
-                work[at.state + worst] = 3.0 * direction
+            release(worst, direction, structure, work, at)
         elif back >= 0:
             work[at.state + back] = STUCK
         elif not changed:

@@ -4,7 +4,16 @@
 """One compiled step of the general driveline, with stick/slip events at their exact time inside the step.
 
 Used by driveline/builder.py (description and runner) and by every larger kernel that moves a drive train. The topology is given by
-arrays only, so that one compiled function serves every arrangement.
+arrays only, so that one compiled function serves every arrangement. Equations of motion and law of friction:
+
+M dv/dt = q - W^T (lam + visc W v) - S^T tau, tau = k twist + c S v, d twist/dt = S v, slip = W v;
+slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi.
+
+With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft (acceleration linear,
+speed quadratic in time) and A-stable where there is. Zero slip is a root of the quadratic and overload a root of the linear
+function; with drag or shafts the shortened step is solved again until its end meets the root. An energy is the product of mean
+torque and mean slip. With these energies the trapezoidal rule satisfies work = kinetic + spring energy + losses to rounding,
+for any step, and no loss can become negative. Compared with the exact integrals they are of second order in the step.
 """
 
 from __future__ import annotations
@@ -150,6 +159,17 @@ def start_modes(t: float, scale: float, w: Floats, cap: Floats, state: State, at
         elif mo != STUCK:
             joint = True
     return made, joint
+
+
+@njit(**STAGE)
+def start_losses(m: int, cap: Floats, loss: Floats, work: Floats, at: Places) -> None:
+    """Mark the elements that losses own, and let the last losses act."""
+    for f in range(m):
+        work[at.lossy + f] = 0.0
+    for k in range(loss.shape[0]):
+        work[at.lossy + int(loss[k, OWN])] = 1.0
+        loss[k, BEFORE] = loss[k, LAST]
+    put_last(loss, cap)
 
 
 @njit(**STAGE)
@@ -471,10 +491,6 @@ def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats 
 def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> int:
     """Move a driveline with m <= 50 friction elements from t to t + h and return the number of events in the step.
 
-    Equations of motion and law of friction:
-    M dv/dt = q - W^T (lam + visc W v) - S^T tau, tau = k twist + c S v, d twist/dt = S v, slip = W v;
-    slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi. Nothing is allocated.
-
     Parameters
     ----------
     h : float
@@ -493,26 +509,13 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
     -------
     int
         Number of events.
-
-    Notes
-    -----
-    With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft (acceleration linear,
-    speed quadratic in time) and A-stable where there is. Zero slip is a root of the quadratic and overload a root of the linear
-    function; with drag or shafts the shortened step is solved again until its end meets the root. An energy is the product of mean
-    torque and mean slip. With these energies the trapezoidal rule satisfies work = kinetic + spring energy + losses to rounding,
-    for any step, and no loss can become negative. Compared with the exact integrals they are of second order in the step.
     """
     noinline()
     w, cap, work, count = structure.w, loads.cap, state.work, state.count
     m = w.shape[0]
     at = places(state.v.shape[0], m, structure.sh.shape[0], int(0) if loss is None else loss.shape[0])
     if loss is not None:
-        for f in range(m):
-            work[at.lossy + f] = 0.0
-        for k in range(loss.shape[0]):
-            work[at.lossy + int(loss[k, OWN])] = 1.0
-            loss[k, BEFORE] = loss[k, LAST]
-        put_last(loss, cap)
+        start_losses(m, cap, loss, work, at)
     work[FIRST] = 0.0
     scale = 0.0
     for j in range(state.v.shape[0]):
@@ -555,12 +558,11 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
         if d > 0.0:
             take(d, span, structure, loads, loss, state)
             done = h if d == h - done else done + d
-        if hit < 0:
-            if shorter:
-                continue
+        if hit < 0 and not shorter:
             break
-        stalls = 0 if d > 0.0 else stalls + 1
-        if missed:
+        if hit >= 0:
+            stalls = 0 if d > 0.0 else stalls + 1
+        if hit < 0 or missed:
             continue
         work[at.candidate + hit] = 1.0
         work[at.side + hit] = side

@@ -167,7 +167,7 @@ class Result:
         return self.slips[:, _place(self.system.elements, "friction element", element)]
 
     def mode(self, element: str) -> np.ndarray:
-        """Return the mode (r,) of a friction element, with the numbers of driveline_algebra."""
+        """Return the mode (r,) of a friction element, with the numbers of driveline.algebra."""
         return self.modes[:, _place(self.system.elements, "friction element", element)]
 
     def torque(self, name: str, body: str | None = None) -> np.ndarray:

@@ -147,34 +147,33 @@ def load_tick(side: Record, speed: float, setting: float, enabled: bool, steps: 
     side.work += side.mean * abs(speed) * steps * h
 
 
+class ValvePort(NamedTuple):
+    """What a valve meets over a tick: current at both ends [A], pressures of port and supply [Pa], friction of the spool [Pa]."""
+
+    old_current: float
+    new_current: float
+    pressure: float
+    supply: float
+    friction: float
+
+
 @njit(cache=True)
-def valve_tick(
-    side: Record,
-    old_current: float,
-    new_current: float,
-    pressure: float,
-    supply: float,
-    oil: tuple[float, float, float],
-    friction: float,
-    steps: int,
-    h: float,
-    valve: Record,
-) -> None:
-    """Move a valve over ``steps`` of h [s] at a held port pressure [Pa] while its current changes evenly.
+def valve_tick(side: Record, port: ValvePort, oil: tuple[float, float, float], steps: int, h: float, valve: Record) -> None:
+    """Move a valve over ``steps`` of h [s] at a held port pressure while its current changes evenly.
 
     It sets the mean flow and the mean slope of the orifice's flow by port pressure. ``oil`` has the values of orifice_speed,
-    laminar_force and the oil's viscosity over that at its reference temperature; ``friction`` is the spool's.
+    laminar_force and the oil's viscosity over that at its reference temperature.
     """
     side.mean = side.slope = 0.0
     for i in range(steps):
-        current = old_current + (new_current - old_current) * (i + 1) / steps
+        current = port.old_current + (port.new_current - port.old_current) * (i + 1) / steps
         side.magnet = valve_model.magnet_pressure(side.magnet, current, valve)
-        side.spool = valve_model.spool_position(side.spool, side.magnet, pressure, h, oil[2], friction, valve)
+        side.spool = valve_model.spool_position(side.spool, side.magnet, port.pressure, h, oil[2], port.friction, valve)
         side.share = valve_model.opening(side.spool, valve)
-        flow, slope = valve_model.port_flow(side.share, pressure, supply, oil[0], oil[1], valve)
+        flow, slope = valve_model.port_flow(side.share, port.pressure, port.supply, oil[0], oil[1], valve)
         side.mean += flow / steps
         side.slope += slope / steps
-    side.work += pressure * side.mean * steps * h
+    side.work += port.pressure * side.mean * steps * h
 
 
 def _record(*instances: object) -> np.void:
@@ -294,8 +293,8 @@ class OtherSide:
         elif self.device == LOAD:
             load_tick(side, port.speed, port.setpoint, port.enable, steps, self._h, self._values)
         else:
-            friction = self._friction(port)
-            valve_tick(side, port.current, current, port.pressure, port.supply, self._oil, friction, steps, self._h, self._values)
+            meets = ValvePort(port.current, current, port.pressure, port.supply, self._friction(port))
+            valve_tick(side, meets, self._oil, steps, self._h, self._values)
 
     def _friction(self, port: Port) -> float:
         """Return the friction [Pa] of a valve's spool that remains under the pulses of its coil."""

@@ -117,7 +117,7 @@ class Plan:
     untouched : int
         Number of the last channels, which no transducer shows.
     inputs : mapping of str to Table
-        Inputs over time, as those of a driveline_run.Run, each a table.
+        Inputs over time, as those of a driveline.run.Run, each a table.
     """
 
     system: System

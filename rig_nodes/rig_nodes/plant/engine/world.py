@@ -61,7 +61,7 @@ class Sizes:
 
 
 def driveline_dtype(n: Sizes) -> np.dtype:
-    """Return the type of the driveline's record: the arguments of driveline_kernel.driveline_step and what parts need of it.
+    """Return the type of the driveline's record: the arguments of driveline.kernel.driveline_step and what parts need of it.
 
     Arguments that a step changes come first. The other fields are: gain: change of the speeds in the last step; speed, gained,
     rate: of the bodies with a port the speed, its change in the last step [rad/s] and the acceleration at its end [rad/s2]; middle:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, inf, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...base.compiled import INLINED, njit
 from ...base.schema import param
@@ -224,32 +224,35 @@ def turning_force(speed: float, density: float, clutch: Record) -> float:
     return 0.5 * density * around * around * clutch.piston_area
 
 
-@njit(**INLINED)
-def balance(
-    p: float,
-    start: float,
-    half: float,
-    per_half: float,
-    line_before: float,
-    stiff_line: float,
-    chamber_before: float,
-    stiff_chamber: float,
-    laminar_drop: float,
-    lost: float,
-    spin: float,
-    damping: float,
-    laminar: float,
-    state: Record,
-    supply: float,
-    valve: Record,
-    clutch: Record,
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """Return the states that follow from a chamber pressure p, for :func:`cylinder_step`.
+class Oil(NamedTuple):
+    """What the oil is to a cylinder in a step.
 
     Parameters
     ----------
-    p : float
-        Chamber pressure at the step's end [Pa].
+    supply : float
+        Supply pressure [Pa].
+    viscosity : float
+        Viscosity [Pa s].
+    damping : float
+        Damping of the piston [N s/m].
+    spin : float
+        Force of the turning oil on the piston [N].
+    lost : float
+        Flow that the empty part of the line takes [m3/s].
+    """
+
+    supply: float
+    viscosity: float
+    damping: float
+    spin: float
+    lost: float
+
+
+class Volumes(NamedTuple):
+    """What the balance of a cylinder's volumes starts from in a step.
+
+    Parameters
+    ----------
     start, half, per_half : float
         Position from which the piston is moved by an implicit step [m], the length of this step [s], and the reciprocal of the time
         in which the piston makes this travel [1/s].
@@ -259,8 +262,46 @@ def balance(
         Laminar resistance of the feed [Pa s/m3].
     laminar : float
         Pressure drop times area below which the valve's flow is laminar [N].
-    lost, spin, damping, state, supply, valve, clutch
-        As of :func:`cylinder_step`.
+    """
+
+    start: float
+    half: float
+    per_half: float
+    line_before: float
+    stiff_line: float
+    chamber_before: float
+    stiff_chamber: float
+    laminar_drop: float
+    laminar: float
+
+
+@njit(**INLINED)
+def volumes_of(cylinder: Record, port: Record, oil: Oil, h: float, clutch: Record) -> Volumes:
+    """Return what the balance of a step h starts from; the parameters are those of :func:`cylinder_step`."""
+    stiff_line, stiff_chamber = 1.5 * clutch.full_line, clutch.stiff_chamber
+    # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
+    chamber_before = cylinder.chamber + cylinder.chamber_rise * THIRD
+    line_before = port.port + port.rise * THIRD
+    # after a fast fall of the pressure that ends in this step, the difference over two steps would give a pressure below the
+    # tank's. There a backward step is taken, with which no pressure falls below the tank's, as nothing draws oil from the volumes
+    if line_before < LOWEST:
+        line_before, stiff_line = port.port, clutch.full_line
+    if chamber_before < LOWEST:
+        chamber_before, stiff_chamber = cylinder.chamber, stiff_chamber / 1.5
+    half, per_half = 0.5 * h, 2.0 / h
+    start = max(0.0, cylinder.piston + half * cylinder.speed)
+    # with the trapezoidal rule the speed of a piston on a stiff pack oscillates from step to step: there a backward step is taken
+    if is_stiff(cylinder.piston, half, oil.damping, clutch):
+        half, per_half, start = h, 0.5 * per_half, cylinder.piston
+    laminar_drop, laminar = oil.viscosity * clutch.feed_resistance, clutch.laminar * oil.viscosity * oil.viscosity
+    return Volumes(start, half, per_half, line_before, stiff_line, chamber_before, stiff_chamber, laminar_drop, laminar)
+
+
+@njit(**INLINED)
+def balance(
+    p: float, of: Volumes, oil: Oil, state: Record, valve: Record, clutch: Record
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Return the states that follow from a chamber pressure p at the step's end [Pa], for :func:`cylinder_step`.
 
     Returns
     -------
@@ -268,32 +309,20 @@ def balance(
         Line pressure [Pa], piston position [m] and valve flow [m3/s], the derivative of each by p, excess of the line's volume flow
         [m3/s], and the chamber pressure at which Newton's method expects no excess [Pa].
     """
-    x, dx = piston_step(start, p, spin, half, damping, clutch)
-    feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * (x - start) * per_half
-    dfeed = stiff_chamber + clutch.piston_area * dx * per_half
+    x, dx = piston_step(of.start, p, oil.spin, of.half, oil.damping, clutch)
+    feed = of.stiff_chamber * (p - of.chamber_before) + clutch.piston_area * (x - of.start) * of.per_half
+    dfeed = of.stiff_chamber + clutch.piston_area * dx * of.per_half
     turbulent = clutch.feed_drop * abs(feed)
-    line = p + (laminar_drop + turbulent) * feed
-    dline = 1.0 + (laminar_drop + 2.0 * turbulent) * dfeed
-    flow, dflow = line_flow(state, line, supply, clutch.orifice_speed, laminar, clutch.full_line, valve)
+    line = p + (of.laminar_drop + turbulent) * feed
+    dline = 1.0 + (of.laminar_drop + 2.0 * turbulent) * dfeed
+    flow, dflow = line_flow(state, line, oil.supply, clutch.orifice_speed, of.laminar, clutch.full_line, valve)
     dflow *= dline
-    miss = stiff_line * (line - line_before) + feed + lost - flow
-    return line, x, flow, dline, dx, dflow, miss, p - miss / (stiff_line * dline + dfeed - dflow)
+    miss = of.stiff_line * (line - of.line_before) + feed + oil.lost - flow
+    return line, x, flow, dline, dx, dflow, miss, p - miss / (of.stiff_line * dline + dfeed - dflow)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def cylinder_step(
-    cylinder: Record,
-    port: Record,
-    state: Record,
-    supply: float,
-    h: float,
-    viscosity: float,
-    damping: float,
-    spin: float,
-    lost: float,
-    valve: Record,
-    clutch: Record,
-) -> float:
+def cylinder_step(cylinder: Record, port: Record, state: Record, oil: Oil, h: float, valve: Record, clutch: Record) -> float:
     """Take one implicit step of line, feed orifice, chamber and piston, whose states are in ``port`` and ``cylinder``.
 
     The step is of second order: the compression of the oil by backward differences over two steps, which damp a stiff volume as a
@@ -305,24 +334,14 @@ def cylinder_step(
 
     Parameters
     ----------
-    cylinder : Record
-        States of the clutch.
-    port : Record
-        State of the oil line.
+    cylinder, port : Record
+        States of the clutch and of the oil line.
     state : Record
         States of the valve, with its opening or, for a valve outside the plant, its held answer.
-    supply : float
-        Supply pressure [Pa].
+    oil : Oil
+        The oil.
     h : float
         Length of the step [s].
-    viscosity : float
-        Viscosity of the oil [Pa s].
-    damping : float
-        Damping of the piston [N s/m].
-    spin : float
-        Force of the turning oil on the piston [N].
-    lost : float
-        Flow that the empty part of the line takes [m3/s].
     valve, clutch : Record
         Values of the valve and of the clutch, with those that its stage ``fill`` has computed.
 
@@ -331,46 +350,13 @@ def cylinder_step(
     float
         Flow of the valve [m3/s].
     """
-    stiff_line, stiff_chamber = 1.5 * clutch.full_line, clutch.stiff_chamber
-    # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
-    chamber_before = cylinder.chamber + cylinder.chamber_rise * THIRD
-    line_before = port.port + port.rise * THIRD
-    # after a fast fall of the pressure that ends in this step, the difference over two steps would give a pressure below the
-    # tank's. There a backward step is taken, with which no pressure falls below the tank's, as nothing draws oil from the volumes
-    if line_before < LOWEST:
-        line_before, stiff_line = port.port, clutch.full_line
-    if chamber_before < LOWEST:
-        chamber_before, stiff_chamber = cylinder.chamber, stiff_chamber / 1.5
     low, high = -0.1e6, inf
     rise = cylinder.chamber_rise if abs(cylinder.chamber_rise) > LEVEL else 0.0
     p = max(cylinder.chamber + rise, low)
-    half, per_half = 0.5 * h, 2.0 / h
-    start = max(0.0, cylinder.piston + half * cylinder.speed)
-    # with the trapezoidal rule the speed of a piston on a stiff pack oscillates from step to step: there a backward step is taken
-    if is_stiff(cylinder.piston, half, damping, clutch):
-        half, per_half, start = h, 0.5 * per_half, cylinder.piston
-    laminar_drop, laminar = viscosity * clutch.feed_resistance, clutch.laminar * viscosity * viscosity
+    of = volumes_of(cylinder, port, oil, h, clutch)
     # In most steps there is one iteration only. It is written before the loop, because the compiler moves expressions that do not
     # change in the loop before it, where they would be computed in every step
-    line, x, flow, dline, dx, dflow, miss, new = balance(
-        p,
-        start,
-        half,
-        per_half,
-        line_before,
-        stiff_line,
-        chamber_before,
-        stiff_chamber,
-        laminar_drop,
-        lost,
-        spin,
-        damping,
-        laminar,
-        state,
-        supply,
-        valve,
-        clutch,
-    )
+    line, x, flow, dline, dx, dflow, miss, new = balance(p, of, oil, state, valve, clutch)
     turn = 0
     # a root that is found lies on the bracket's edge, so this test comes before that of the bracket
     while not abs(new - p) * dline < NEAR and turn < 120:
@@ -379,35 +365,17 @@ def cylinder_step(
         else:
             low = p
         p = new if turn < 40 and low < new < high else 0.5 * (low + high) if high < inf else 2.0 * p + 1000000.0
-        line, x, flow, dline, dx, dflow, miss, new = balance(
-            p,
-            start,
-            half,
-            per_half,
-            line_before,
-            stiff_line,
-            chamber_before,
-            stiff_chamber,
-            laminar_drop,
-            lost,
-            spin,
-            damping,
-            laminar,
-            state,
-            supply,
-            valve,
-            clutch,
-        )
+        line, x, flow, dline, dx, dflow, miss, new = balance(p, of, oil, state, valve, clutch)
         turn += 1
     ahead = new - p
     if abs(ahead) > CLOSE and turn < 120:
         p, line, x, flow = new, line + dline * ahead, max(0.0, x + dx * ahead), flow + dflow * ahead
     else:
         # the remaining error goes into the line's pressure, so that no oil is lost or created over any number of steps
-        line -= miss / stiff_line
+        line -= miss / of.stiff_line
     port.rise, cylinder.chamber_rise = line - port.port, p - cylinder.chamber
     port.port, cylinder.chamber = line, p
-    cylinder.piston, cylinder.speed = x, (x - start) * per_half
+    cylinder.piston, cylinder.speed = x, (x - of.start) * of.per_half
     return flow
 
 
@@ -481,7 +449,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
         spin = turning_force(world.driveline.middle[my.turns_with], world.values.oil_supply[my.oil].density, my)
     damping, values, flow = my.damping_by_viscosity * viscosity, world.values.proportional_valve[my.valve], 0.0
     if not at_rest(me, port, valve, h, damping, spin, my):
-        flow = cylinder_step(me, port, valve, supply, h, viscosity, damping, spin, lost, values, my)
+        flow = cylinder_step(me, port, valve, Oil(supply, viscosity, damping, spin, lost), h, values, my)
     fed(world, my.valve, port.port, flow, h)
     port.pressure = me.chamber
     me.clamp = pack_force(me.piston, my)[0]
