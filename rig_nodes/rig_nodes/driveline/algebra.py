@@ -57,6 +57,16 @@ def noinline(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
     return types.void(), mark
 
 
+@intrinsic
+def short_loops(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
+    """Keep the compiler from vectorising the loops of the calling function, which have too few turns for that to save time."""
+
+    def mark(_target: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> None:
+        builder.function.attributes.add("optsize")
+
+    return types.void(), mark
+
+
 class Places(NamedTuple):
     """Places at which the parts of the work buffer begin.
 
@@ -204,6 +214,7 @@ def unslip(v: Floats, m: int, state: Ints | Floats, first: int, slip: int, orr: 
 def eliminate(work: Floats, oa: int, oh: int, n: int) -> None:
     """Multiply the (n, n) matrix at oh by the inverse of that at oa, which is overwritten, by Gauss and Jordan with pivots."""
     noinline()
+    short_loops()
     for col in range(n):
         piv = col
         for i in range(col + 1, n):

@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit, types
+from rig_nodes.base.compiled import INLINED, STAGE, njit, types
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
@@ -35,9 +35,9 @@ from rig_nodes.driveline.algebra import (
     VISC,
     eliminate,
     has_capacity,
-    noinline,
     places,
     project,
+    short_loops,
     sum_at,
 )
 from rig_nodes.driveline.calls import address_of
@@ -76,7 +76,6 @@ from rig_nodes.driveline.quick_laws import (
     leave_laws,
     push_speeds,
     put_lines,
-    short_loops,
     start_laws,
 )
 from rig_nodes.driveline.record import (
@@ -101,14 +100,12 @@ if TYPE_CHECKING:
 TRIES = 6  # most Newton steps; a step that needs more is left to driven_step
 
 
-@njit(**INNER)
+@njit(**STAGE)
 def make_matrix(q: Quick) -> None:
     """Compute H = (I + h/2 P B)^-1 P of the work buffer, with room for a matrix beside it.
 
     B has the drag, the shafts, and the slopes EXTRA of laws that act on other speeds than those that they depend on.
     """
-    noinline()
-    short_loops()
     w, sh, kc, work, laws, h, op = q.structure.w, q.structure.sh, q.structure.kc, q.state.work, q.laws, q.h, q.op
     oh, oa, spare = q.at.h, q.at.a, q.by_speed[SPARE]
     n = w.shape[1]
@@ -146,6 +143,7 @@ def make_matrix(q: Quick) -> None:
 @njit(**INLINED)
 def put_inputs(over_time: OverTime, h: float, t: float, loads: Loads, by_input: Floats) -> bool:
     """Set factors, capacities and forces to the inputs over time at both ends of a step; return False where a point is inside."""
+    short_loops()
     q, cap, stick, tables = loads.q, loads.cap, over_time.stick, over_time.tables
     for k in range(over_time.default.shape[0]):
         by_input[0, k] = by_input[1, k] = over_time.default[k]
@@ -182,6 +180,7 @@ def start_elements(q: Quick, tol: float) -> tuple[float, bool, bool]:
     stuck, slipping : bool
         Whether elements stick, and whether some slip.
     """
+    short_loops()
     w, sh, mode, by_element, by_slot = q.structure.w, q.structure.sh, q.state.mode, q.by_element, q.by_slot
     pattern, bit, stuck, slipping = 1.0, 1.0, False, False
     for f in range(mode.shape[0]):
@@ -207,6 +206,7 @@ def start_elements(q: Quick, tol: float) -> tuple[float, bool, bool]:
 @njit(**INLINED)
 def is_same(q: Quick, before: bool) -> bool:
     """Return whether the matrix that was made before is that of the present slopes, which are kept for the next comparison."""
+    short_loops()
     kc, same = q.structure.kc, before
     for f in range(q.state.mode.shape[0]):
         same = same and q.by_element[DRAG_MADE, f] == q.cap[VISC, f]
@@ -223,6 +223,7 @@ def is_same(q: Quick, before: bool) -> bool:
 @njit(**INLINED)
 def put_forces(q: Quick) -> bool:
     """Set the forces at both ends, those at the end without the implicit parts; return False where an element opens or closes."""
+    short_loops()
     w, sh, kc, mode, by_element, by_speed = q.structure.w, q.structure.sh, q.structure.kc, q.state.mode, q.by_element, q.by_speed
     for j in range(by_speed.shape[1]):
         by_speed[FORCE, j], by_speed[FINAL, j] = q.loads.q[0, j], q.loads.q[1, j]
@@ -252,6 +253,7 @@ def put_forces(q: Quick) -> bool:
 @njit(**INLINED)
 def put_end_losses(q: Quick) -> bool:
     """Add the losses by torque at the end; return False where they have no solution."""
+    short_loops()
     by_speed, by_element, work, at, loss = q.by_speed, q.by_element, q.state.work, q.at, q.loss
     n = by_speed.shape[1]
     for i in range(n):
@@ -312,6 +314,7 @@ def solve(q: Quick, before: bool) -> bool:
 @njit(**INLINED)
 def finish_forces(q: Quick) -> None:
     """Add what shafts and drag change at the end by the change of the speeds."""
+    short_loops()
     kc, h, n = q.structure.kc, q.h, q.by_speed.shape[1]
     for a in range(kc.shape[1]):
         q.by_slot[TURNED, a] = gain = dot(q.structure.sh, a, q.by_speed, DV)
@@ -329,6 +332,7 @@ def finish_forces(q: Quick) -> None:
 @njit(**INLINED)
 def is_quiet(q: Quick, tol: float, slipping: bool) -> bool:
     """Return whether no event is possible in the step; the torques of stuck elements are set."""
+    short_loops()
     cap, by_element, by_speed, work = q.cap, q.by_element, q.by_speed, q.state.work
     n = by_speed.shape[1]
     if slipping:
@@ -358,6 +362,7 @@ def is_quiet(q: Quick, tol: float, slipping: bool) -> bool:
 @njit(**INLINED)
 def take(q: Quick, loads: Loads, outcome: Outcome, stuck: bool) -> None:
     """Move speeds, elements and shafts to the end of the step; loads are those of the rig's parts."""
+    short_loops()
     state, h, cap, by_element, by_slot, by_speed = q.state, q.h, loads.cap, q.by_element, q.by_slot, q.by_speed
     v, mode, el, shaft, kc, slots = state.v, state.mode, state.el, state.shaft, q.structure.kc, q.structure.sh.shape[0]
     for k in range(q.loss.shape[0]):
@@ -399,6 +404,7 @@ def take(q: Quick, loads: Loads, outcome: Outcome, stuck: bool) -> None:
 @njit(**INLINED)
 def accelerate(q: Quick, straight: int, cap: Floats, accel: Floats) -> None:
     """Set the accelerations at the step's end, from the forces of inputs and laws, elements and the first ``straight`` shafts."""
+    short_loops()
     structure, state, by_element, by_speed, n = q.structure, q.state, q.by_element, q.by_speed, q.by_speed.shape[1]
     for f in range(state.mode.shape[0]):
         torque = state.el[LAM, f] + cap[VISC, f] * (by_element[SLIP0, f] + by_element[GAINED, f])

@@ -13,8 +13,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import INLINED, INNER, STAGE, intrinsic, njit, types
-from rig_nodes.driveline.algebra import BACKWARD, E_SHAFT, FORWARD, HI0, HI1, KIN0, KIN1, LO0, LO1, TAU, VISC, Places, noinline
+from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit
+from rig_nodes.driveline.algebra import (
+    BACKWARD,
+    E_SHAFT,
+    FORWARD,
+    HI0,
+    HI1,
+    KIN0,
+    KIN1,
+    LO0,
+    LO1,
+    TAU,
+    VISC,
+    Places,
+    noinline,
+    short_loops,
+)
 from rig_nodes.driveline.bends import longest_part
 from rig_nodes.driveline.contacts import contact_damping, spring_with_friction
 from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Laws, LawState
@@ -24,13 +39,6 @@ from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.driveline.tables import along, line, piece, value
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from llvmlite import ir
-    from numba.core.base import BaseContext
-    from numba.core.typing import BaseContext as TypingContext
-    from numba.core.typing import Signature
-
     from rig_nodes.base.arrays import Floats
 
 # rows of the work arrays for each law, friction element, row of shafts, and speed
@@ -100,19 +108,10 @@ class Quick(NamedTuple):
     bent: bool
 
 
-@intrinsic
-def short_loops(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
-    """Keep the compiler from vectorising the loops of the calling function, which have too few turns for that to save time."""
-
-    def mark(_target: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> None:
-        builder.function.attributes.add("optsize")
-
-    return types.void(), mark
-
-
 @njit(**INLINED)
 def dot(rows: Floats, k: int, v: Floats, i: int) -> float:
     """Return the sum of row k of an array times row i of another one."""
+    short_loops()
     total = 0.0
     for j in range(v.shape[1]):
         total += rows[k, j] * v[i, j]
@@ -122,20 +121,20 @@ def dot(rows: Floats, k: int, v: Floats, i: int) -> float:
 @njit(**INLINED)
 def push_speeds(by_speed: Floats, rows: Floats, k: int, begin: float, end: float) -> None:
     """Add a torque that acts on the speeds by row k to the forces at both ends."""
+    short_loops()
     for j in range(by_speed.shape[1]):
         by_speed[FORCE, j] += rows[k, j] * begin
         by_speed[FINAL, j] += rows[k, j] * end
 
 
 @njit(**INNER)
-def add_inertia(inertia: float, k: int, m: int, q: Quick) -> None:
-    """Add to P and R the effect of the inertia of law k.
+def add_inertia(inertia: float, on: Floats, k: int, op: int, orr: int, m: int, work: Floats, by_speed: Floats) -> None:
+    """Add to P at `op` and R at `orr` of the work buffer the effect of an inertia that turns with row k of `on`.
 
     (M + J u u^T)^-1 = M^-1 - M^-1 u u^T M^-1 / (1 / J + u^T M^-1 u), and the same for P; m is the number of rows of R.
     """
     noinline()
     short_loops()
-    on, work, by_speed, op, orr = q.laws.on, q.state.work, q.by_speed, q.op, q.orr
     n = on.shape[1]
     along_ = 0.0
     for i in range(n):
@@ -160,6 +159,7 @@ def add_inertia(inertia: float, k: int, m: int, q: Quick) -> None:
 @njit(**INLINED)
 def start_laws(q: Quick) -> bool:
     """Set the arguments of the laws and their expected changes; return False where an event is possible."""
+    short_loops()
     laws, own, by_law, h = q.laws, q.own, q.by_law, q.h
     for k in range(laws.kind.shape[0]):
         kind, rate = laws.kind[k], dot(laws.of, k, q.by_speed, DV)
@@ -238,6 +238,7 @@ def put_lines(q: Quick) -> None:
 @njit(**INLINED)
 def put_capacity(k: int, q: Quick) -> None:
     """Set the line of a CAPACITY."""
+    short_loops()
     laws, by_law, cap, mode = q.laws, q.by_law, q.cap, q.state.mode
     f, here, dx = laws.element[k], by_law[X, k], by_law[DX, k]
     start, final, rise = max(0.0, by_law[VALUE, k]), by_law[VALUE, k] + by_law[RISE, k] * dx, by_law[RISE, k]
@@ -259,6 +260,7 @@ def put_capacity(k: int, q: Quick) -> None:
 @njit(**INLINED)
 def put_friction(k: int, q: Quick) -> None:
     """Set the line of FRICTION."""
+    short_loops()
     by_law, cap, tables, f = q.by_law, q.cap, q.laws.tables, q.laws.element[k]
     a0, a1 = abs(by_law[X, k]), abs(by_law[X, k] + by_law[DX, k])
     if on_piece(k, a1, by_law):
@@ -292,12 +294,13 @@ def put_inertia(k: int, q: Quick) -> None:
     by_law[PUSH0, k] = by_law[PUSH1, k] = -by_law[TORQUE_, k]
     by_law[OTHER, k] = inertia = 0.5 * (by_law[VALUE, k] + j1)
     if inertia > 0.0:
-        add_inertia(inertia, k, q.by_element.shape[1], q)
+        add_inertia(inertia, q.laws.on, k, q.op, q.orr, q.by_element.shape[1], q.state.work, q.by_speed)
 
 
 @njit(**INLINED)
 def put_torque(k: int, q: Quick) -> None:
     """Set the line of a SHAFT or a TORQUE."""
+    short_loops()
     laws, own, by_law, kc = q.laws, q.own, q.by_law, q.structure.kc
     place, here, dx = laws.slot[k], by_law[X, k], by_law[DX, k]
     start, rise = by_law[VALUE, k], by_law[RISE, k]
@@ -332,6 +335,7 @@ def put_torque(k: int, q: Quick) -> None:
 @njit(**INLINED)
 def capacity_error(k: int, moved: float, q: Quick) -> tuple[float, float]:
     """Return (error, scale) of a CAPACITY whose argument has moved, and set the limits at the end to it."""
+    short_loops()
     by_law, f = q.by_law, q.laws.element[k]
     asked = by_law[VALUE, k] + by_law[RISE, k] * moved
     if not on_piece(k, by_law[X, k] + moved, by_law):
@@ -377,6 +381,7 @@ def inertia_error(k: int, moved: float, gain: float, q: Quick) -> tuple[float, f
 @njit(**INLINED)
 def torque_error(k: int, moved: float, q: Quick) -> tuple[float, float]:
     """Return (error, scale) of a SHAFT or a TORQUE whose argument has moved."""
+    short_loops()
     laws, own, by_law, here, error = q.laws, q.own, q.by_law, q.by_law[X, k], 0.0
     start, asked = by_law[VALUE, k], by_law[RISE, k]
     if not on_piece(k, here + moved, by_law):
@@ -414,6 +419,7 @@ def are_met(q: Quick) -> bool:
 @njit(**INLINED)
 def implicit_parts(q: Quick) -> bool:
     """Add to the forces what follows from the slopes EXTRA; return False where a shaft passes a bend."""
+    short_loops()
     laws, by_law, by_speed, n = q.laws, q.by_law, q.by_speed, q.by_speed.shape[1]
     for k in range(laws.kind.shape[0]):
         kind, f, gain = laws.kind[k], laws.element[k], by_law[GAIN, k]
@@ -444,6 +450,7 @@ def leave_shaft(k: int, now: float, turned: float, q: Quick) -> float:
 
     ``now`` is the torque of its table [Nm], ``turned`` the rate of its twist [rad/s].
     """
+    short_loops()
     laws, own, shaft, place, dx = q.laws, q.own, q.state.shaft, q.laws.slot[k], q.by_law[DX, k]
     here = q.by_law[X, k] + dx
     damped = contact_damping(laws.damping[k], laws.gap[k], here, 0.0, now, 0.0, turned)
@@ -460,6 +467,7 @@ def leave_shaft(k: int, now: float, turned: float, q: Quick) -> float:
 @njit(**INLINED)
 def leave_torque(k: int, q: Quick) -> int:
     """Add the work of a torque over the step, and return how many rows of shafts it has."""
+    short_loops()
     place, dx, work, kc, on = q.laws.slot[k], q.by_law[DX, k], q.own.work, q.structure.kc, q.laws.on
     moved = 0.0
     for j in range(on.shape[1]):
@@ -508,7 +516,7 @@ def leave_laws(q: Quick) -> int:
                 bend = along(laws.tables, k, here, 1e-9)[1]
             push = -0.5 * bend * turned * turned
             if now > 0.0:
-                add_inertia(now, k, int(0), q)
+                add_inertia(now, laws.on, k, q.op, q.orr, int(0), q.state.work, q.by_speed)
         own.torque[k] = now
         if push != 0.0:
             for j in range(n):
