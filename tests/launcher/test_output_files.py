@@ -58,7 +58,7 @@ def options_of(parser, words):
 
 
 def every_option():
-    for verb in VERBS:
+    for verb in VERBS.own:
         parser = Parser(prog=f"rig {verb}", allow_abbrev=False)
         importlib.import_module(f"rig_nodes.cli.{verb}").add_arguments(parser)
         yield from options_of(parser, [verb])
