@@ -38,6 +38,7 @@ setup(
             "rigs/**/*.py",
             "rigs/**/*.svg",
             "rig/template/**/*.yaml",
+            "*/__init__.pyi",
             "controllers/include/*.h*",
             "controllers/examples/**/*.c*",
             "controllers/examples/**/*.h",
@@ -58,7 +59,19 @@ setup(
     ],
     python_requires=">=3.11",
     # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
-    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "lz4", "zstandard", "rosbags", "ruamel.yaml", "tqdm"],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.26",
+        "scipy",
+        "numba",
+        "mcap",
+        "lz4",
+        "zstandard",
+        "rosbags",
+        "ruamel.yaml",
+        "tqdm",
+        "lazy-loader",
+    ],
     extras_require={
         "view": ["rerun-sdk"],
         "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],

@@ -18,7 +18,7 @@ from rig_nodes.plant.parts.combustion_engine import full_torque
 from rig_nodes.plant.parts.saw_chain import chain_inertia
 from rig_nodes.rig.configuration import RigConfig, load_rig
 from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.studies.validation.figures import Figure, Series
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.studies.validation.figures import Figure, Series
 

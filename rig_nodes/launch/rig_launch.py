@@ -22,12 +22,10 @@ from launch.events.process import ProcessExited, SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.base.names import DEFAULT_RIG, has_controller, rig_of
-from rig_nodes.controllers.ros.domain import check_namespace, from_environment
-from rig_nodes.nodes.processes.recording_options import TopicChoice
-from rig_nodes.nodes.processes.supervisor import MODULES, Order, processes_of
-from rig_nodes.runs.folders import run_folder
+from rig_nodes.base import DEFAULT_RIG, RigError, has_controller, rig_of
+from rig_nodes.controllers import check_namespace, from_environment
+from rig_nodes.nodes import MODULES, Order, TopicChoice, processes_of
+from rig_nodes.runs import run_folder
 
 ARGUMENTS = (
     (

@@ -14,7 +14,7 @@ from rig_nodes.controllers.alfa46.box import Alfa46
 from rig_nodes.plant import alfa46_law as law
 from rig_nodes.rig.alfa46 import read_alfa46
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

@@ -10,7 +10,7 @@ import pytest
 from synthetic_shift import I1, I2, PERIOD, RPM, Shift
 
 from rig_nodes.analysis.annex_a import shift_metrics_annex_a, shifts_annex_a
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.analysis.shift import shift_metrics, shifts
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
@@ -28,7 +28,7 @@ def up(shift=Shift(), **kwargs):
 
 def test_clean_upshift_by_hand():
     row = up()
-    assert set(row) == set(keys()) and row["valid"], row["why"]
+    assert set(row) == set(metric_keys()) and row["valid"], row["why"]
     # the fall is found at 1.45 s; slip of 25.8 % in 0.1 s passes 0.05 % 0.2 ms before 1.70 s
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1.5e-3)
     # p2 grows by 36 bar/s from 1.25 s and is 0.5 bar above its rest 13.9 ms later

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from synthetic_shift import ENCODER
 
-from rig_nodes.analysis.coast_down import coast_down
+from rig_nodes.analysis.coasting import coast_down
 from rig_nodes.base.errors import RigError
 
 STEP = 1e-3

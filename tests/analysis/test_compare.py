@@ -19,7 +19,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"

@@ -13,7 +13,7 @@ from synthetic_engagement import ORDER, Engagement
 from synthetic_shift import ENCODER, PERIOD
 
 from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
-from rig_nodes.analysis.uncertainty import instruments_of
+from rig_nodes.analysis.measured_error import instruments_of
 from rig_nodes.rig.configuration import load_rig
 
 INSTRUMENTS = instruments_of(load_rig("hydmag").as_dict())

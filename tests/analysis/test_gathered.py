@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from rig_nodes.analysis.gather import gathering
+from rig_nodes.analysis.of_runs import gathering
 from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
@@ -16,7 +16,7 @@ from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import BagError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 LOGGER = "/instruments/hmg4000"

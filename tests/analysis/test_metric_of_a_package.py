@@ -41,10 +41,10 @@ def package(tmp_path, monkeypatch):
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: jumps\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text(f"[rig_nodes.metrics]\njump = jumps:{what}\n")
         monkeypatch.syspath_prepend(info.parent)
-        metrics.metrics.cache_clear()
+        metrics.every_metric.cache_clear()
 
     yield install
-    metrics.metrics.cache_clear()
+    metrics.every_metric.cache_clear()
 
 
 def test_a_metric_is_in_report_table_comparison_sweep_and_list(package, tmp_path, capsys):
@@ -76,7 +76,7 @@ def test_a_metric_is_in_report_table_comparison_sweep_and_list(package, tmp_path
 def test_a_wrong_metric_is_a_sentence_that_names_its_package(package, what, sentence):
     package(what)
     with pytest.raises(RigError, match=f"metric 'jump' of the package jumps 1.0: .*{sentence}"):
-        metrics.metrics()
+        metrics.every_metric()
 
 
 def test_a_metric_that_fails_withholds_its_value_only(package):

@@ -13,8 +13,8 @@ import pytest
 from rig_nodes.analysis.modes import spectrum, system_of
 from rig_nodes.cli.main import main
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes, response, sensitivities
 from rig_nodes.driveline.run import run
+from rig_nodes.driveline.vibration import modes, response, sensitivities
 from rig_nodes.rig.configuration import load_rig
 
 HEAD = """\

@@ -11,9 +11,9 @@ from math import pi
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.coast_down import coast_down
+from rig_nodes.analysis.coasting import coast_down
 from rig_nodes.analysis.engagement import engagement_metrics
-from rig_nodes.analysis.uncertainty import instruments_of
+from rig_nodes.analysis.measured_error import instruments_of
 from rig_nodes.bags.logged import Recording
 from rig_nodes.plant.parts.load_pump import relief_setting_for
 from rig_nodes.rig.configuration import load_rig

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from synthetic_shift import I1, I2, FakeBag, Shift
 
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.run_report import build_report
@@ -22,7 +22,7 @@ from rig_nodes.rig.configuration import load_rig
 BOX = load_rig("hydmag").transmission
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
-ROW = dict.fromkeys(keys()) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_dt_s": 0.3, "t_c_s": 0.6, "t_o_s": 0.1}
+ROW = dict.fromkeys(metric_keys()) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_dt_s": 0.3, "t_c_s": 0.6, "t_o_s": 0.1}
 
 
 def states():

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from synthetic_shift import FakeBag, Shift
 
-from rig_nodes.analysis.metrics import keys, named_metrics
+from rig_nodes.analysis.metrics import metric_keys, named_metrics
 from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.results import results_of
 from rig_nodes.analysis.run_report import build_report, read_report, write_report
 from rig_nodes.base.errors import BagError, RigError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.document import report_document
-from rig_nodes.view.report_page import Facts, report_page
+from rig_nodes.view.page_of_report import Facts, report_page
 
 BOX = load_rig("hydmag").transmission
 
@@ -71,7 +71,7 @@ def test_orders_come_from_the_controllers_events():
     rows = build_report(bag(), RUN)["shifts"]
     orders = [(row["from_gear"], row["to_gear"], row["t_order_s"]) for row in rows]
     assert orders == [(0, 1, 0.2), (1, 2, 1.0)]
-    assert set(keys()) <= set(rows[1])
+    assert set(metric_keys()) <= set(rows[1])
     assert rows[1]["valid"] and rows[1]["t_c_s"] == pytest.approx(0.70, abs=2e-3)
 
 

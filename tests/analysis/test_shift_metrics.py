@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
-from rig_nodes.analysis.metrics import DETAILS, keys
+from rig_nodes.analysis.metrics import DETAILS, metric_keys
 from rig_nodes.analysis.quality import quality_of
 from rig_nodes.analysis.shift import shift_metrics, shifts
 from rig_nodes.bags.logged import Recording
@@ -36,7 +36,7 @@ def only(recording):
 def test_known_times_and_values(case, seed):
     row = only(case.recording(seed))
     clean = seed is None
-    assert list(row) == [*keys(), *DETAILS]
+    assert list(row) == [*metric_keys(), *DETAILS]
     assert row["valid"] and row["why"] == []
     assert (row["from_gear"], row["to_gear"]) == ((1, 2) if case.up else (2, 1))
     assert row["input_speed_rpm"] == pytest.approx(1500.0, abs=0.01 if clean else 0.2)

@@ -9,16 +9,16 @@ import re
 import pytest
 from synthetic_shift import FakeBag, Shift
 
+from rig_nodes.analysis.display import shown, shown_shortly
+from rig_nodes.analysis.measured_error import instruments_of, uncertainty
 from rig_nodes.analysis.moved import moved_lines
 from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.results import results_of, spread, spread_lines
 from rig_nodes.analysis.run_report import build_report
 from rig_nodes.analysis.runs_table import Member, table_of
-from rig_nodes.analysis.shown import shown, shown_shortly
-from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view.document import report_document
-from rig_nodes.view.report_page import Facts, report_page
+from rig_nodes.view.page_of_report import Facts, report_page
 
 ORDERS = [(0.0, "/controller/events", "shift_ordered", "", 1.0), (1.0, "/controller/events", "shift_ordered", "", 2.0)]
 DROWNED = {"overlap_s": (0.336, 1.43), "e_loss_j": (-444.0, 555.0), "t_c_s": (0.0777, 0.0888)}

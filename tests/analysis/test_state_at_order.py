@@ -16,7 +16,7 @@ from rig_nodes.analysis.state_at_order import begun, unlike
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.studies.tune.bench import Point
 from rig_nodes.studies.tune.problem import held

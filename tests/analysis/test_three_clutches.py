@@ -14,10 +14,10 @@ from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
 
 from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
+from rig_nodes.analysis.measured_error import Instrument, instruments_of, uncertainty
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.run_report import shown_transmission
 from rig_nodes.analysis.shift import shifts
-from rig_nodes.analysis.uncertainty import Instrument, instruments_of, uncertainty
 from rig_nodes.bags.exchange.orders import parse_orders
 from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError

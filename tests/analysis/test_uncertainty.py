@@ -12,9 +12,7 @@ from itertools import product
 import pytest
 
 from rig_nodes.analysis.engagement import KEYS as ENGAGEMENT_KEYS
-from rig_nodes.analysis.metrics import keys
-from rig_nodes.analysis.shift import shifts
-from rig_nodes.analysis.uncertainty import (
+from rig_nodes.analysis.measured_error import (
     Instrument,
     coast_down_uncertainty,
     engagement_uncertainty,
@@ -22,15 +20,17 @@ from rig_nodes.analysis.uncertainty import (
     temperature_error,
     uncertainty,
 )
+from rig_nodes.analysis.metrics import metric_keys
+from rig_nodes.analysis.shift import shifts
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 
 HYDMAG = load_rig("hydmag")
 INSTRUMENTS = instruments_of(HYDMAG.as_dict())
 BOX = HYDMAG.transmission
 
-ROW = dict.fromkeys(keys()) | {
+ROW = dict.fromkeys(metric_keys()) | {
     "from_gear": 1,
     "to_gear": 2,
     "input_speed_rpm": 1500.0,
@@ -131,7 +131,7 @@ def test_a_sample_of_a_slower_logger_counts_as_such():
 
 
 def test_what_is_missing_has_no_error():
-    assert uncertainty(dict.fromkeys(keys()) | {"from_gear": 1, "to_gear": 2}, INSTRUMENTS, BOX) == {}
+    assert uncertainty(dict.fromkeys(metric_keys()) | {"from_gear": 1, "to_gear": 2}, INSTRUMENTS, BOX) == {}
     half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None}, INSTRUMENTS, BOX)
     assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
     assert half["input_torque_max_nm"] > 1.01

@@ -228,13 +228,13 @@ def read_all(path):
 
 def index_all(path):
     """Reads a bag as the replay does, without publishing."""
-    from rig_nodes.bags.metadata import read_profile
+    from rig_nodes.bags.metadata import offered_by
     from rig_nodes.bags.opened import OpenedBags
     from rig_nodes.base.errors import RigError
 
     with OpenedBags([path]) as bag:
         for topic in bag.types:
-            read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
+            offered_by(bag.channel(topic)[2].get("offered_qos_profiles", ""))
         for _ in bag.timeline(list(bag.types)):
             pass
         if bag.damage:

@@ -13,7 +13,7 @@ import pytest
 from rosidl_adapter.msg import convert_msg_to_idl
 from rosidl_generator_type_description import generate_type_hash
 
-import rig_nodes.base.kept
+import rig_nodes.base.keep
 from rig_nodes.bags import cdr, definitions
 from rig_nodes.bags.definitions import installed, parse
 from rig_nodes.bags.reader import Bag
@@ -39,7 +39,7 @@ def my_pkg(tmp_path, monkeypatch):
     files = [f"{share}:msg/{name}.idl" for name in MESSAGES]
     arguments.write_text(json.dumps({"package_name": "my_pkg", "output_dir": str(share), "idl_tuples": files}))
     generate_type_hash(str(arguments))
-    monkeypatch.setattr(rig_nodes.base.kept, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     yield share
     for function in (definitions.installed, definitions._kept, definitions.parse, definitions._share, definitions._described):

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-import rig_nodes.base.kept
+import rig_nodes.base.keep
 from rig_nodes.bags import definitions
 from rig_nodes.bags.definitions import installed, parse
 
@@ -17,7 +17,7 @@ NAME = "rig_msgs/msg/RigState"
 @pytest.fixture
 def another_process(tmp_path, monkeypatch):
     """Returns a function that clears the definitions kept in this process; those on disk are in a folder of the test's own."""
-    monkeypatch.setattr(rig_nodes.base.kept, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def forget():
         for function in (definitions.installed, definitions._kept, definitions.parse, definitions._described):

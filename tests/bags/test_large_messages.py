@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from rig_nodes.bags import limits
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.recording import Recording
+from rig_nodes.bags.recording import BagRecording
 from rig_nodes.bags.writer import LARGEST, BagWriter, MessageRefused
 from rig_nodes.cli.main import main
 
@@ -66,7 +66,7 @@ def test_what_packs_too_well_to_be_trusted_is_stored_as_it_is(tmp_path):
 
 def test_a_message_above_the_limit_is_refused_and_counted_and_the_bag_stays_whole(tmp_path):
     with BagWriter(tmp_path, "run") as writer:
-        recording = Recording(writer)
+        recording = BagRecording(writer)
         recording.take("/x", FLOAT, value(1), 10**7, "measurement")
         recording.take("/big", BYTES, memoryview(bytes(LARGEST + 1)), 10**7, "measurement")
         recording.take("/x", FLOAT, value(2), 2**62, "measurement")

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from rig_nodes.bags.metadata import profile_text, read_profile
+from rig_nodes.bags.metadata import offered_by, profile_text
 from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Played, Player
 from rig_nodes.bags.reader import Bag
 
@@ -264,18 +264,18 @@ def test_the_timeline_of_a_bag_is_by_time_and_within_a_time_as_written(tmp_path,
 
 
 def test_profiles_of_every_rosbag2_are_read():
-    recorded = read_profile(profile_text("command"))
+    recorded = offered_by(profile_text("command"))
     assert recorded.reliable and not recorded.latched and recorded.deadline_ns == 100_000_000
-    assert read_profile(profile_text("latched")).latched
+    assert offered_by(profile_text("latched")).latched
     numbers_of_humble = (
         "- history: 1\n  depth: 10\n  reliability: 2\n  durability: 1\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n"
     )
-    old = read_profile(numbers_of_humble)
+    old = offered_by(numbers_of_humble)
     assert not old.reliable and old.latched and old.deadline_ns == 0
-    assert read_profile(numbers_of_humble + profile_text("measurement")).reliable
-    assert read_profile("").reliable and not read_profile("").latched
+    assert offered_by(numbers_of_humble + profile_text("measurement")).reliable
+    assert offered_by("").reliable and not offered_by("").latched
     for text in ("best effort, please", "- 7", "x" * 30_000, "[" * 200):
-        assert read_profile(text).problem and read_profile(text).reliable, "what cannot be read is a fault of no message"
-    partial = read_profile("- reliability: best_effort\n")
+        assert offered_by(text).problem and offered_by(text).reliable, "what cannot be read is a fault of no message"
+    partial = offered_by("- reliability: best_effort\n")
     assert not partial.reliable and partial.problem == "it gives no durability"
-    assert read_profile(profile_text("latched").replace("\n", "\\n")).latched, "ends of lines may be escaped"
+    assert offered_by(profile_text("latched").replace("\n", "\\n")).latched, "ends of lines may be escaped"

@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.recording import Recording
+from rig_nodes.bags.recording import BagRecording
 from rig_nodes.bags.writer import BagWriter, Layout
 from rig_nodes.base.config import load_yaml
 from rig_nodes.base.errors import RigError
@@ -41,7 +41,7 @@ def record(folder, rows, layout, act=lambda recording, time: None, close=True, *
     """Writes rows as the recorder does; ``act`` is called before each message. Returns the writer."""
     topics = CATALOGUE.topics
     writer = BagWriter(folder, "run", layout=layout)
-    recording = Recording(writer, **choice)
+    recording = BagRecording(writer, **choice)
     for topic, time, data in rows:
         act(recording, time)
         recording.take(topic, topics[topic].ros_type, data, time, topics[topic].qos)

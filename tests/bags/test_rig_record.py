@@ -12,13 +12,13 @@ import pytest
 from rig_nodes.bags.old_form import record_of_today
 from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
-from rig_nodes.bags.rig_record import rig_record
+from rig_nodes.bags.rig_in_bag import rig_record
 from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import BagError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 BEFORE = Path(__file__).parent / "before"  # the sample bag of version 0.1.0
 SHORT = """

@@ -25,8 +25,8 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter, Column, Layout
 from rig_nodes.base.errors import RigError
 from rig_nodes.nodes.qos import publisher_profile
-from rig_nodes.rig.catalogue import QOS
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.signal_catalogue import QOS
 
 CATALOGUE = load_rig("hydmag").catalogue
 

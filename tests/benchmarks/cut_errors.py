@@ -18,7 +18,7 @@ from rig_nodes.runs.outputs import Outputs
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.sequence_runner import SequenceRunner
-from rig_nodes.runs.simulate import LocalBench, simulate
+from rig_nodes.runs.simulation import LocalBench, simulate
 
 TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")
 CASES = [*((device,) for device in load_rig("hydmag").cuttable), load_rig("hydmag").cuttable]

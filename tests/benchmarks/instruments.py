@@ -13,11 +13,11 @@ import argparse
 import dataclasses
 import sys
 
+from rig_nodes.analysis.measured_error import instruments_of, uncertainty
 from rig_nodes.analysis.shift import shifts
-from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
 from rig_nodes.base.units import UNITS
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 
 HYDMAG = load_rig("hydmag")

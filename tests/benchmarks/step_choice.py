@@ -17,7 +17,7 @@ import numpy as np
 
 from rig_nodes.analysis.shift import shifts
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 
 METRICS = (

@@ -20,7 +20,7 @@ from rig_nodes.controllers.load import level_line
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import advance_with, simulate
+from rig_nodes.runs.simulation import advance_with, simulate
 
 from .conftest import ALFA46_C, ask
 from .test_own_process import is_gone

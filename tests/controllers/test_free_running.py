@@ -37,7 +37,7 @@ from rig_nodes.runs import conformance
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import advance_with, ask_controller, give_answer, simulate
+from rig_nodes.runs.simulation import advance_with, ask_controller, give_answer, simulate
 
 from .conftest import MULTICAST, multicast_works
 

@@ -24,7 +24,7 @@ from rig_nodes.controllers.record import record_of
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
-from rig_nodes.runs.simulate import advance_with
+from rig_nodes.runs.simulation import advance_with
 
 RPM = 0.10471975511965977
 ETC1, ETC2 = 61442, 61445

@@ -16,7 +16,7 @@ from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can.bus import open_bus
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
-from rig_nodes.runs.simulate import advance_with
+from rig_nodes.runs.simulation import advance_with
 
 from .test_free_running import free_port
 

@@ -20,7 +20,7 @@ from rig_nodes.controllers import load_controller
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import advance_with, simulate
+from rig_nodes.runs.simulation import advance_with, simulate
 from rig_nodes.studies.benchmark.step_cost import controllers_table, format_table
 
 from .conftest import PYTHON

@@ -16,7 +16,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
-from rig_nodes.runs.simulate import advance_with
+from rig_nodes.runs.simulation import advance_with
 
 from .conftest import C_FRAME, ask
 

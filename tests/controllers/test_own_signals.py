@@ -11,7 +11,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import ControllerFailed, load_controller
 from rig_nodes.controllers.own_signals import Blocks
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 from .conftest import C_FRAME, PYTHON, ask
 

@@ -14,7 +14,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.runs.fmu.build import build_controller_fmu
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 from .conftest import CONTROLLERS, INCLUDE, SANITIZE
 

@@ -29,7 +29,7 @@ from rig_nodes.runs.conformance import Check
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import advance_with, simulate
+from rig_nodes.runs.simulation import advance_with, simulate
 
 from .conftest import ask
 from .test_thesis_trace import SETTINGS, currents_are_those_of_the_thesis

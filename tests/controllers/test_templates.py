@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.cli.main import main
-from rig_nodes.controllers.templates import HERE, KINDS
+from rig_nodes.controllers.templates import HERE, TEMPLATES
 
 from .conftest import multicast_works
 
@@ -28,7 +28,7 @@ OWN_CLOCK = ("can", "modbus")  # programs that are not started with a run
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind for kind in KINDS]
+    "kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind for kind in TEMPLATES]
 )
 def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request, on_own_port):
     if kind == "can" and (why := multicast_works()):
@@ -116,7 +116,7 @@ def test_a_program_says_where_it_waits(kind, sentence, tmp_path, ros_domain):
     assert main(["controller", "new", kind, str(folder)]) == 0
     command = [sys.executable, folder / "my_controller.py"]
     if kind == "udp-c":
-        build = KINDS[kind].commands[0].format(dir=folder)
+        build = TEMPLATES[kind].commands[0].format(dir=folder)
         subprocess.run(build.split(), check=True, capture_output=True)
         command = [folder / "my_controller"]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

@@ -38,7 +38,7 @@ from rig_nodes.controllers.udp.frames import (
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import advance_with, simulate
+from rig_nodes.runs.simulation import advance_with, simulate
 
 from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, INCLUDE, RECORD, SANITIZE, STRICT, ask
 

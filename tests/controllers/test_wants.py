@@ -8,7 +8,7 @@ import pytest
 from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import load_controller
 from rig_nodes.runs.rig import Rig
-from rig_nodes.runs.simulate import advance_with
+from rig_nodes.runs.simulation import advance_with
 
 from .conftest import C_FRAME
 

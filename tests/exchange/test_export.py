@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from laboratory import SAMPLE
 
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.bags.exchange import groups
 from rig_nodes.bags.exchange.groups import Signals, on_one_clock, on_own_clocks
 from rig_nodes.bags.reader import Bag
@@ -50,7 +50,7 @@ def test_an_exported_run_comes_back_with_the_same_bits_orders_and_metrics(kind, 
     info = back.run_info()
     assert info["seed"] == bag.run_info()["seed"] and info["imported"]["rig_named_by"] == "the exported run"
     reports = [json.loads((one / "report.json").read_text()) for one in (SAMPLE, tmp_path / "back")]
-    measured = [key for key in keys() if key not in ("why", "undefined")]
+    measured = [key for key in metric_keys() if key not in ("why", "undefined")]
     assert [[row[key] for key in measured] for row in reports[1]["shifts"]] == [
         [row[key] for key in measured] for row in reports[0]["shifts"]
     ]
@@ -108,7 +108,7 @@ def test_rows_do_not_depend_on_the_pieces_in_which_a_bag_is_read(monkeypatch, cl
 
     monkeypatch.setattr(groups, "LATE", 50_000_000)
     _, times, values = table()
-    monkeypatch.setattr(groups, "PIECE", 1 << 17)
+    monkeypatch.setattr(groups, "IN_MEMORY", 1 << 17)
     pieces, other_times, other_values = table()
     assert pieces > 5 and np.all(np.diff(times) > 0)
     assert np.array_equal(times, other_times) and np.array_equal(values, other_values, equal_nan=True)

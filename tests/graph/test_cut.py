@@ -20,7 +20,7 @@ from rig_nodes.controllers.ros.domain import Domain, allocate, environment
 from rig_nodes.nodes import cut_device
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 NOT_THE_PLANTS = {"/controller/events", "/diagnostics", "/parameter_events", "/rosout", "all"}
 GATE = "import sys; from rig_nodes.nodes import rig_container as c; c.GATE_TIMEOUT = 2.0; sys.exit(c.main())"

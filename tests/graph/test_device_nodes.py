@@ -13,7 +13,7 @@ from rig_nodes.nodes.rig_container import rig_on_the_graph
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.outputs import Outputs
 from rig_nodes.runs.sequence import BY_HAND
-from rig_nodes.runs.simulate import run_record
+from rig_nodes.runs.simulation import run_record
 
 PARAMETERS = {
     "hydmag": {

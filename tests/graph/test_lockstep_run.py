@@ -17,7 +17,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
 # orders of the sequencer reach the box over ROS, so the time of its events may differ

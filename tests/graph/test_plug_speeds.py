@@ -26,7 +26,7 @@ from rig_nodes.controllers.ros.domain import allocate, environment
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.fmu.build import build_controller_fmu
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 EXAMPLES = Path(rig_nodes.__file__).parent / "controllers" / "examples"
 NOT_THE_PLANTS = {"/controller/events", "all"}

@@ -18,8 +18,8 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.nodes import recorder
 from rig_nodes.nodes.process import ordered
 from rig_nodes.nodes.processes.supervisor import Order
-from rig_nodes.rig.catalogue import installed_topics
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.signal_catalogue import installed_topics
 
 LAUNCH_FILE = Path(__file__).resolve().parents[2] / "rig_nodes" / "launch" / "rig_launch.py"
 OF_LAUNCH = (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes
 from rig_nodes.driveline.run import run
+from rig_nodes.driveline.vibration import modes
 
 
 def closes(r):

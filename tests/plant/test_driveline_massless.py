@@ -10,8 +10,8 @@ import pytest
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes, sensitivities
 from rig_nodes.driveline.run import Run, run
+from rig_nodes.driveline.vibration import modes, sensitivities
 
 
 def ends(*, between=(), speed=3.0):

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes
 from rig_nodes.driveline.run import run
+from rig_nodes.driveline.vibration import modes
 
 JA, JB, R = 0.5, 3.0, 4.0
 EFFICIENCIES = [0.95, 0.5, 0.4, 0.3]

@@ -10,7 +10,7 @@ import pytest
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes
+from rig_nodes.driveline.vibration import modes
 
 
 def test_two_masses_on_a_shaft():

@@ -14,8 +14,8 @@ import pytest
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes
 from rig_nodes.driveline.run import Run, run
+from rig_nodes.driveline.vibration import modes
 
 K = 2.5  # teeth of a set's ring over those of its sun
 

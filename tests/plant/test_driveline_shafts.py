@@ -11,8 +11,8 @@ from scipy.integrate import quad, solve_ivp
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.driveline.builder import Driveline
-from rig_nodes.driveline.modes import modes
 from rig_nodes.driveline.run import run
+from rig_nodes.driveline.vibration import modes
 
 
 def closes(r):

@@ -53,7 +53,7 @@ def test_friction_falls_without_a_jump_from_rest_to_a_film_that_carries(config):
     """Stribeck's curve depends on viscosity times speed over pressure alone; at rest there is no film between the plates."""
     pack = dataclasses.replace(config.plate_pack, friction_speed=0.2, friction_pressure=1e6)
     force, slip = 1e6 * pack.area, 0.2 / pack.mean_radius
-    stribeck = plates.derived(pack, config.clutch_s1, 2e-3)["stribeck"]
+    stribeck = plates.derived_of_pack(pack, config.clutch_s1, 2e-3)["stribeck"]
     share = functools.partial(plates.boundary_share, stribeck=stribeck)
     assert share(0.0, force, 1.0) == 1.0 and share(0.0, 0.0, 1.0) == 1.0
     assert share(slip, force, 1.0) == pytest.approx(math.exp(-1.0)) == share(-slip, force, 1.0)

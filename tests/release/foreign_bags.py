@@ -13,13 +13,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rig_nodes.bags.opened import KINDS, OpenedBags
+from rig_nodes.bags.opened import BAG_SUFFIXES, OpenedBags
 from rig_nodes.cli.main import main
 
 
 def bags_below(root):
     """Returns the bags: folders with metadata.yaml or numbered files, and single files elsewhere."""
-    files = sorted(path for path in Path(root).rglob("*") if path.suffix in KINDS)
+    files = sorted(path for path in Path(root).rglob("*") if path.suffix in BAG_SUFFIXES)
     stems = {file: file.stem.rstrip("0123456789") for file in files}
     alone = {
         file.parent for file in files if len({(stems[other], other.suffix) for other in files if other.parent == file.parent}) > 1

@@ -13,7 +13,7 @@ from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

@@ -20,7 +20,7 @@ from rig_nodes.plant.parts.centrifugal_clutch import clutch_torque
 from rig_nodes.plant.parts.saw_chain import chain_inertia
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
-from rig_nodes.runs.record import Run, record
+from rig_nodes.runs.recorded import Run, record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

@@ -6,12 +6,12 @@
 import numpy as np
 import pytest
 
+from rig_nodes.analysis.measured_error import instruments_of, uncertainty
 from rig_nodes.analysis.quality import peak_ratio
 from rig_nodes.analysis.shift import shifts
-from rig_nodes.analysis.uncertainty import instruments_of, uncertainty
 from rig_nodes.base.names import installed
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 
 RIGS = [name for name in installed("rigs") if load_rig(name).structure.shifts]

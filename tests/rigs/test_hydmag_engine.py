@@ -12,7 +12,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.plant.parts.combustion_engine import STALLED
 from rig_nodes.rig.configuration import load_rig, with_overrides
 from rig_nodes.runs.calculations import calculations_of, of_run
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

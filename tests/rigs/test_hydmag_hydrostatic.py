@@ -12,7 +12,7 @@ from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.calculations import calculations_of
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

@@ -15,7 +15,7 @@ from rig_nodes.rigs.hydmag.laboratory.calibration_rows import CURVES, FIRST_RISE
 from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 COLD, USUAL = "-10 degC", "40 degC"
 # clutch -> times after the first rise between which the current ramps and Annex D has a straight line [s]: S1 fills, then follows

@@ -15,11 +15,11 @@ from rig_nodes.analysis.modes import system_of
 from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.driveline.modes import modes
+from rig_nodes.driveline.vibration import modes
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rigs.ural2 import spectra
 from rig_nodes.runs.calculations import Recorded, calculations_of, module_of
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

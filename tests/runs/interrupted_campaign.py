@@ -5,8 +5,9 @@
 
 import sys
 
-from rig_nodes.runs.campaign import Workers, run_campaign
+from rig_nodes.runs.campaign import run_campaign
 from rig_nodes.runs.procedure import load_procedure
+from rig_nodes.runs.workers import Workers
 
 SHOWN = []
 

@@ -16,7 +16,7 @@ from rig_nodes.runs.bag_outputs import BagOutputs
 from rig_nodes.runs.outputs import Outputs
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 READ = ("n_wej", "p1", "gear_ordered", "s1_torque", "motor_work", "energy_residual")
 

@@ -12,7 +12,7 @@ import pytest
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.cross_checks import cross_check
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence

@@ -12,8 +12,8 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import installed as installed_rigs
 from rig_nodes.cli.list import WHAT, markdown
 from rig_nodes.cli.main import main
-from rig_nodes.rig.catalogue import catalogue
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.signal_catalogue import catalogue
 from rig_nodes.runs.plan import plan_of
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis.press_bench import of_press
-from rig_nodes.analysis.slip_tests import cylinder_line, slip_line, slip_tests, spring_line
+from rig_nodes.analysis.slip_bench import cylinder_line, slip_line, slip_tests, spring_line
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rigs.hydmag.laboratory.packs import PACKS
 from rig_nodes.runs.procedure import load_procedure, prepare
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 

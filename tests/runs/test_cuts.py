@@ -20,7 +20,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")

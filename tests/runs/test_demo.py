@@ -10,7 +10,7 @@ from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 NO_SUPPLY = """
 description: the demo with the clutch oil off

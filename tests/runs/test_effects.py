@@ -13,7 +13,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.controllers import load_controller
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
-from rig_nodes.runs.simulate import advance_with
+from rig_nodes.runs.simulation import advance_with
 
 RPM = math.pi / 30.0
 SPEED = 1200 * RPM

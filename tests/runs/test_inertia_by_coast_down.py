@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.coast_down import coast_down
+from rig_nodes.analysis.coasting import coast_down
 from rig_nodes.runs.procedure import load_procedure, run_repeat
 
 

@@ -9,16 +9,16 @@ import pickle
 
 import pytest
 
-import rig_nodes.base.kept
+import rig_nodes.base.keep
 from rig_nodes.base import config
 from rig_nodes.base.versions import version_of
-from rig_nodes.rig import catalogue
+from rig_nodes.rig import signal_catalogue
 from rig_nodes.rig.configuration import load_rig
 
 
 def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, monkeypatch):
     alike = [config.RIGS_DIR / name / "rig.yaml" for name in ("hydmag", "clutch_bench")]
-    monkeypatch.setattr(rig_nodes.base.kept, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
     config._parsed.cache_clear()
     first = [config.load_yaml(path) for path in alike]
     assert len(list((tmp_path / "read-configuration").iterdir())) == 2
@@ -29,7 +29,7 @@ def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, mo
 
 def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, monkeypatch):
     monkeypatch.setattr(config, "CONFIG_DIR", tmp_path / "config")
-    monkeypatch.setattr(rig_nodes.base.kept, "cache_root", lambda: tmp_path / "cache" / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "cache" / "kernel-cache")
     path = tmp_path / "a.yaml"
     for text, value in (("a: 1", {"a": 1}), ("a: 23", {"a": 23})):
         path.write_text(text)
@@ -40,7 +40,7 @@ def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, mo
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """Returns the file in which the content of an installed one is kept, and a way to read it as another process would."""
-    monkeypatch.setattr(rig_nodes.base.kept, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def read():
         config._parsed.cache_clear()
@@ -92,27 +92,27 @@ def test_lines_are_kept_too(kept):
 
 
 def test_the_topics_of_all_rigs_are_read_once_and_anew_where_a_rig_changes(tmp_path, monkeypatch):
-    monkeypatch.setattr(rig_nodes.base.kept, "cache_root", lambda: tmp_path / "kernel-cache")
-    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "package" / "rig/catalogue.py"))  # where the rigs are looked for
+    monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
+    monkeypatch.setattr(signal_catalogue, "__file__", str(tmp_path / "package" / "rig/signal_catalogue.py"))
     rig = tmp_path / "package" / "rigs" / "own" / "rig.yaml"
     rig.parent.mkdir(parents=True)
-    read, reading = [], catalogue._read_topics
+    read, reading = [], signal_catalogue._read_topics
 
     def counted():
         read.append(rig.read_text())
         return reading()
 
-    monkeypatch.setattr(catalogue, "_read_topics", counted)
+    monkeypatch.setattr(signal_catalogue, "_read_topics", counted)
     try:
         for text in ("one", "one", "another"):
             rig.write_text(text)
-            catalogue.installed_topics.cache_clear()  # as in another process
-            topics = catalogue.installed_topics()
+            signal_catalogue.installed_topics.cache_clear()  # as in another process
+            topics = signal_catalogue.installed_topics()
         assert read == ["one", "another"]
         for name in ("hydmag", "chain_saw"):
             assert load_rig(name).catalogue.all_topics.items() <= topics.items()
     finally:
-        catalogue.installed_topics.cache_clear()
+        signal_catalogue.installed_topics.cache_clear()
 
 
 def test_versions_are_those_of_the_installed_packages():

@@ -20,9 +20,10 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.runs.campaign import Workers, run_campaign
+from rig_nodes.runs.campaign import run_campaign
 from rig_nodes.runs.procedure import load_procedure, prepare, run_repeat, run_series
 from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.workers import Workers
 
 RPM = math.pi / 30.0
 NAMES = sorted(path.stem for path in RIGS_DIR.glob("*/procedures/*.yaml"))

@@ -10,9 +10,9 @@ from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.rig.configuration import load_rig, with_overrides
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 # waiting for signals of 100 Hz, 200 Hz and 1 kHz, with and without hold, for times and for shifts
 WAITS = """

@@ -20,7 +20,7 @@ from rig_nodes.nodes.commands import Commands
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.sequence_runner import SequenceFailed, SequenceRunner
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 RIG = (RIGS_DIR / "hydmag" / "rig.yaml").read_text()
 ALFA46 = (CONFIG_DIR / "controllers" / "alfa46.yaml").read_text()

@@ -9,8 +9,8 @@ from copy import deepcopy
 
 import pytest
 
-from rig_nodes.analysis.gather import gather
 from rig_nodes.analysis.moved import moved_lines
+from rig_nodes.analysis.of_runs import gather
 from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.names import installed
@@ -20,7 +20,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.recorded_rig import config_of_record
 from rig_nodes.runs.rerun import different_topics
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 SHIFTS = """
 description: a shift up, with a setting and a setpoint changed on the way

@@ -11,7 +11,7 @@ from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

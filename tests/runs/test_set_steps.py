@@ -11,7 +11,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.controllers.load import load_controller
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 
 SEQUENCE = """
 description: gear I, settings, gear II

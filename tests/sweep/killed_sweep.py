@@ -10,7 +10,7 @@ Arguments: folder, number of processes, and "many" for two thousand members. Lin
 import sys
 from pathlib import Path
 
-from rig_nodes.runs.campaign import Workers
+from rig_nodes.runs.workers import Workers
 from rig_nodes.studies.sweep.plan import Plan, make_plan
 from rig_nodes.studies.sweep.run import manifest_of, run_sweep
 from rig_nodes.studies.sweep.store import Store

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.base.errors import RigError
-from rig_nodes.runs.campaign import Workers
+from rig_nodes.runs.workers import Workers
 from rig_nodes.studies.sweep.run import manifest_of, run_sweep
-from rig_nodes.studies.sweep.store import JOURNAL, RESULTS, Journal, Store, decode
+from rig_nodes.studies.sweep.store import RESULTS, SWEEP_JOURNAL, Journal, Store, decode
 
 from .killed_sweep import many, plan
 
@@ -47,7 +47,7 @@ def undisturbed(tmp_path_factory) -> bytes:
 
 
 def members_in(folder: Path) -> list[int]:
-    return [decode(line)["member"] for line in (folder / JOURNAL).read_bytes().splitlines(keepends=True)]
+    return [decode(line)["member"] for line in (folder / SWEEP_JOURNAL).read_bytes().splitlines(keepends=True)]
 
 
 def test_kill_of_the_parent(tmp_path, undisturbed):
@@ -61,7 +61,7 @@ def test_kill_of_the_parent(tmp_path, undisturbed):
     before = members_in(folder)
     assert set(before) >= {int(line.split()[1]) for line in seen if line.startswith("finished")}
 
-    with open(folder / JOURNAL, "ab") as journal:
+    with open(folder / SWEEP_JOURNAL, "ab") as journal:
         journal.write(b'0badc0de {"member":21,"seed"')  # as after a kill while a line was being written
     again = start(folder, 2)
     lines = read_until(again, "whole")
@@ -159,7 +159,7 @@ def test_a_finished_member_is_never_noted_twice(tmp_path):
 
 
 def test_an_entry_that_is_damaged_while_the_journal_is_open_is_named(tmp_path):
-    path = tmp_path / JOURNAL
+    path = tmp_path / SWEEP_JOURNAL
     journal = Journal(path)
     for member in range(3):
         journal.add({"member": member})

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
-from rig_nodes.runs.campaign import Workers
+from rig_nodes.runs.workers import Workers
 from rig_nodes.studies.sweep.plan import Plan, make_plan
 from rig_nodes.studies.sweep.plugged import MOST_DELAY, plugged_of
 from rig_nodes.studies.sweep.run import manifest_of, run_sweep
-from rig_nodes.studies.sweep.store import JOURNAL, METADATA, RESULTS, Store
+from rig_nodes.studies.sweep.store import METADATA, RESULTS, SWEEP_JOURNAL, Store
 
 pq = pytest.importorskip("pyarrow.parquet")
 SHORT = str(Path(__file__).with_name("short.yaml"))
-VALUES = tuple(key for key in keys() if key not in ("why", "undefined"))  # of a shift, as a table holds them
+VALUES = tuple(key for key in metric_keys() if key not in ("why", "undefined"))  # of a shift, as a table holds them
 
 
 def ran(folder, plan, bags=False):
@@ -132,7 +132,7 @@ def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
     folder = tmp_path / "sweep"
     ran(folder, make_plan(Plan(SHORT, "hydmag"), {"rest": "30 ms, 60 ms"}))
     assert main(["report", str(folder)]) == 0
-    journal = folder / JOURNAL
+    journal = folder / SWEEP_JOURNAL
     journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
     (folder / RESULTS).unlink()
     capsys.readouterr()

@@ -15,10 +15,10 @@ from rig_nodes.cli.main import main
 from rig_nodes.rig.alfa46 import read_alfa46
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.transmission import transmission_of
-from rig_nodes.runs.campaign import Workers
-from rig_nodes.runs.record import record
+from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.workers import Workers
 from rig_nodes.studies.tune import document, folder, judge, run, scout, search, space, uncertainty
 from rig_nodes.studies.tune.beginning import read_beginnings
 from rig_nodes.studies.tune.bench import RPM, Bench, Point, Shift
@@ -428,7 +428,7 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
 
     page = tmp_path / "page.md"
     page.write_text(f"by hand\n\n{document.BEGIN}\nthe tables of before\n{document.END}\n\nmore\n")
-    document.write(page, summary, 1)
+    document.write_tuning(page, summary, 1)
     found = summary["chosen"]["II-I"]["soft"]
     assert f"| `soft` | II-I | {found['P1.time']}, {found['P1.current']} |" in page.read_text()
     assert f"| {speed['input_torque_before_nm']:.0f} Nm | {speed['least_peak_nm']:.0f} Nm |" in page.read_text()
@@ -533,7 +533,7 @@ def test_what_is_wrong_is_said_before_anything_is_computed(capsys, tmp_path, mon
     assert main(["tune", "--out", str(tmp_path / "full")]) == 2
     assert "full: it exists and holds no tuning; choose a new name" in capsys.readouterr().err
     (tmp_path / "other").mkdir()
-    (tmp_path / "other" / folder.MANIFEST).write_text(json.dumps({"rig": "another", "spreads": {}}))
+    (tmp_path / "other" / folder.TUNING).write_text(json.dumps({"rig": "another", "spreads": {}}))
     assert main(["tune", "--out", str(tmp_path / "other")]) == 2
     assert "other holds another tuning (rig is not the same)" in capsys.readouterr().err
     with pytest.raises(AssertionError, match="processes are started"):

@@ -12,7 +12,7 @@ from rig_nodes.bags.logged import Recording
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.record import Run
+from rig_nodes.runs.recorded import Run
 from rig_nodes.studies.validation import own_rows
 from rig_nodes.studies.validation.tables import counts, terminal
 from rig_nodes.studies.validation.which_rows import programme_of, rows_file

@@ -18,8 +18,8 @@ from rig_nodes.rigs.hydmag.laboratory.derived import derive, dip_begins
 from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
 from rig_nodes.rigs.hydmag.laboratory.records import Record
 from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
-from rig_nodes.runs.campaign import Workers
 from rig_nodes.runs.procedure import run_repeat
+from rig_nodes.runs.workers import Workers
 
 BOX = load_rig("hydmag").transmission
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import rig_nodes
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.base.errors import RigError
 from rig_nodes.rigs.hydmag.laboratory.targets import TARGETS_FILE, load_targets
 from rig_nodes.studies.validation.rows import Span
@@ -146,7 +146,7 @@ def test_shift_quantities_are_the_keys_of_the_report(targets):
         "k",
         "e_loss_j",
         "e_loss_settled_j",
-    } == shifts & set(keys())
+    } == shifts & set(metric_keys())
 
 
 def test_an_installed_package_has_the_file(tmp_path):

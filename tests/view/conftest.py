@@ -17,7 +17,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.outputs import Outputs
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 from rig_nodes.view.convert import make_view
 
 REQUIRED = os.environ.get("RIG_REQUIRE_VIEW") == "1"  # with this variable set, no test here may be skipped

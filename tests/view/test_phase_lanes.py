@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout
 from rig_nodes.view.moments import MARK_COLOURS, shift_page
@@ -14,7 +14,7 @@ from rig_nodes.view.pages import Pages
 from rig_nodes.view.report_plots import Plots
 
 # a shift whose new clutch comes too late: the output departs at 0.394 s, and the kiss point is at 0.786 s
-LATE = dict.fromkeys(keys()) | {
+LATE = dict.fromkeys(metric_keys()) | {
     "from_gear": 1,
     "to_gear": 2,
     "t_order_s": 3.845,

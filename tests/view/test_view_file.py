@@ -18,13 +18,13 @@ from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.runs.simulate import simulate
+from rig_nodes.runs.simulation import simulate
 from rig_nodes.view import convert, layout
 from rig_nodes.view.convert import make_view
 from rig_nodes.view.curves import thinned
 from rig_nodes.view.document import report_document
+from rig_nodes.view.page_of_report import Facts, report_page
 from rig_nodes.view.pages import Pages
-from rig_nodes.view.report_page import Facts, report_page
 
 HYDMAG = load_rig("hydmag")
 BOX = HYDMAG.transmission

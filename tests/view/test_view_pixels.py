@@ -19,7 +19,7 @@ import pytest
 from PIL import Image
 from pixels import BAR, LONGEST, curve_pixels, dots, has, image_of, lanes, legend_text, of_state, text_pixels, upright
 
-from rig_nodes.analysis.metrics import keys
+from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.analysis.run_report import write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -208,7 +208,7 @@ def campaign(folder):
     record = json.loads(json.dumps(load_rig("hydmag").as_dict()))
     for n, (speed, load) in enumerate(itertools.product((1000, 1500), (40, 80, 120))):
         rows = [
-            dict.fromkeys(keys())
+            dict.fromkeys(metric_keys())
             | {
                 "from_gear": a,
                 "to_gear": b,

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import correlate
 
-from ..bags.logged import Recording
-from ..base.errors import RigError
+from ..bags import Recording
+from ..base import RigError
 from .definitions import BEFORE
 
 EVENTS, CORRELATION = "events", "correlation"

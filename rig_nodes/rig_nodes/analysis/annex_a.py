@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bags.logged import Recording
-from ..base.errors import RigError
+from ..bags import Recording
+from ..base import RigError
 from .definitions import RPM, withhold
 from .edges import first_true
 from .lacking import what_is_missing
-from .metrics import keys, metrics
+from .metrics import every_metric, metric_keys
 from .shift import orders_of
 
 PERIOD = 1e-4  # s; the program counts samples of 10 kHz
@@ -97,7 +97,7 @@ def shift_metrics_annex_a(
         if not factor > 1.0:
             raise RigError(f"Annex A's factor {name} is {factor:g}; it is the upper edge of a band, e.g. 1.05")
     t_order, from_gear, to_gear = order
-    row = dict.fromkeys(keys())
+    row = dict.fromkeys(metric_keys())
     row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
     box = recording.transmission
     moved = box.shift(from_gear, to_gear)
@@ -106,7 +106,7 @@ def shift_metrics_annex_a(
     else:
         _Program(recording, order, next_order_time, set_speed, row).run(a if to_gear < from_gear else b, c)
     row["valid"] = not row["why"]
-    withhold(row, box, metrics())
+    withhold(row, box, every_metric())
     return row
 
 

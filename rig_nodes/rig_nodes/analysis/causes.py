@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..rig.transmission import Clutch, Shift, Transmission
+from ..rig import Clutch, Shift, Transmission
 from .course import LEAST_TORQUE, asked_of_input
 
 LOCKED = 2e-3  # s after lock-up from which the gear counts as engaged

@@ -13,15 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..rig.catalogue import catalogue
-from ..rig.transmission import ranges_of
-from .metrics import LOAD_BEFORE, PRESSURES, SPEED_BEFORE, SPEEDS, TORQUE_AFTER, TORQUE_IN, TORQUE_OUT, metrics
+from ..base import RigError
+from ..rig import catalogue, ranges_of
+from .metrics import LOAD_BEFORE, PRESSURES, SPEED_BEFORE, SPEEDS, TORQUE_AFTER, TORQUE_IN, TORQUE_OUT, every_metric
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
-    from ..rig.catalogue import Signal
-    from ..rig.transmission import Transmission
+    from ..bags import Bag
+    from ..rig import Signal, Transmission
     from .gathered import Gathered
     from .shift import CutShift
 
@@ -76,7 +74,7 @@ def drop_clipped(shift: CutShift, row: dict) -> None:
         row["clipped"] = [*(row["clipped"] or []), name]
         shift.why[:] = [] if name in (into.speed, out.speed) else [one for one in shift.why if not one.startswith(f"{name} ")]
         decided = _decides(shift.box, name, bool(clipped[: shift.order].any()), bool(clipped[-1]))
-        row.update(dict.fromkeys(metric.key for metric in metrics() if decided & {*metric.decided_by}))
+        row.update(dict.fromkeys(metric.key for metric in every_metric() if decided & {*metric.decided_by}))
         if decided & {SPEEDS, TORQUE_IN}:
             row["torques"] = None
         if SPEEDS in decided:

@@ -16,7 +16,7 @@ import numpy as np
 from .edges import first_true, odd_width, running_mean
 
 if TYPE_CHECKING:
-    from ..rig.transmission import Clutch
+    from ..rig import Clutch
     from .shift import CutShift
 
 KISS_MEAN = 5e-3  # s

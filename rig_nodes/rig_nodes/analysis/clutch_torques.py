@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
+from ..base import RigError
 from .clutch_pressures import pressed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..bags.reader import Bag
-    from ..rig.transmission import Transmission
+    from ..bags import Bag
+    from ..rig import Transmission
     from .gathered import Gathered
     from .shift import CutShift
 

@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..rig.catalogue import Signal
-from ..rig.transmission import Transmission
+from ..rig import Signal, Transmission
+from .display import fixed, in_unit, shown
 from .metrics import named_metrics
-from .shown import fixed, in_unit, shown
 from .side_by_side import Comparison, short_names
 
 Table = tuple[list[str], list[list[str]]]  # heads and rows

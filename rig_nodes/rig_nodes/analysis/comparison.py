@@ -8,10 +8,10 @@ analysis.run_report uses them. They only format results.
 
 from __future__ import annotations
 
-from ..rig.transmission import Transmission
+from ..rig import Transmission
+from .display import aligned
 from .metrics import ANNEX, Metric, named_metrics
 from .plant_states import WHY_NOT
-from .shown import aligned
 
 MEASURED = ("t_c_s", "input_torque_max_nm", "output_speed_min_rpm", "k")  # metrics beside the truth
 

@@ -18,7 +18,7 @@ from .clutch_torques import split_by_logger
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..rig.transmission import Transmission
+    from ..rig import Transmission
     from .shift import CutShift
 
 LEAST_TORQUE = 10.0  # Nm, ten errors of the torque meter, below which a load has no clear sign and a ratio of torques no meaning

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ..rig.transmission import Transmission
+    from ..rig import Transmission
     from .metrics import Metric
 
 RPM = 30.0 / pi

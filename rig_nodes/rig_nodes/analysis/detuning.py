@@ -18,21 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize
 
-from ..base.config import load_yaml
-from ..base.errors import RigError, brief
-from ..base.names import find_config
-from ..base.schema import check_keys
-from ..base.units import quantity
-from ..base.yaml_file import where_of
-from ..driveline.modes import modes
+from ..base import RigError, brief, check_keys, find_config, load_yaml, quantity, where_of
+from ..driveline import modes
 from .modes import TURN, State, chosen_state, exciting_body, system_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..base.arrays import Floats
-    from ..base.yaml_file import Map
-    from ..rig.configuration import RigConfig
+    from ..base import Floats, Map
+    from ..rig import RigConfig
 
 FILE = "detuning.yaml"
 KEYS = ("settings", "away", "orders", "speeds", "bands", "body", "states")

@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..plant.parts import part as parts
-from ..rig.structure import Structure
-from ..rig.transmission import Transmission
+from ..base import RigError
+from ..plant import part as parts
+from ..rig import Structure, Transmission
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
+    from ..bags import Bag
     from .gathered import Gathered
 
 Series = tuple[np.ndarray, np.ndarray]

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bags.logged import Recording
-from ..rig.transmission import Clutch, Transmission
+from ..bags import Recording
+from ..rig import Clutch, Transmission
 from .definitions import BEFORE, HOLD, TORQUE_SPEED_MEAN
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .hum import QUIET, without_hum
 from .lacking import what_is_missing
+from .measured_error import TORQUE_CLEAR, Instrument
 from .shift import smoothed
-from .uncertainty import TORQUE_CLEAR, Instrument
 
 LONGEST = 3.0  # s after the order in which an engagement is searched
 SLIP = 0.01e-2  # thesis 7.3.2

@@ -18,14 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bags.logged import Recording
-from ..bags.messages import nothing_in
-from ..bags.opened import OpenedBags
-from ..bags.reader import Bag, Logger, recovered
-from ..bags.run_end import STATE
-from ..bags.sequence_numbers import Numbers
-from ..base.errors import BagError, RigError
-from ..rig.transmission import Transmission, ranges_of
+from ..bags import STATE, Bag, Logger, Numbers, OpenedBags, Recording, nothing_in, recovered
+from ..base import BagError, RigError
+from ..rig import Transmission, ranges_of
 from . import energy, no_change, state_at_order
 from .annex_a import AROUND as ANNEX
 from .annex_a import BLOCK as ANNEX_BLOCK
@@ -38,8 +33,7 @@ from .ranges import LOGGER, Ranges
 from .shift import is_shift, shift_metrics, shifts, with_ends
 
 if TYPE_CHECKING:
-    from ..rig.catalogue import Catalogue
-    from ..rig.structure import Structure
+    from ..rig import Catalogue, Structure
 
 SPARE = 0.05  # s of rows more on both sides of a shift than its metrics use
 WHOLE = 300.0  # s; longest run whose results are looked for in all of its rows at once, 0.7 MB each

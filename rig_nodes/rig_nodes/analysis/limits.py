@@ -12,13 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..base.config import load_yaml
-from ..base.errors import RigError, brief
-from ..base.names import unknown
-from ..base.schema import where_of
-from ..base.units import UNITS, quantity
+from ..base import UNITS, RigError, brief, load_yaml, quantity, unknown, where_of
+from .display import shown
 from .results import Result, number
-from .shown import shown
 
 MET, MISSED, UNDECIDED, NOT_FOUND = "met", "missed", "undecided", "not found"
 EXAMPLE = "'LOW .. HIGH' with units, where one end may be left out, e.g. '.. 700 ms' or '0.95 ..'"

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 from .definitions import RPM, SETTLED_BAND, SETTLED_BAND_NM, TORQUE_SPEED_MEAN
 
 if TYPE_CHECKING:
-    from ..rig.transmission import Transmission
-    from .uncertainty import Instrument
+    from ..rig import Transmission
+    from .measured_error import Instrument
 
 STEEP_RISE = 45e-3  # s in which the steeper pressure of chapter 9, and with it the torque, rises from contact to its end
 

@@ -17,15 +17,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.entry_points import Group
+from ..base import Group
 from . import metric_errors
 from .definitions import K_MOST, RPM
-from .shown import in_unit, shown
+from .display import in_unit, shown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    from ..rig.transmission import Transmission
+    from ..rig import Transmission
     from .metric_errors import ErrorBasis
     from .shift import CutShift
 
@@ -361,7 +361,7 @@ OWN = (
 
 
 @cache
-def metrics() -> tuple[Metric, ...]:
+def every_metric() -> tuple[Metric, ...]:
     """Return all metrics in the order in which reports have them, ours first.
 
     Raises
@@ -396,11 +396,11 @@ def _of_package(point: EntryPoint) -> Metric:
     return replace(found, package=point.dist.name if point.dist else point.module)
 
 
-def keys() -> tuple[str, ...]:
+def metric_keys() -> tuple[str, ...]:
     """Return the keys of a row of a report: its gears, its metrics, and whether, when and why."""
-    return (*GEARS, *(metric.key for metric in metrics()), *ENDS)
+    return (*GEARS, *(metric.key for metric in every_metric()), *ENDS)
 
 
 def named_metrics(place: str = "") -> list[Metric]:
     """Return the metrics that tables show, all or those of one place."""
-    return [metric for metric in metrics() if metric.name and (not place or place in metric.places)]
+    return [metric for metric in every_metric() if metric.name and (not place or place in metric.places)]

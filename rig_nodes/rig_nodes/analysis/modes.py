@@ -16,17 +16,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import signal as filters
 
-from ..base.errors import RigError
-from ..base.names import unknown
-from ..driveline.modes import Modes, Response, Sensitivities, modes, response, sensitivities
-from ..plant.parts import part as parts
-from ..rig.driveline import build_driveline, inertias_of
+from ..base import RigError, unknown
+from ..driveline import Modes, Response, Sensitivities, modes, response, sensitivities
+from ..plant import part as parts
+from ..rig import build_driveline, inertias_of
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
-    from ..base.arrays import Floats
-    from ..driveline.system import System
-    from ..rig.configuration import RigConfig
+    from ..bags import Bag
+    from ..base import Floats
+    from ..driveline import System
+    from ..rig import RigConfig
 
 OPEN = "all open"
 TURN = 2.0 * math.pi

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from .definitions import reasons_in
-from .metrics import metrics, named_metrics
+from .display import in_unit, shown_shortly
+from .metrics import every_metric, named_metrics
 from .report_text import shift_name
 from .run_report import shown_transmission
-from .shown import in_unit, shown_shortly
 
 REST = 1e-9  # share of two numbers below which their difference is one of rounding
 
@@ -39,7 +39,7 @@ def differences(first: Mapping, other: Mapping) -> list[dict]:
     for i, (a, b) in enumerate(zip(first["shifts"], other["shifts"])):
         if (a["from_gear"], a["to_gear"]) != (b["from_gear"], b["to_gear"]):
             continue
-        for key in (metric.key for metric in metrics()):
+        for key in (metric.key for metric in every_metric()):
             known = [side[i][key] for side in errors if i < len(side) and side[i].get(key) is not None]
             error = max(known, default=None)
             difference = None if a.get(key) is None or b.get(key) is None else without_rest(b[key] - a[key], a[key], b[key])

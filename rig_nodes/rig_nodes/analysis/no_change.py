@@ -13,21 +13,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.logged import Recording
-from ..base.clocks import SAMPLE
-from ..base.errors import RigError
-from ..rig.signals import CONTROLLER_COMMAND
-from ..rig.transmission import Transmission
-from .coast_down import coast_down
+from ..bags import Recording
+from ..base import SAMPLE, RigError
+from ..rig import CONTROLLER_COMMAND, Transmission
+from .coasting import coast_down
 from .definitions import RPM, STANDSTILL
+from .display import in_unit, shown
 from .engagement import engagement_metrics
+from .measured_error import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .shift import orders_of, stands
-from .shown import in_unit, shown
-from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
+    from ..bags import Bag
     from .gathered import Gathered
 
 MOTOR = "/motor/command"

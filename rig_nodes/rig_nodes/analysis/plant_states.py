@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..rig.transmission import Transmission
+from ..rig import Transmission
 from .definitions import RPM, reasons_in
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
+    from ..bags import Bag
     from .gathered import Gathered
 
 # the message fields that are read

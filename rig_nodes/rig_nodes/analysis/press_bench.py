@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.logged import Logged
-from ..base.errors import RigError
-from ..plant.friction.geometry import PackGeometry
-from ..plant.parts import part as parts
-from ..rig.structure import Device, Structure, structure_of
-from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, spring_line
+from ..bags import Logged
+from ..base import RigError
+from ..plant import PackGeometry
+from ..plant import part as parts
+from ..rig import Device, Structure, structure_of
+from .slip_bench import LEAST_TESTS, cylinder_line, slip_line, slip_tests, spring_line
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
+    from ..bags import Bag
     from .gathered import Gathered
 
 OF_A_RUN = "run"  # place of a result that does not belong to a single shift, device or model

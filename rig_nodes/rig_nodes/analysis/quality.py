@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..rig.transmission import Transmission
+from ..rig import Transmission
 from .causes import cause
 from .course import LEAST_TORQUE, asked_of_input
 from .definitions import RPM, STANDSTILL

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
-from .shown import aligned
+from ..base import RigError
+from .display import aligned
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag, Logger
+    from ..bags import Bag, Logger
 
 LOGGER = "/instruments/hmg4000"
 

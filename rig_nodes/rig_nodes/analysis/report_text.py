@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ..bags.exchange.orders import example_of_orders
-from ..base.errors import printable
-from ..rig.transmission import Transmission
+from ..bags import example_of_orders
+from ..base import printable
+from ..rig import Transmission
 from .comparison import annex_lines, truth_lines
 from .definitions import RPM, undefined_lines
+from .display import aligned
 from .energy import clutch_heat
 from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
 from .quality import sentence_of
 from .ranges import range_lines
 from .run_report import RUN_KEYS, shown_transmission, verdicts_in, window_of
-from .shown import aligned
 from .state_at_order import begun_lines
 
 WHERE_DEFINED = (

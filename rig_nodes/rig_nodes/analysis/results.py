@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..base.units import UNITS
-from ..rig.transmission import Transmission
+from ..base import UNITS
+from ..rig import Transmission
+from .display import aligned, shown
 from .metrics import named_metrics
 from .press_bench import bench_numbers
 from .report_text import shift_name
 from .run_report import shown_transmission
-from .shown import aligned, shown
 
 TIMES, CURVES = 1e3, 1e-6  # factors to ms and MPa
 ENDS = ("lowest", "highest")  # the kinds of results that are the range of a signal

@@ -17,30 +17,22 @@ from typing import Any
 
 import numpy as np
 
-from ..bags import limits
-from ..bags.exchange.orders import example_of_orders
-from ..bags.logged import Recording, orders_in
-from ..bags.messages import NOTHING
-from ..bags.reader import UNREADABLE, Bag
-from ..bags.rig_record import holds_rig, rig_record
-from ..base.atomic_write import atomic_write
-from ..base.errors import RigError
-from ..rig.configuration import load_rig
-from ..rig.structure import End
-from ..rig.transmission import Inertias, Transmission, transmission_of
+from ..bags import NOTHING, UNREADABLE, Bag, Recording, example_of_orders, holds_rig, limits, orders_in, rig_record
+from ..base import RigError, atomic_write
+from ..rig import End, Inertias, Transmission, load_rig, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
 from .definitions import reasons_in
 from .energy import Series, balance, energies_of
 from .gathered import Gathered
+from .measured_error import Instrument, instruments_of, uncertainty
 from .no_change import measured
 from .plant_states import metrics_of_states, states_of
 from .quality import quality_of
 from .ranges import signal_ranges
 from .shift import shifts
 from .state_at_order import put_states
-from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
 _NOTHING_SHOWN = Transmission(

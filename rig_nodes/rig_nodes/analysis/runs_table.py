@@ -14,15 +14,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..base.atomic_write import atomic_write
-from ..base.errors import RigError
-from ..rig.transmission import Transmission
+from ..base import RigError, atomic_write
+from ..rig import Transmission
+from .display import shown
 from .limits import Limit, Verdict, judged
-from .metrics import SHORT, keys, named_metrics
+from .metrics import SHORT, metric_keys, named_metrics
 from .quality import GRADES
 from .results import ENDS, Result, results_of, spread
 from .run_report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
-from .shown import shown
 from .state_at_order import unlike
 
 PROCEDURE_FILE = "procedure.json"
@@ -139,7 +138,7 @@ def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
     such as an inertia, are there in full.
     """
     columns: dict[tuple[str, str], Result] = {}
-    of_shifts, short = keys(), [metric.key for metric in named_metrics(SHORT)]
+    of_shifts, short = metric_keys(), [metric.key for metric in named_metrics(SHORT)]
     for one in (one for member in members for one in member.results):
         if one.value is None or one.kind in ENDS:
             continue

@@ -29,8 +29,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..bags.logged import Recording
-from ..rig.transmission import Clutch, Shift, Transmission
+from ..bags import Recording
+from ..rig import Clutch, Shift, Transmission
 from .clipped import drop_clipped
 from .clutch_pressures import Passed, kiss_of, overlap_of
 from .course import Course, course_of
@@ -56,7 +56,7 @@ from .definitions import (
 )
 from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .lacking import what_is_missing
-from .metrics import DETAILS, keys, metrics
+from .metrics import DETAILS, every_metric, metric_keys
 
 
 def shifts(recording: Recording) -> list[dict]:
@@ -135,17 +135,17 @@ def shift_metrics(recording: Recording, order: tuple[float, int, int], next_orde
         One value per key.
     """
     t_order, from_gear, to_gear = order
-    row = dict.fromkeys((*keys(), *DETAILS))
+    row = dict.fromkeys((*metric_keys(), *DETAILS))
     row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
     shift = CutShift.cut(recording, order, next_order_time, row["why"])
     if shift is not None:
         shift.find()
-        row.update((metric.key, metric.formed(shift, row)) for metric in metrics())
+        row.update((metric.key, metric.formed(shift, row)) for metric in every_metric())
         if shift.course is not None:
             row.update(torques=shift.course.torques, in_gear=shift.old is None or shift.old_slip is not None)
         drop_clipped(shift, row)
     row["valid"] = not row["why"]
-    withhold(row, recording.transmission, metrics())
+    withhold(row, recording.transmission, every_metric())
     return row
 
 

@@ -14,13 +14,13 @@ from pathlib import PurePath
 
 import numpy as np
 
-from ..bags.logged import Recording
-from ..rig.transmission import Transmission
+from ..bags import Recording
+from ..rig import Transmission
 from .alignment import Clock, align
+from .measured_error import instruments_of
 from .moved import REST, differences
 from .run_report import plain, report_of_recording
 from .state_at_order import unlike
-from .uncertainty import instruments_of
 
 POINTS = 4000  # at most, of a drawn curve
 

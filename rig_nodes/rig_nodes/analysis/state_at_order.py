@@ -15,16 +15,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..plant.parts import part as parts
-from ..plant.parts.wet_clutch import NO_PRESSURE
-from ..rig.structure import Structure, structure_of
-from ..rig.transmission import Transmission
+from ..base import RigError
+from ..plant import NO_PRESSURE
+from ..plant import part as parts
+from ..rig import Structure, Transmission, structure_of
+from .measured_error import temperature_error
 from .plate_heat import above_the_oil
-from .uncertainty import temperature_error
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
+    from ..bags import Bag
     from .gathered import Gathered
 
 CLUTCH_FIELDS, OIL_FIELDS = ["piston_position", "heat", "pressure"], ["temperature"]

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
+from ..base import RigError
 from .edges import first_true, odd_width, ramp_start, running_mean
 from .hum import QUIET, without_hum
 
 if TYPE_CHECKING:
-    from ..base.arrays import Floats
+    from ..base import Floats
 
 PULSE = 8e-6  # s, shortest pulse: one sample at 125 kHz, because the first pulses are short
 COARSE_MEAN = 1e-3  # s, filter when no PWM frequency is found

@@ -5,3 +5,7 @@
 
 Used by the publishers, the recorder, the headless run, the analysis and the view; needs no running ROS.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -18,10 +18,10 @@ from operator import itemgetter
 from pathlib import Path
 
 from .. import __version__
-from ..base.errors import RigError
+from ..base import RigError
 from . import limits
 from .cdr import stamp_and_seq
-from .metadata import read_profile
+from .metadata import offered_by
 from .opened import RUN_INFO, OpenedBags, class_of
 from .reader import Bag
 from .run_end import CUT_OFF, OF_COPY
@@ -133,7 +133,7 @@ def left_out(bags: OpenedBags) -> list[str]:
     if any(not piece.library.startswith(OWN_LIBRARIES) for piece in bags.pieces):
         found.append("the times of publishing and the numbers of the file's records are not copied; log times take their place")
     for name in bags.types:
-        if problem := read_profile(bags.channel(name)[2].get("offered_qos_profiles", "")).problem:
+        if problem := offered_by(bags.channel(name)[2].get("offered_qos_profiles", "")).problem:
             found.append(f"{name}: its quality of service cannot be read ({problem}); metadata.yaml gives the default")
     return found
 

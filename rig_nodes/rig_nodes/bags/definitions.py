@@ -22,9 +22,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ..base.errors import RigError
-from ..base.kept import kept, kept_folder
-from ..base.versions import version_of
+from ..base import RigError, kept, kept_folder, version_of
 from . import limits
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from ..base.errors import BagError
+from ..base import BagError
 from . import limits
 from .mcap_file import (
     ATTACHMENT,

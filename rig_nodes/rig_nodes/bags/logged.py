@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..rig.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
-from ..rig.transmission import NEUTRAL, Transmission
+from ..base import RigError
+from ..rig import CONTROLLER_EVENTS, GEAR_WAS, NEUTRAL, SHIFT_ORDERED, Transmission
 
 
 @dataclass(frozen=True)

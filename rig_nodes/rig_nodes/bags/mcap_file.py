@@ -15,7 +15,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..base.errors import BagError, quoted
+from ..base import BagError, quoted
 from . import limits
 
 MAGIC = b"\x89MCAP0\r\n"

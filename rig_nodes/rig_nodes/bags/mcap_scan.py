@@ -14,7 +14,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..base.errors import BagError
+from ..base import BagError
 from .mcap_file import (
     CHANNEL,
     CHUNK,

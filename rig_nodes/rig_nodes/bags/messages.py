@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import BagError, RigError
+from ..base import BagError, RigError
 from . import limits
 from .cdr import all_frameless, decode_as, exact
 from .definitions import HEADER, TIME, Definition, parse

@@ -16,7 +16,7 @@ from functools import cache
 from io import StringIO
 from textwrap import indent
 
-from ..rig.catalogue import QOS, Offer
+from ..rig import QOS, Offer
 from . import limits
 
 VERSION = 9
@@ -58,7 +58,7 @@ class Offered:
     problem: str = ""
 
 
-def read_profile(text: str) -> Offered:
+def offered_by(text: str) -> Offered:
     """Read the quality of service that rosbag2 stores in a channel, in the form of any version.
 
     Since Jazzy the values are words, before they were numbers. Of several publishers the strictest profile counts, so that every

@@ -140,7 +140,7 @@ def record_of_today(record: Mapping) -> Mapping:
     kind = record.get("kind") or ("gearbox" if "gearbox" in record else None)
     if "structure" in record or kind not in _RECORDS:
         return record
-    from ..rig.configuration import load_rig  # imported here, because the modules that read a rig depend on bags
+    from ..rig import load_rig  # imported here, because the modules that read a rig depend on bags
 
     rig, moved, renamed = _RECORDS[kind]
     out = deepcopy(load_rig(rig).as_dict())

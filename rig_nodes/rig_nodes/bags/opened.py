@@ -18,18 +18,18 @@ from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 
-from ..base.errors import BagError, RigError
+from ..base import BagError, RigError
 from . import limits
 from .index import BagIndex, joined_spans
 from .messages import in_short, nothing_in
-from .metadata import read_profile
+from .metadata import offered_by
 from .pieces import PACKED, Metadata, in_order, plain, read_metadata
 from .reader import Bag
 from .records import ENCODING, Contents
 from .run_end import CUT_OFF, EVENTS, STATE, RunEnd, cut_off, end_of_run
 from .sqlite_bag import from_sqlite
 
-KINDS = (".mcap", ".db3")
+BAG_SUFFIXES = (".mcap", ".db3")
 OF_ROS = ("/rosout", "/diagnostics", "/parameter_events")  # topics of every ROS 2 graph, which nobody expects among signals
 RUN_INFO = "rig_msgs/msg/RunInfo"
 
@@ -298,7 +298,7 @@ def files_of(path: Path) -> tuple[list[Path], list[str], list[str], Metadata]:
         return [path], [], [], Metadata()
     if not path.is_dir():
         raise BagError(f"{path}: there is no such file or folder; give the folder of a bag or one of its files")
-    found = in_order([file for file in path.iterdir() if file.name.removesuffix(PACKED).endswith(KINDS)])
+    found = in_order([file for file in path.iterdir() if file.name.removesuffix(PACKED).endswith(BAG_SUFFIXES)])
     problems, notes, about = [], [], Metadata()
     try:
         about = read_metadata(path)
@@ -321,5 +321,5 @@ def files_of(path: Path) -> tuple[list[Path], list[str], list[str], Metadata]:
 
 def class_of(about: dict[str, str]) -> str:
     """Return the class of catalogue.QOS in which a channel with this metadata was offered."""
-    offered = read_profile(about.get("offered_qos_profiles", ""))
+    offered = offered_by(about.get("offered_qos_profiles", ""))
     return "latched" if offered.latched else "measurement" if offered.reliable else "best_effort"

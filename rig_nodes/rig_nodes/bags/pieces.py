@@ -18,8 +18,7 @@ from pathlib import Path
 
 import zstandard
 
-from ..base.errors import BagError
-from ..base.yaml_file import read_yaml
+from ..base import BagError, read_yaml
 from . import limits
 from .mcap_file import not_sqlite
 from .old_form import topic_of_today

@@ -20,16 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.errors import BagError, RigError
-from ..rig.catalogue import Catalogue, Signal, catalogue, installed_topics
-from ..rig.structure import Structure, structure_of
-from ..rig.transmission import Transmission, transmission_of
+from ..base import BagError, RigError
+from ..rig import Catalogue, Signal, Structure, Transmission, catalogue, installed_topics, structure_of, transmission_of
 from . import limits
 from .mcap_scan import read_mcap, read_pieces
 from .messages import Messages, in_short, stamps_of
 from .pieces import files_of_run, plain, read_metadata
 from .records import Contents, Stream
-from .rig_record import rig_record
+from .rig_in_bag import rig_record
 from .sequence_numbers import Numbers, holes, lives_of
 
 UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # exceptions that an invalid record may raise

@@ -18,7 +18,7 @@ from .writer import BagWriter, MessageRefused
 KEPT_BYTES = 256 << 20  # bytes of messages that are kept in memory at most
 
 
-class Recording:
+class BagRecording:
     """The way of messages into a bag. The class is not thread-safe.
 
     What is latched describes the run and is always stored: a part of a run could not be read without it.

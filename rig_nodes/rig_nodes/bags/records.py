@@ -19,7 +19,7 @@ from itertools import count
 import lz4.frame
 import zstandard
 
-from ..base.errors import RigError
+from ..base import RigError
 from . import limits
 from .definitions import parse
 from .mcap_file import (

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..base.errors import RigError
+from ..base import RigError
 
 if TYPE_CHECKING:
     from .reader import Bag

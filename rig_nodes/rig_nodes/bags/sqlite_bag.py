@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from ..base.errors import BagError, RigError
+from ..base import BagError, RigError
 from .definitions import installed
 from .writer import BagWriter, MessageRefused
 

@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from .. import __version__
-from ..base.atomic_write import atomic_write
-from ..base.errors import RigError, not_written
-from ..rig.catalogue import Topic, installed_topics
+from ..base import RigError, atomic_write, not_written
+from ..rig import Topic, installed_topics
 from . import limits, metadata
 from .cdr import exact
 from .definitions import Definition, installed

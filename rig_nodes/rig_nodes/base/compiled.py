@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     import numpy as np
 
 # Options of numba for what only compiled code calls: without the two functions by which Python and C would call it, which
-# take a third of the compile time of a small one, and without counting references to arrays, which takes an eighth of that of a large
-# one and serves only what allocates. forceinline is stated, because numba would otherwise take the caller's.
+# take a third of the compile time of a small one, and without counting references to arrays, which takes an eighth of that of a
+# large one and serves only what allocates. forceinline is stated, because numba would otherwise take the caller's.
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 ALLOCATES = {**INNER, "_nrt": True}
 INLINED = {**INNER, "forceinline": True}

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import RigError, no_file
-from .kept import kept, kept_folder
+from .keep import kept, kept_folder
 from .versions import version_of
 from .yaml_file import MOST_BYTES, List, Map, read_yaml
 

@@ -11,12 +11,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.typed_arguments import seconds_of_bag
+from ..base import seconds_of_bag
 
 if TYPE_CHECKING:
-    from ..bags.copy import Kept
-    from ..bags.opened import OpenedBags
-    from ..bags.run_end import RunEnd
+    from ..bags import Kept, OpenedBags, RunEnd
 
 HELP = "look into bags, check, recover, cut, merge and hash them"
 WHOLE, FAILED, LOST = 0, 1, 3  # exit codes
@@ -52,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Do the work; return 0 when all is kept, 3 when some is lost and counted, 1 when it failed."""
-    from ..base.errors import RigError, printable
+    from ..base import RigError, printable
 
     try:
         if args.work in ("recover", "cut", "merge"):
@@ -65,8 +63,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _look(work: str, path: str) -> int:
-    from ..bags.copy import check, content_hash, count
-    from ..bags.opened import OpenedBags
+    from ..bags import OpenedBags, check, content_hash, count
 
     with OpenedBags([path]) as bags:
         if work == "hash":
@@ -89,7 +86,7 @@ def _look(work: str, path: str) -> int:
 
 
 def _info(path: str, bags: OpenedBags, kept: Kept, end: RunEnd | None) -> None:
-    from ..base.errors import printable
+    from ..base import printable
 
     held, ended = sum(kept.counts.values()), f"; {end.state}: {end.reason}" if end else ""
     span = f"{bags.length / 1e9:.3f} s from {bags.first / 1e9:.3f} s"
@@ -103,7 +100,7 @@ def _info(path: str, bags: OpenedBags, kept: Kept, end: RunEnd | None) -> None:
 
 def _print_notes(path: str, bags: OpenedBags) -> None:
     """Print what is no fault of the messages: topics that stay bytes, holes in time, renamed files."""
-    from ..base.errors import printable
+    from ..base import printable
 
     bytes_only = [f"{name}: {why}; they are kept as bytes" for name in bags.types if (why := bags.not_understood(name))]
     for sentence in [*bags.notes, *bags.holes_in_time, *bytes_only]:
@@ -111,11 +108,8 @@ def _print_notes(path: str, bags: OpenedBags) -> None:
 
 
 def _write(args: argparse.Namespace) -> int:
-    from ..bags import limits
-    from ..bags.copy import AsSent, left_out, write
-    from ..bags.messages import in_short
-    from ..bags.opened import OpenedBags
-    from ..base.errors import RigError, printable
+    from ..bags import AsSent, OpenedBags, in_short, left_out, limits, write
+    from ..base import RigError, printable
 
     topics, begin, end = None, 0, limits.LAST + 1
     with OpenedBags(args.bags) as bags:
@@ -160,8 +154,7 @@ def _print_lost(path: str, kept: Kept) -> int:
 
 def chosen(held: dict[str, str], names: str | None, regex: re.Pattern | None, exclude: re.Pattern | None) -> list[str]:
     """Return the topics that a list of names and two patterns choose; RigError when the bag does not hold one or none is left."""
-    from ..base.errors import RigError
-    from ..base.names import unknown
+    from ..base import RigError, unknown
 
     wanted = [name.strip() for name in (names or "").split(",") if name.strip()]
     for name in wanted:

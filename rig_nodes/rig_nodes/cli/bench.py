@@ -31,15 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Measure the chosen parts, print and write the numbers."""
-    from ..base.errors import RigError
+    from ..base import RigError
 
     parts = _chosen(args.parts)
     if args.repeats < 1:
         raise RigError(f"--repeats {args.repeats}: at least 1 is needed")
     if args.write_docs and parts != list(PARTS):
         raise RigError("--write-docs writes about all parts of one run; without naming parts")
-    from ..studies.benchmark.document import TITLES, lines, machine_line, write_document
-    from ..studies.benchmark.machine import machine
+    from ..studies import TITLES, lines, machine, machine_line, write_document
     from .json_output import write_json
 
     line = ProgressLine()
@@ -66,8 +65,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _chosen(parts: list[str]) -> list[str]:
-    from ..base.errors import RigError
-    from ..base.names import unknown
+    from ..base import RigError, unknown
 
     for part in parts:
         if part not in (*PARTS, "all"):
@@ -76,35 +74,35 @@ def _chosen(parts: list[str]) -> list[str]:
 
 
 def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | list[dict] | str:
-    from ..base.names import DEFAULT_RIG
+    from ..base import DEFAULT_RIG
 
     if part == "kernel":
-        from ..studies.benchmark.kernel import bench_kernel
+        from ..studies import bench_kernel
 
         return bench_kernel(DEFAULT_RIG, repeats, show)
     if part == "rigs":
-        from ..studies.benchmark.rigs import bench_rigs
+        from ..studies import bench_rigs
 
         return bench_rigs(repeats, show)
     if part == "demo":
-        from ..studies.benchmark.starts import bench_demo
+        from ..studies import bench_demo
 
         return bench_demo(repeats, show)
     if part == "graph":
-        from ..studies.benchmark.starts import bench_graph
+        from ..studies import bench_graph
 
         return bench_graph(min(repeats, 3), show)
     if part == "controllers":
-        from ..rig.configuration import load_rig
-        from ..studies.benchmark.step_cost import controllers_table
+        from ..rig import load_rig
+        from ..studies import controllers_table
 
         show("every plug")
         rows = [cost._asdict() for cost in controllers_table(load_rig(DEFAULT_RIG))]
         return [{**row, "median_us": None, "p99_us": None} if row["missing"] else row for row in rows]
     if part == "scaling":
-        from ..studies.benchmark.growth import bench_scaling
+        from ..studies import bench_scaling
 
         return bench_scaling(DEFAULT_RIG, show)
-    from ..studies.benchmark.peers import bench_peers
+    from ..studies import bench_peers
 
     return bench_peers(0.05 * repeats, show)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-    from ..nodes.running_rig import RunningRig
+    from ..nodes import RunningRig
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 def running_rig(args: argparse.Namespace) -> RunningRig:
     """Return the rig of --domain, a context manager; RigError when there is none."""
-    from ..controllers.ros.domain import environment, of_running_rig
+    from ..controllers import environment, of_running_rig
 
     domain = of_running_rig(args.domain)
     wanted = environment(domain)
@@ -34,6 +34,6 @@ def running_rig(args: argparse.Namespace) -> RunningRig:
         del os.environ[name]
     os.environ.update(wanted)
     # ROS reads the environment above when it is loaded or started.
-    from ..nodes.running_rig import RunningRig
+    from ..nodes import RunningRig
 
     return RunningRig(domain.number)

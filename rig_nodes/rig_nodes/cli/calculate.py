@@ -8,14 +8,14 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from ..base.names import DEFAULT_RIG
+from ..base import DEFAULT_RIG
 from .shared_arguments import add_json, add_set
 
 if TYPE_CHECKING:
     import argparse
 
-    from ..bags.reader import Bag
-    from ..runs.calculations import Table
+    from ..bags import Bag
+    from ..runs import Table
 
 HELP = "print a calculation of a rig's folder, with its values or on a recording"
 LOST = 3  # exit code: calculated, but something of the run is not in its bag
@@ -34,13 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Print the table, or the list of calculations."""
-    from ..bags.run_end import faults_of, with_end
-    from ..base.errors import RigError, printable
-    from ..base.names import unknown
-    from ..rig.configuration import load_rig, with_overrides
-    from ..rig.recorded_rig import config_of_record
-    from ..runs.calculations import calculations_of, of_bag
-    from ..runs.folders import parse_settings
+    from ..bags import faults_of, with_end
+    from ..base import RigError, printable, unknown
+    from ..rig import config_of_record, load_rig, with_overrides
+    from ..runs import calculations_of, of_bag, parse_settings
     from .json_output import write_json
 
     bag = None if args.run is None else _opened(args.run)
@@ -86,7 +83,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _opened(run: str) -> Bag:
     """Return the bag of a run that has begun."""
-    from ..nodes.processes.result import open_bag
+    from ..nodes import open_bag
 
     bag = open_bag(run)
     bag.check_began()

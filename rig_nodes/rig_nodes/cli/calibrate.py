@@ -11,12 +11,12 @@ from dataclasses import asdict
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ..base.names import DEFAULT_RIG
+from ..base import DEFAULT_RIG
 from .progress import ProgressLine
 from .shared_arguments import add_json
 
 if TYPE_CHECKING:
-    from ..studies.validation.calibrate import Found, Miss, Parameter
+    from ..studies import Found, Miss, Parameter
 
 HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
@@ -63,13 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Search, print the result and, on request, write it; RigError when the search is not possible."""
-    from ..base.config import load_yaml
-    from ..base.errors import RigError, ended_by, quoted
-    from ..base.names import beside, find_config, unknown
-    from ..rig.configuration import load_rig
-    from ..studies.validation import calibrate as c
-    from ..studies.validation.own_calibration import calibration_of
-    from ..studies.validation.which_rows import programme_of, rows_file
+    from ..base import RigError, beside, ended_by, find_config, load_yaml, quoted, unknown
+    from ..rig import load_rig
+    from ..studies import calibrate, calibration_of, programme_of, rows_file, write_values
     from .json_output import write_json
 
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
@@ -98,7 +94,7 @@ def main(args: argparse.Namespace) -> int:
 
     curves = []
     try:
-        found, rig = c.calibrate(config, calibration, args.generations, args.jobs, args.seed, args.stages, progress, args.starts)
+        found, rig = calibrate(config, calibration, args.generations, args.jobs, args.seed, args.stages, progress, args.starts)
         if args.trade_offs:
             curves = import_module(f"{programme}.trade_off").trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
     except KeyboardInterrupt as stop:
@@ -113,7 +109,7 @@ def main(args: argparse.Namespace) -> int:
         file = find_config("rigs", args.rig)
         node = load_yaml(file)
         controller = find_config("controllers", beside(file, node["controller"])) if "controller" in node else file
-        c.write_values(found.values, parameters, file, controller)
+        write_values(found.values, parameters, file, controller)
         print("written to the rig's configuration")
     return 0
 
@@ -137,7 +133,7 @@ def _print(found: Found, parameters: dict[str, Parameter], curves: list[Any]) ->
 
 def _content(found: Found, parameters: dict[str, Parameter], curves: list[Any]) -> dict:
     """Return the result for programs."""
-    from ..base.units import SI
+    from ..base import SI
 
     def plain(miss: Miss) -> dict:
         return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}

@@ -9,15 +9,14 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.names import RIG_FILE, find_config, with_bases
-from ..base.yaml_file import where_of
+from ..base import RIG_FILE, find_config, where_of, with_bases
 from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 PICTURE = "picture.svg"  # which rig list rigs names, too
 HELP = "check the folder of a rig and draw its driveline"
@@ -36,14 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Check a rig and return 0 when a run can begin; an error is one sentence with file and line."""
-    from ..base.atomic_write import atomic_write
-    from ..base.errors import not_written
-    from ..rig.alfa46 import beyond_alfa46
-    from ..rig.configuration import load_rig
-    from ..rig.picture import driveline_svg
-    from ..runs.plan import plan_of
-    from ..runs.sequence import load_sequence
-    from ..studies.tune.beginning import read_beginnings
+    from ..base import atomic_write, not_written
+    from ..rig import beyond_alfa46, driveline_svg, load_rig
+    from ..runs import load_sequence, plan_of
+    from ..studies import read_beginnings
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
@@ -90,14 +85,13 @@ def _sequences(rig: str) -> list[Path]:
 
 def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
     """Yield one line for each of the validation rows and the calibration in the rig's own folder."""
-    from ..studies.validation.which_rows import CALIBRATION_FILE, ROWS_FILE, programme_of
+    from ..studies import CALIBRATION_FILE, ROWS_FILE, programme_of
 
     folder = find_config("rigs", rig).parent
     rows = folder / ROWS_FILE
     if not rows.is_file() or programme_of(rows):
         return
-    from ..studies.validation.own_calibration import calibration_of
-    from ..studies.validation.own_rows import load_rows
+    from ..studies import calibration_of, load_rows
 
     yield f"validation rows: {', '.join(row.target.id for row in load_rows(rows, rig, config))}"
     if (folder / CALIBRATION_FILE).is_file():

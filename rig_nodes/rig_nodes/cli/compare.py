@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping
 
-    from ..analysis.side_by_side import Comparison, Source
-    from ..rig.catalogue import Signal
-    from ..rig.transmission import Transmission
+    from ..analysis import Comparison, Source
+    from ..rig import Signal, Transmission
 
 HELP = "lay runs, bags and loggers' files over each other, with differences in measuring errors"
 
@@ -40,10 +39,9 @@ MOST_ROWS = 2_000_000  # of all recordings together, 200 s at 10 kHz, that are l
 
 def main(args: argparse.Namespace) -> int:
     """Compare, print, and write what was asked for."""
-    from ..analysis.side_by_side import compare
-    from ..base.atomic_write import atomic_write
-    from ..base.errors import RigError, printable
-    from ..rig.catalogue import catalogue
+    from ..analysis import compare
+    from ..base import RigError, atomic_write, printable
+    from ..rig import catalogue
     from .json_output import write_json
 
     if len(args.runs) < 2:
@@ -57,11 +55,11 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, found.as_dict())
     if args.html:
-        from ..view.compare_page import compare_page
+        from ..view import compare_page
 
         atomic_write(args.html, compare_page(found, signals, box))
     if args.rrd:
-        from ..view.compare_file import write_compare_file
+        from ..view import write_compare_file
 
         write_compare_file(found, signals, args.rrd)
     for fault in faults:
@@ -74,16 +72,10 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 
     ``faults`` takes a sentence for each thing that makes a bag another recording than its run was.
     """
-    from ..analysis.gather import gather, shifts_report
-    from ..analysis.side_by_side import Source
-    from ..bags.exchange.formats.format import is_loggers_file
-    from ..bags.exchange.imported import read_measurement
-    from ..bags.rig_record import rig_record
-    from ..bags.run_end import faults_of, with_end
-    from ..base.errors import RigError, quoted
-    from ..base.names import DEFAULT_RIG
-    from ..rig.configuration import load_gearbox_rig, load_rig
-    from ..rig.transmission import transmission_of
+    from ..analysis import Source, gather, shifts_report
+    from ..bags import faults_of, is_loggers_file, read_measurement, rig_record, with_end
+    from ..base import DEFAULT_RIG, RigError, quoted
+    from ..rig import load_gearbox_rig, load_rig, transmission_of
 
     import_verb = import_module("rig_nodes.cli.import")
     profile = import_verb.profile_of(args)
@@ -126,9 +118,8 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 
 
 def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) -> list[str]:
-    from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
-    from ..analysis.shown import aligned
-    from ..base.errors import printable
+    from ..analysis import aligned, clock_lines, metric_tables, reasons, signal_tables
+    from ..base import printable
 
     lines = clock_lines(found)
     for head, rows in (*metric_tables(found, box), *signal_tables(found, signals)):

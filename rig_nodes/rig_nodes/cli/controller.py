@@ -9,7 +9,7 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from ..base.names import DEFAULT_RIG
+from ..base import DEFAULT_RIG
 from .run_arguments import StepTimeout, add_in_process, controller_of, step_timeout
 from .shared_arguments import add_rig
 
@@ -23,7 +23,7 @@ HELP = "check a shift controller of your own, or start one from a template"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    from ..controllers.templates import KINDS
+    from ..controllers import TEMPLATES
 
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
     check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_in_process(check)
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
-    new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
+    new.add_argument("kind", choices=sorted(TEMPLATES), help="what it is: " + ", ".join(TEMPLATES))
     new.add_argument("folder", metavar="DIR", help="new or empty folder for it")
     add_rig(new, "rig, its folder or .yaml file, that it is for")
 
@@ -52,8 +52,8 @@ def main(args: argparse.Namespace) -> int:
 
 def check(args: argparse.Namespace) -> int:
     """Run the set of tests and print its table."""
-    from ..rig.configuration import load_gearbox_rig
-    from ..runs.conformance import Check
+    from ..rig import load_gearbox_rig
+    from ..runs import Check
 
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
@@ -78,10 +78,9 @@ def check(args: argparse.Namespace) -> int:
 
 def new(args: argparse.Namespace) -> int:
     """Write the template and print the next steps."""
-    from ..base.errors import quoted
-    from ..controllers.record import record_of
-    from ..controllers.templates import write_template
-    from ..rig.configuration import load_gearbox_rig
+    from ..base import quoted
+    from ..controllers import record_of, write_template
+    from ..rig import load_gearbox_rig
 
     record = record_of(load_gearbox_rig(args.rig, None, "controller new"))
     files, commands = write_template(args.kind, args.folder, record)

@@ -29,11 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Check the arguments, then become the node's process, so that signals reach only the node."""
-    from ..base.errors import RigError
-    from ..controllers.ros.domain import environment, from_environment, numbered
-    from ..plant.engine.outside import check_device
-    from ..rig.configuration import load_rig
-    from ..runs.folders import parse_settings
+    from ..base import RigError
+    from ..controllers import environment, from_environment, numbered
+    from ..plant import check_device
+    from ..rig import load_rig
+    from ..runs import parse_settings
 
     check_device(load_rig(args.rig, parse_settings(args.settings)).structure, args.name)
     if args.domain is None:

@@ -146,7 +146,7 @@ def check_disk() -> Finding:
 
 def check_numba_cache() -> Finding:
     """Check the place where the compiled kernel is kept between starts."""
-    from ..base.compiled import cache_root
+    from ..base import cache_root
 
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_root())
     existing = next(p for p in (folder, *folder.parents) if p.exists())
@@ -193,7 +193,7 @@ def check_messages() -> Finding:
 
 def check_dds() -> Finding:
     """Check DDS with two nodes in two separate processes, so that a crash of the middleware becomes a finding."""
-    from ..controllers.ros.domain import allocate, environment
+    from ..controllers import allocate, environment
 
     with allocate() as domain:
         env = environment(domain)

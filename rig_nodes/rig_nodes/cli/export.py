@@ -13,14 +13,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.names import DEFAULT_RIG
+from ..base import DEFAULT_RIG
 from .output_files import KINDS, NEVER, OutputFile, may_write
 from .shared_arguments import add_rig, add_set
 
 if TYPE_CHECKING:
     import argparse
 
-    from ..controllers.record import ControllerRecord
+    from ..controllers import ControllerRecord
 
 INTERMIXED = True  # files may come before and behind options
 HELP = "write a run as CSV, Parquet, MDF4, MAT or CAN log; an FMU, the CAN database, the Modbus registers or rig_record.h"
@@ -84,10 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Write the file and print its place."""
-    from ..base.errors import RigError
-    from ..base.names import find_config
-    from ..rig.configuration import rig_name
-    from ..runs.folders import parse_settings
+    from ..base import RigError, find_config
+    from ..rig import rig_name
+    from ..runs import parse_settings
 
     if args.what in (*RUNS, *CAN_LOGS):
         return _run(args)
@@ -112,12 +111,9 @@ def main(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     """Write the signals of a run."""
-    from ..bags.exchange.files import KINDS as ENDINGS
-    from ..bags.exchange.files import Order, export
-    from ..bags.exchange.groups import Signals
-    from ..bags.exchange.provenance import csvw_path
-    from ..base.errors import RigError, printable
-    from ..base.units import quantity
+    from ..bags import FILE_KINDS as ENDINGS
+    from ..bags import Order, Signals, csvw_path, export
+    from ..base import RigError, printable, quantity
     from .progress import ProgressLine
 
     what, given = args.what, [f"-{'-' * (len(name) > 1)}{name}" for name in _OF_RIGS if getattr(args, _OF_RIGS[name])]
@@ -155,8 +151,8 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _can_log(args: argparse.Namespace, run: Path, target: Path) -> int:
-    from ..base.errors import RigError
-    from ..runs.can_log import export_can_log
+    from ..base import RigError
+    from ..runs import export_can_log
     from .progress import ProgressLine
 
     if args.signals or args.clock or args.units != "si":
@@ -175,7 +171,7 @@ _OF_RIGS = {"I": "include", "set": "settings"}
 
 def _check_place(what: str, target: Path, endings: tuple[str, ...]) -> None:
     """Raise RigError when the file to write has another ending, is a folder, or would be in a folder that does not exist."""
-    from ..base.errors import RigError
+    from ..base import RigError
 
     if target.is_dir():
         raise RigError(f"-o {target}: it is a folder; name the file in it, which ends in {' or '.join(endings)}")
@@ -186,45 +182,45 @@ def _check_place(what: str, target: Path, endings: tuple[str, ...]) -> None:
 
 
 def _fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..runs.fmu.build import build_rig_fmu
+    from ..runs import build_rig_fmu
 
     build_rig_fmu(target, args.rig, settings, args.fmi)
 
 
 def _controller_fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..rig.configuration import load_gearbox_rig
-    from ..runs.fmu.build import build_controller_fmu
+    from ..rig import load_gearbox_rig
+    from ..runs import build_controller_fmu
 
     config = load_gearbox_rig(args.rig, settings, "export controller-fmu")
     build_controller_fmu(args.sources, target, config, args.fmi, [f"-I{folder}" for folder in args.include])
 
 
 def _dbc(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..base.atomic_write import atomic_write
-    from ..controllers.can.database import dbc_text
+    from ..base import atomic_write
+    from ..controllers import dbc_text
 
     atomic_write(target, dbc_text(_record(args, settings)))
 
 
 def _registers(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..base.atomic_write import atomic_write
-    from ..controllers.modbus.registers import csv_text, markdown_text
+    from ..base import atomic_write
+    from ..controllers import csv_text, markdown_text
 
     text = markdown_text if target.suffix.lower() == ".md" else csv_text
     atomic_write(target, text(_record(args, settings)))
 
 
 def _record_header(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..base.atomic_write import atomic_write
-    from ..controllers.c.record_header import header_text
+    from ..base import atomic_write
+    from ..controllers import header_text
 
     atomic_write(target, header_text(_record(args, settings)))
 
 
 def _record(args: argparse.Namespace, settings: dict[str, str]) -> ControllerRecord:
     """Return the record of the rig's controller."""
-    from ..controllers.record import record_of
-    from ..rig.configuration import load_gearbox_rig
+    from ..controllers import record_of
+    from ..rig import load_gearbox_rig
 
     return record_of(load_gearbox_rig(args.rig, settings, f"export {args.what}"))
 

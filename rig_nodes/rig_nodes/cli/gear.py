@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Order a gear; return 0 when it is engaged, 1 when the controller refused it or the shift failed."""
-    from ..base.errors import RigError
+    from ..base import RigError
 
     with running_rig(args) as rig:
         box = rig.transmission

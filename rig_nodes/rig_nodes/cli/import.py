@@ -13,7 +13,7 @@ from .shared_arguments import add_set
 if TYPE_CHECKING:
     import argparse
 
-    from ..bags.exchange.profile import Profile
+    from ..bags import Profile
 
 HELP = "make a run of a logger's file: CSV, Parquet, MDF, MAT, xlsx or TDMS"
 INTERMIXED = True
@@ -43,8 +43,8 @@ def profile_of(args: argparse.Namespace) -> Profile | None:
     """Return the profile of the arguments, with the period that they give; None without such arguments."""
     from dataclasses import replace
 
-    from ..bags.exchange.profile import Profile, read_profile
-    from ..base.units import quantity
+    from ..bags import Profile, read_profile
+    from ..base import quantity
 
     profile = read_profile(args.profile) if args.profile else None
     if args.period is not None:
@@ -58,21 +58,17 @@ def main(args: argparse.Namespace) -> int:
     import os
     import shutil
 
-    from ..analysis.gather import gather
-    from ..analysis.report_text import format_report
-    from ..analysis.run_report import build_report, info_of, write_report
-    from ..bags.exchange.cells import CellError
-    from ..bags.exchange.imported import read_measurement, sequence_name, write_bag
-    from ..base.errors import RigError, quoted
-    from ..base.names import DEFAULT_RIG
-    from ..rig.configuration import load_rig
-    from ..runs.folders import parse_settings, run_folder, unless_empty
+    from ..analysis import build_report, format_report, gather, info_of, write_report
+    from ..bags import CellError, read_measurement, sequence_name, write_bag
+    from ..base import DEFAULT_RIG, RigError, quoted
+    from ..rig import load_rig
+    from ..runs import parse_settings, run_folder, unless_empty
 
     profile = profile_of(args)
     settings = {**(profile.settings if profile else {}), **parse_settings(args.settings)}
     rig = args.rig or (profile.rig if profile else None)
     if settings and not rig:
-        from ..bags.exchange.imported import NO_RIG
+        from ..bags import NO_RIG
 
         raise RigError(f"--set {next(iter(settings))}: {NO_RIG}")
     named_by = "--rig" if args.rig else f"profile {profile.name}" if profile and profile.rig else ""
@@ -116,10 +112,9 @@ def _proposal(args: argparse.Namespace) -> Path:
 
 def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[str]:
     """Write a first profile, and return the columns that are only comments in it."""
-    from ..bags.exchange.foreign import read_foreign
-    from ..bags.exchange.propose import proposed
-    from ..base.atomic_write import atomic_write
-    from ..rig.configuration import load_rig
+    from ..bags import proposed, read_foreign
+    from ..base import atomic_write
+    from ..rig import load_rig
 
     text, unsure = proposed(read_foreign(args.file), load_rig(rig).as_dict(), rig)
     atomic_write(target, text)
@@ -127,7 +122,7 @@ def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[st
 
 
 def _propose(args: argparse.Namespace, rig: str) -> int:
-    from ..base.errors import RigError, quoted
+    from ..base import RigError, quoted
 
     target = _proposal(args)
     if target.exists():

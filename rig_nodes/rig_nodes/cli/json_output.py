@@ -9,8 +9,8 @@ import json
 import sys
 from pathlib import Path
 
-from ..analysis.run_report import plain
-from ..base.atomic_write import MAKER, atomic_write
+from ..analysis import plain
+from ..base import MAKER, atomic_write
 
 
 def write_json(name: Path | str, content: dict) -> None:

@@ -12,17 +12,15 @@ import json
 import os
 from typing import TYPE_CHECKING
 
-from ..base.errors import RigError
-from ..base.names import DEFAULT_RIG, RIG_FILE, find_config, installed, rig_folders, with_bases
-from ..plant.parts.part import VALUES
+from ..base import DEFAULT_RIG, RIG_FILE, RigError, find_config, installed, rig_folders, with_bases
+from ..plant import VALUES
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from ..rig.catalogue import Catalogue, Signal, Topic
-    from ..rig.configuration import RigConfig
+    from ..rig import Catalogue, RigConfig, Signal, Topic
 
 HELP = "list sequences, rigs, settings, signals and what else there is"
 # what can be listed -> its line of help and the command that accepts such a name
@@ -92,7 +90,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _described(path: Path) -> str:
-    from ..base.config import load_yaml
+    from ..base import load_yaml
 
     return (load_yaml(path) or {}).get("description", "")
 
@@ -128,19 +126,19 @@ def _of_rigs(kind: str) -> Callable[[str | None], list[dict[str, str]]]:
 
 
 def _templates() -> list[dict[str, str]]:
-    from ..controllers.templates import KINDS
+    from ..controllers import TEMPLATES
 
-    return [{"name": name, "then": kind.commands[0].format(dir="DIR")} for name, kind in KINDS.items()]
+    return [{"name": name, "then": kind.commands[0].format(dir="DIR")} for name, kind in TEMPLATES.items()]
 
 
 def _known(rig: str | None) -> RigConfig:
-    from ..rig.configuration import load_rig
+    from ..rig import load_rig
 
     return load_rig(rig or DEFAULT_RIG)
 
 
 def _devices(rig: str | None) -> list[dict[str, str]]:
-    from ..plant.engine.outside import NOT_DEVICES, why_not
+    from ..plant import NOT_DEVICES, why_not
 
     structure, rows = _known(rig).structure, []
     for name in (
@@ -224,7 +222,7 @@ def _signal_rows(known: RigConfig, topics: Mapping[str, Topic]) -> list[dict[str
 
 
 def _metrics() -> list[dict[str, str]]:
-    from ..analysis.metrics import metrics
+    from ..analysis import every_metric
 
     return [
         {
@@ -234,19 +232,19 @@ def _metrics() -> list[dict[str, str]]:
             "shown": ", ".join(one.places) if one.name else "",
             "of package": one.package,
         }
-        for one in metrics()
+        for one in every_metric()
     ]
 
 
 def _parts() -> list[dict[str, str]]:
-    from ..rig.reference import rows_of_parts
+    from ..rig import rows_of_parts
 
     return rows_of_parts()
 
 
 def parameters() -> str:
     """Return the content of docs/reference/parameters.md."""
-    from ..rig.reference import page
+    from ..rig import page
 
     return page()
 
@@ -264,7 +262,7 @@ OF_A_RIG = {
 
 def markdown() -> str:
     """Return the content of docs/reference/signals.md: every topic and every signal of the installed rigs."""
-    from ..base.clocks import COMMAND_TIMEOUT
+    from ..base import COMMAND_TIMEOUT
 
     kept: dict[str, tuple] = {}  # rig -> its configuration and the other rigs with the same catalogue
     for name in (DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)):

@@ -22,9 +22,7 @@ import sys
 from pathlib import Path
 
 from rig_nodes import __version__
-from rig_nodes.base.arguments import Parser
-from rig_nodes.base.entry_points import Group
-from rig_nodes.base.errors import RigError, Terminated, ended_by, printable
+from rig_nodes.base import Group, Parser, RigError, Terminated, ended_by, printable
 from rig_nodes.cli.output_files import check_outputs
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
@@ -94,7 +92,7 @@ def module_of(verb: str) -> Any:
         return VERBS.own_module(verb)
     point = VERBS.added().get(verb)
     if point is None:
-        from rig_nodes.base.names import unknown
+        from rig_nodes.base import unknown
 
         raise RigError(unknown("verb", verb, VERBS.names()))
     module = VERBS.load(point)

@@ -15,10 +15,9 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator, Sequence
 
-    from ..analysis.detuning import Detuned, Detuning
-    from ..analysis.modes import Critical, Found, Response, Spectrum
-    from ..rig.configuration import RigConfig
-    from ..studies.validation.figures import Figure
+    from ..analysis import Critical, Detuned, Detuning, Found, Response, Spectrum
+    from ..rig import RigConfig
+    from ..studies import Figure
 
 HELP = "natural frequencies, critical speeds and responses of a rig's driveline; detuning"
 RPM = math.pi / 30.0
@@ -70,9 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Compute and print; return 0."""
     from ..analysis import modes as analysis
-    from ..base.errors import RigError
-    from ..rig.configuration import load_rig
-    from ..runs.folders import parse_settings
+    from ..base import RigError
+    from ..rig import load_rig
+    from ..runs import parse_settings
     from .json_output import write_json
 
     if (args.run is None) != (args.signal is None):
@@ -129,7 +128,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _orders(given: list[float] | None) -> list[float]:
-    from ..base.errors import RigError
+    from ..base import RigError
 
     orders = given or ORDERS
     for order in orders:
@@ -140,8 +139,7 @@ def _orders(given: list[float] | None) -> list[float]:
 
 def _rising(option: str, given: Sequence[str], dimension: str) -> tuple[float, float]:
     """Two rising values with their units, of an option [SI]; the first may be 0 only for a time."""
-    from ..base.errors import RigError
-    from ..base.units import quantity
+    from ..base import RigError, quantity
 
     low, high = (quantity(one, dimension, option) for one in given)
     if not (low < high and (low > 0.0 or (dimension == "time" and low >= 0.0))):
@@ -160,8 +158,8 @@ def _band(given: list[str] | None) -> tuple[float, float] | None:
 
 def _spectrum(args: argparse.Namespace, chosen: Found) -> tuple[Spectrum, str]:
     """The spectrum of the run's signal, and the signal's unit."""
-    from ..analysis.modes import recorded, spectrum
-    from ..bags.reader import Bag
+    from ..analysis import recorded, spectrum
+    from ..bags import Bag
 
     bag = Bag(args.run)
     window = _rising("--window", args.window, "time") if args.window else None
@@ -170,7 +168,7 @@ def _spectrum(args: argparse.Namespace, chosen: Found) -> tuple[Spectrum, str]:
 
 
 def _detuned(args: argparse.Namespace, config: RigConfig) -> tuple[Detuning, Detuned]:
-    from ..analysis.detuning import detune, detuning_file, read_detuning
+    from ..analysis import detune, detuning_file, read_detuning
 
     task = read_detuning(detuning_file(args.rig) if args.detune == "own" else args.detune, config)
     return task, detune(config, task)
@@ -263,7 +261,7 @@ def _text_of_response(answer: Response, body: str, chosen: Found) -> Iterator[st
 
 
 def _text_of_spectrum(name: str, found: Spectrum, unit: str, chosen: Found) -> Iterator[str]:
-    from ..analysis.modes import beside
+    from ..analysis import beside
 
     yield ""
     yield f"averaged spectrum of {name}, resolution {found.resolution:.3g} Hz: highest peaks"
@@ -324,7 +322,7 @@ def _json_of_response(answer: Response, body: str) -> dict[str, Any]:
 
 
 def _json_of_spectrum(args: argparse.Namespace, found: Spectrum, unit: str, chosen: Found) -> dict[str, Any]:
-    from ..analysis.modes import beside
+    from ..analysis import beside
 
     rows = beside(found.peaks[:MOST_PEAKS], chosen.modes.frequencies.tolist())
     return {
@@ -365,8 +363,7 @@ def _draw(
     answer: Response | None,
     spectrum: tuple[Spectrum, str] | None,
 ) -> None:
-    from ..base.atomic_write import atomic_write
-    from ..base.errors import RigError
+    from ..base import RigError, atomic_write
     from . import modes_pictures as pictures
 
     figures: list[Figure | None] = [

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..studies.validation.figures import HEIGHT, WIDTH, Figure, Series
+from ..studies import HEIGHT, WIDTH, Figure, Series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..analysis.modes import Found, Response, Spectrum
+    from ..analysis import Found, Response, Spectrum
 
 RPM = math.pi / 30.0
 MOST = 8  # lines of a chart, as many as there are colours

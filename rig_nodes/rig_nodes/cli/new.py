@@ -25,8 +25,7 @@ def main(args: argparse.Namespace) -> int:
     """Write the files and print the next steps."""
     import shutil
 
-    from ..base.config import TEMPLATE_DIR
-    from ..base.errors import RigError, no_file, not_written, quoted
+    from ..base import TEMPLATE_DIR, RigError, no_file, not_written, quoted
 
     folder = Path(args.folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):

@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..base.atomic_write import MAKER
-from ..base.errors import RigError
+from ..base import MAKER, RigError
 
 MARK = MAKER.encode()
 STDOUT = "-"

@@ -31,17 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
-    from ..analysis.gather import gather
-    from ..analysis.report_text import format_report
-    from ..analysis.run_report import build_report, write_report
-    from ..analysis.runs_table import Member, member_of, table_of, write_procedure
-    from ..analysis.shown import aligned
-    from ..base.errors import interrupted_code, printable, quoted
-    from ..base.names import DEFAULT_RIG
-    from ..controllers.load import embedded_line
-    from ..runs.folders import parse_settings, run_folder
-    from ..runs.procedure import load_procedure, prepare
-    from ..runs.simulate import simulate
+    from ..analysis import Member, aligned, build_report, format_report, gather, member_of, table_of, write_procedure, write_report
+    from ..base import DEFAULT_RIG, interrupted_code, printable, quoted
+    from ..controllers import embedded_line
+    from ..runs import load_procedure, parse_settings, prepare, run_folder, simulate
 
     procedure = load_procedure(args.procedure, DEFAULT_RIG)
     chosen = procedure.series(args.series.split(",") if args.series else None)

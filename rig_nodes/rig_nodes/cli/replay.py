@@ -13,13 +13,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.typed_arguments import number_within, seconds_of_bag
+from ..base import number_within, seconds_of_bag
 from .bag import chosen, pattern
 
 if TYPE_CHECKING:
-    from ..bags.opened import OpenedBags
-    from ..bags.player import Player
-    from ..nodes.replay import Outcome
+    from ..bags import OpenedBags, Player
+    from ..nodes import Outcome
 
 HELP = "publish a recorded bag again, with /clock"
 LOST = 3  # exit code: replayed, but not everything that was recorded
@@ -71,8 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def node() -> int:
     """Run ``ros2 run rig_nodes replay`` in the domain of its terminal, as other nodes do."""
-    from ..base.errors import RigError
-    from ..nodes.ros_arguments import own_arguments
+    from ..base import RigError
+    from ..nodes import own_arguments
     from .main import main as rig
 
     os.environ["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID") or "0"
@@ -86,19 +85,16 @@ def node() -> int:
 
 def main(args: argparse.Namespace) -> int:
     """Check, replay and print what was sent; return 0 at the end and after q, 3 for a damaged bag, 130 after Ctrl-C."""
-    from ..bags.opened import OpenedBags
+    from ..bags import OpenedBags
 
     with OpenedBags(args.bags) as bag:
         return _replay(bag, args)
 
 
 def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
-    from ..bags.index import HOLE
-    from ..bags.metadata import read_profile
-    from ..bags.player import Played, Player
-    from ..base.errors import RigError
-    from ..base.names import unknown
-    from ..controllers.ros.domain import environment, from_environment
+    from ..bags import HOLE, Played, Player, offered_by
+    from ..base import RigError, unknown
+    from ..controllers import environment, from_environment
     from .keyboard import Keyboard
 
     begin, end, topics = _chosen(bag, args)
@@ -118,8 +114,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
             del os.environ[name]
         os.environ.update(wanted)
         # ROS reads the environment above when it is loaded or started.
-        from ..nodes.qos import read_overrides
-        from ..nodes.replay import Session, latched, obstacle, offered
+        from ..nodes import ReplaySession, latched, obstacle, offered, read_overrides
 
         profiles = {} if args.qos is None else read_overrides(args.qos)
         if others := [topic for topic in profiles if topic not in bag.types]:
@@ -130,7 +125,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
                 _warn(f"{topic}: {bag.counts[topic]} messages are left out: {why}")
             else:
                 sound.append(topic)
-                if problem := read_profile(bag.channel(topic)[2].get("offered_qos_profiles", "")).problem:
+                if problem := offered_by(bag.channel(topic)[2].get("offered_qos_profiles", "")).problem:
                     _warn(f"{topic}: its recorded quality of service cannot be read ({problem}); the default is offered")
         lasting = {topic for topic in sound if latched(offered(bag, topic, profiles.get(topic)))}
         if next(bag.timeline(lasting, end=begin), None) is None and next(bag.timeline(sound, begin, end), None) is None:
@@ -153,7 +148,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
         with Keyboard(not args.no_keys) as keys:
             if keys.there:
                 print(KEYS, flush=True)
-            session = Session(lambda text: print(text, flush=True), keys, names, args.delay, profiles)
+            session = ReplaySession(lambda text: print(text, flush=True), keys, names, args.delay, profiles)
             outcome = session.run(bag, sound, player, args.wait)
     _tell(outcome, player)
     if outcome.ended_by:
@@ -163,7 +158,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
 
 def _chosen(bag: OpenedBags, args: argparse.Namespace) -> tuple[int, int, list[str]]:
     """Return begin and end [ns] of the replay and its topics; RigError when the bag does not have them."""
-    from ..base.errors import RigError
+    from ..base import RigError
 
     if not any(bag.counts.values()):
         why = f" ({'; '.join(bag.damage)})" if bag.damage else ""

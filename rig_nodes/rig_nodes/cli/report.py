@@ -15,18 +15,26 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.annex_a import FACTOR_B
-from ..analysis.gather import gather
-from ..analysis.limits import Limit, judged, limit_lines, parse_limits, read_limits
-from ..analysis.report_text import format_report
-from ..analysis.results import results_of
-from ..analysis.run_report import REPORT_FILE, build_report, info_of, is_of, read_report, write_report
-from ..bags.exchange.formats.format import is_loggers_file
-from ..bags.old_form import topic_of_today
-from ..bags.run_end import NO_REPORT, faults_of, with_end
-from ..base.config import load_yaml
-from ..base.errors import RigError, printable, quoted
-from ..nodes.processes.result import end_of, facts_of, lost_messages, run_part, what_was_lost
+from ..analysis import (
+    FACTOR_B,
+    REPORT_FILE,
+    Limit,
+    build_report,
+    format_report,
+    gather,
+    info_of,
+    is_of,
+    judged,
+    limit_lines,
+    parse_limits,
+    read_limits,
+    read_report,
+    results_of,
+    write_report,
+)
+from ..bags import NO_REPORT, faults_of, is_loggers_file, topic_of_today, with_end
+from ..base import RigError, load_yaml, printable, quoted
+from ..nodes import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
 from .report_of_runs import is_folder_of_runs, report_folder, write_pages
 from .shared_arguments import add_list
@@ -34,7 +42,7 @@ from .shared_arguments import add_list
 if TYPE_CHECKING:
     import argparse
 
-    from ..analysis.gathered import Gathered
+    from ..analysis import Gathered
 
 HELP = "print the results of a run and rewrite its report.json, or make a page of them"
 METADATA = "metadata.yaml"
@@ -66,7 +74,7 @@ def main(args: argparse.Namespace) -> int:
         raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. {FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     if args.pdf is not None:
-        from ..view.pdf import browser
+        from ..view import browser
 
         browser()  # refuses a machine without one before anything is computed
     limits = [*(read_limits(args.limits_file) if args.limits_file else []), *parse_limits(args.limits)]
@@ -93,13 +101,9 @@ def _show(report: dict, as_json: bool) -> None:
 
 
 def _page_of_bag(path: str, bag: Gathered, report: dict, warnings: list[str]) -> str:
-    from ..bags.canonical import canonical_hash
-    from ..bags.rig_record import rig_record
-    from ..rig.changed_settings import changed_settings
-    from ..rig.settings import CHANGED
-    from ..view.pages import Pages
-    from ..view.report_page import Facts, report_page
-    from ..view.report_plots import plots_of_bag
+    from ..bags import canonical_hash, rig_record
+    from ..rig import CHANGED, changed_settings
+    from ..view import Facts, Pages, plots_of_bag, report_page
 
     record = rig_record(report["run"].get("configuration") or bag.record, bag.types)
     settings, note = changed_settings(record)

@@ -10,18 +10,27 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.limits import MET, limit_lines
-from ..analysis.results import spread, spread_lines
-from ..analysis.runs_table import Member, judged_members, members_in, named_shifts, read_procedure, table_of, warnings_of
-from ..analysis.shown import aligned
-from ..base.atomic_write import atomic_write
-from ..base.errors import RigError, printable, quoted
+from ..analysis import (
+    MET,
+    Member,
+    aligned,
+    judged_members,
+    limit_lines,
+    members_in,
+    named_shifts,
+    read_procedure,
+    spread,
+    spread_lines,
+    table_of,
+    warnings_of,
+)
+from ..base import RigError, atomic_write, printable, quoted
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from ..analysis.limits import Limit
+    from ..analysis import Limit
 
 LOST = 3  # exit code: the report is made, but runs are missing in it
 UNFINISHED = "the sweep is not finished"
@@ -32,9 +41,9 @@ def is_folder_of_runs(path: Path) -> bool:
     """Return True for a folder without a bag of its own in which there are runs or a sweep."""
     if not path.is_dir() or any(path.glob("*.mcap")):
         return False
-    from ..studies.sweep.store import MANIFEST
+    from ..studies import SWEEP
 
-    return (path / MANIFEST).exists() or any(path.glob("*/report.json"))
+    return (path / SWEEP).exists() or any(path.glob("*/report.json"))
 
 
 def write_pages(args: argparse.Namespace, make: Callable[[], str]) -> None:
@@ -45,7 +54,7 @@ def write_pages(args: argparse.Namespace, make: Callable[[], str]) -> None:
     if args.html is not None:
         atomic_write(args.html, page)
     if args.pdf is not None:
-        from ..view.pdf import pdf_of
+        from ..view import pdf_of
 
         atomic_write(args.pdf, pdf_of(page))
 
@@ -70,7 +79,7 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
         print("\n".join(map(printable, lines)), flush=True)
 
     def make() -> str:
-        from ..view.report_page import campaign_page
+        from ..view import campaign_page
 
         return campaign_page(title, about, (head, rows), spreads, warnings, (verdicts, listed))
 
@@ -83,9 +92,9 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
 
 def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
     """Return title, sentences on what was run, and the runs of a folder."""
-    from ..studies.sweep.store import MANIFEST
+    from ..studies import SWEEP
 
-    if (folder / MANIFEST).exists():
+    if (folder / SWEEP).exists():
         return _of_sweep(folder)
     content, members = read_procedure(folder), members_in(folder)
     about = [content["description"], f"Source: {content['source']}."] if content else []
@@ -94,13 +103,9 @@ def _read(folder: Path) -> tuple[str, list[str], list[Member]]:
 
 
 def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
-    from ..analysis.press_bench import OF_A_RUN
-    from ..analysis.quality import quality_of
-    from ..analysis.results import Result, results_of
-    from ..analysis.uncertainty import instruments_of, uncertainty
-    from ..rig.configuration import load_rig
-    from ..studies.sweep.plan import plan_of
-    from ..studies.sweep.store import JOURNAL, decode, read_manifest
+    from ..analysis import OF_A_RUN, Result, instruments_of, quality_of, results_of, uncertainty
+    from ..rig import load_rig
+    from ..studies import SWEEP_JOURNAL, decode, plan_of, read_manifest
 
     manifest = read_manifest(folder)
     plan = plan_of(manifest["plan"])
@@ -109,7 +114,7 @@ def _of_sweep(folder: Path) -> tuple[str, list[str], list[Member]]:
     box = config.transmission if config.structure.gears else None
     instruments = instruments_of(record) if box else {}
     units = {one.name: f" {one.unit}" if one.unit else "" for one in plan.varied}
-    path, members = folder / JOURNAL, []
+    path, members = folder / SWEEP_JOURNAL, []
     lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
     entries = [entry for line in lines if (entry := decode(line)) is not None]
     for entry in sorted(entries, key=lambda entry: entry["member"]):

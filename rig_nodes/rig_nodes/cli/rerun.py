@@ -16,8 +16,8 @@ from .shared_arguments import add_set
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ..analysis.gathered import Gathered
-    from ..rig.configuration import RigConfig
+    from ..analysis import Gathered
+    from ..rig import RigConfig
 
 AGAIN = "running the bag again"
 LOST = 3  # exit code: run again, but the bag does not hold its whole run
@@ -58,13 +58,11 @@ class Through(argparse.Action):
 
 def main(args: argparse.Namespace) -> int:
     """Run the bag again; return 1 when a controller failed."""
-    from ..analysis.gather import gather
-    from ..bags.run_end import faults_of, with_end
-    from ..base.errors import RigError, printable, quoted
-    from ..rig.configuration import load_rig, with_overrides
-    from ..rig.recorded_rig import config_of_record
-    from ..runs.folders import parse_settings, run_folder, unless_empty
-    from ..runs.rerun import check_whole
+    from ..analysis import gather
+    from ..bags import faults_of, with_end
+    from ..base import RigError, printable, quoted
+    from ..rig import config_of_record, load_rig, with_overrides
+    from ..runs import check_whole, parse_settings, run_folder, unless_empty
 
     what, spec = args.through
     if (args.level or args.in_process) and what == "plant":
@@ -85,10 +83,8 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
-    from ..analysis.gather import gather
-    from ..analysis.moved import moved_lines
-    from ..analysis.run_report import build_report, info_of, write_report
-    from ..runs.rerun import different_topics, rerun_plant
+    from ..analysis import build_report, gather, info_of, moved_lines, write_report
+    from ..runs import different_topics, rerun_plant
 
     with waiting(AGAIN):
         notes = rerun_plant(bag, config, folder)
@@ -109,10 +105,9 @@ def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
 
 
 def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
-    from ..base.errors import printable
-    from ..controllers.load import level_line, load_controller
-    from ..runs.rerun import rerun_controller
-    from ..runs.simulate import check_controller
+    from ..base import printable
+    from ..controllers import level_line, load_controller
+    from ..runs import check_controller, rerun_controller
     from .simulate import controller_log
 
     check_controller(config)

@@ -14,14 +14,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.errors import BagError, RigError, ended_by, printable, quoted
+from ..base import BagError, RigError, ended_by, printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..nodes.processes.supervisor import End
+    from ..nodes import End
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s within which the live view must end after the run
@@ -62,20 +62,25 @@ def main(args: argparse.Namespace) -> int:
 
 def run(args: argparse.Namespace) -> int:
     """Run as :func:`main` does; a KeyboardInterrupt before the first process starts is passed on."""
-    from ..base.names import DEFAULT_RIG, rig_of
-    from ..controllers.load import level_line, load_controller, split_level
-    from ..controllers.ros.domain import from_environment
-    from ..nodes.processes.child import start_server
-    from ..nodes.processes.dropping import parse_drop
-    from ..nodes.processes.recording_options import words
-    from ..nodes.processes.supervisor import Order, Supervisor, processes_of
-    from ..rig.configuration import load_rig
-    from ..runs.commanded_rig import check_level
-    from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
-    from ..runs.rig import Rig
-    from ..runs.run_file import Ordered, write_run
-    from ..runs.sequence import BY_HAND, load_sequence
-    from ..runs.simulate import check_controller, check_delay, run_record
+    from ..base import DEFAULT_RIG, rig_of
+    from ..controllers import from_environment, level_line, load_controller, split_level
+    from ..nodes import Order, Supervisor, parse_drop, processes_of, start_server, words
+    from ..rig import load_rig
+    from ..runs import (
+        BY_HAND,
+        Ordered,
+        Rig,
+        check_controller,
+        check_delay,
+        check_level,
+        load_sequence,
+        parse_parameters,
+        parse_settings,
+        run_folder,
+        run_record,
+        unless_empty,
+        write_run,
+    )
 
     args.controller = controller_of(args.controller, args.in_process)
     parameters = parse_parameters(args.parameters)
@@ -155,10 +160,8 @@ def live_view(domain: int) -> Iterator[None]:
 
 def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
     """Write and print the report of an ended run; return its exit code."""
-    from ..analysis.gather import gather
-    from ..analysis.report_text import format_report
-    from ..analysis.run_report import build_report, write_report
-    from ..nodes.processes.result import join_pieces, run_part, what_was_lost
+    from ..analysis import build_report, format_report, gather, write_report
+    from ..nodes import join_pieces, run_part, what_was_lost
 
     last = [] if end.state == "ended" else [end.reason]
     try:

@@ -124,7 +124,7 @@ def add_in_process(parser: argparse.ArgumentParser) -> None:
 
 def controller_of(spec: str | None, in_process: bool | None) -> str | None:
     """Return the specification of --controller with --in-process behind it, where its level would stand."""
-    from ..controllers.load import IN_PROCESS, split_level
+    from ..controllers import IN_PROCESS, split_level
 
     if not in_process:
         return spec
@@ -134,7 +134,7 @@ def controller_of(spec: str | None, in_process: bool | None) -> str | None:
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is recorded and how it is stored, and whether lost messages count as an error."""
-    from ..nodes.processes.recording_options import add_options
+    from ..nodes import add_options
 
     add_options(parser)
     parser.add_argument("--allow-loss", action="store_true", help="exit code 0 also when messages or time were lost (default: 3)")

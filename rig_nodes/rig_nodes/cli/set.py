@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Set or show a setting; return 0 on success, 1 when the rig refused it, with its reason."""
-    from ..base.errors import RigError
+    from ..base import RigError
 
     with running_rig(args) as rig:
         if args.value is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..base.names import DEFAULT_RIG
+from ..base import DEFAULT_RIG
 from .output_files import OutputFile
 
 

@@ -9,7 +9,7 @@ import contextlib
 import sys
 from typing import TYPE_CHECKING
 
-from ..base.errors import printable, quoted
+from ..base import printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import add_shared_arguments, controller_of, exit_code
 
@@ -49,18 +49,22 @@ def controller_log(folder: Path) -> Iterator[None]:
 
 def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
-    from ..analysis.gather import gather
-    from ..analysis.report_text import format_report
-    from ..analysis.run_report import build_report, write_report
-    from ..base.errors import interrupted_code
-    from ..base.names import DEFAULT_RIG, rig_of
-    from ..controllers.load import embedded_line, level_line, load_controller
-    from ..rig.configuration import load_rig
-    from ..runs.commanded_rig import check_level
-    from ..runs.folders import parse_parameters, parse_settings, run_folder, unless_empty
-    from ..runs.run_file import Ordered, write_run
-    from ..runs.sequence import load_sequence
-    from ..runs.simulate import check_controller, simulate
+    from ..analysis import build_report, format_report, gather, write_report
+    from ..base import DEFAULT_RIG, interrupted_code, rig_of
+    from ..controllers import embedded_line, level_line, load_controller
+    from ..rig import load_rig
+    from ..runs import (
+        Ordered,
+        check_controller,
+        check_level,
+        load_sequence,
+        parse_parameters,
+        parse_settings,
+        run_folder,
+        simulate,
+        unless_empty,
+        write_run,
+    )
 
     args.controller = controller_of(args.controller, args.in_process)
     rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)

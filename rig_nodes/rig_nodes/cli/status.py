@@ -13,8 +13,7 @@ from .shared_arguments import add_json
 if TYPE_CHECKING:
     import argparse
 
-    from ..rig.catalogue import Catalogue
-    from ..rig.transmission import Transmission
+    from ..rig import Catalogue, Transmission
 
 HELP = "show what the rig that runs does now"
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable, Iterator
 
-    from ..rig.configuration import RigConfig
-    from ..studies.sweep.plan import Plan
+    from ..rig import RigConfig
+    from ..studies import Plan
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
 MOST_REASONS = 5
@@ -102,10 +102,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the members that are not finished yet and print the results; return 1 when none was completed."""
-    from ..base.errors import RigError, ended_by, quoted
-    from ..rig.configuration import load_rig
-    from ..runs.folders import free_folder
-    from ..runs.workers import start_server
+    from ..base import RigError, ended_by, quoted
+    from ..rig import load_rig
+    from ..runs import free_folder, start_server
 
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
@@ -118,8 +117,7 @@ def main(args: argparse.Namespace) -> int:
     if args.jobs > 1 and not args.dask:
         start_server("rig_nodes.studies.sweep.run", rigs=[plan.rig])
 
-    from ..studies.sweep.run import forget_unfinished, manifest_of, run_sweep
-    from ..studies.sweep.store import RESULTS, Store, parquet
+    from ..studies import RESULTS, Store, forget_unfinished, manifest_of, parquet, run_sweep
 
     parquet()
     manifest = manifest_of(plan, bags)
@@ -172,12 +170,9 @@ def main(args: argparse.Namespace) -> int:
 
 def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     """Return (plan, folder to continue with or None, bags)."""
-    from ..base.config import load_yaml
-    from ..base.errors import RigError
-    from ..base.names import DEFAULT_RIG, rig_of
-    from ..runs.folders import pairs, parse_parameters, parse_settings
-    from ..studies.sweep.plan import Plan, make_plan, plan_of, plugged_of, read_plan
-    from ..studies.sweep.store import read_manifest
+    from ..base import DEFAULT_RIG, RigError, load_yaml, rig_of
+    from ..runs import pairs, parse_parameters, parse_settings
+    from ..studies import Plan, make_plan, plan_of, plugged_of, read_manifest, read_plan
 
     given = [name for name in OF_A_PLAN if getattr(args, name) not in (None, [])]
     options = {"settings": "--set", "parameters": "--with", "in_process": "--in-process"}
@@ -221,12 +216,12 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
 def _stream(args: argparse.Namespace) -> Iterator[Callable[..., Iterator[tuple[int, Any, Exception | None]]]]:
     """Give the function that runs the members, with the allowed number of processes."""
     if args.dask:
-        from ..studies.sweep.cluster import dask_stream
+        from ..studies import dask_stream
 
         with dask_stream(args.dask) as stream:
             yield stream
         return
-    from ..runs.workers import Workers
+    from ..runs import Workers
 
     with Workers(args.jobs) as workers:
         yield workers.stream
@@ -236,9 +231,7 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     """Return ends, reasons and the spread of the metrics of the finished members."""
     import numpy as np
 
-    from ..analysis.metrics import SHORT, named_metrics
-    from ..analysis.state_at_order import unlike
-    from ..analysis.uncertainty import instruments_of, uncertainty
+    from ..analysis import SHORT, instruments_of, named_metrics, uncertainty, unlike
 
     box = config.transmission if config.structure.gears else None  # without gears there are no shifts
     ends: dict[str, int] = {}
@@ -285,9 +278,8 @@ def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
 
 
 def _text(summary: dict, config: RigConfig) -> str:
-    from ..analysis.metrics import SHORT, named_metrics
-    from ..analysis.shown import aligned
-    from ..base.errors import quoted
+    from ..analysis import SHORT, aligned, named_metrics
+    from ..base import quoted
 
     lines = [
         f"{summary['finished']} of {summary['members']} members finished"

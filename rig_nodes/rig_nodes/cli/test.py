@@ -22,9 +22,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import rig_nodes
-from rig_nodes.base.errors import RigError, ended_by
-from rig_nodes.base.names import DEFAULT_RIG
-from rig_nodes.runs.workers import RIGS_PRELOADED
+from rig_nodes.base import DEFAULT_RIG, RigError, ended_by
+from rig_nodes.runs import RIGS_PRELOADED
 
 HELP = "run the tests"
 PASSES_ON = True

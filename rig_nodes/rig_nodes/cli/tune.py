@@ -18,7 +18,7 @@ from .shared_arguments import add_set
 if TYPE_CHECKING:
     import argparse
 
-    from ..studies.tune.run import Problem
+    from ..studies import Problem
 
 SHIFTS = 90_000  # some 6 minutes on two cores
 HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
@@ -101,34 +101,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Search, judge, write the controllers and print the front; RigError when tuning is not possible."""
-    from ..base.errors import RigError, ended_by, quoted
-    from ..runs.campaign import Workers
-    from ..runs.folders import free_folder
-    from ..studies.sweep.store import begun, open_journal, parquet
-    from ..studies.tune import document, run, scout, search
-    from ..studies.tune.folder import JOURNAL, MANIFEST
-    from ..studies.tune.uncertainty import spreads_of
+    from ..base import RigError, ended_by, quoted
+    from ..runs import Workers, free_folder
+    from ..studies import (
+        TUNING,
+        TUNING_JOURNAL,
+        begun,
+        load_cmaes,
+        load_optuna,
+        open_journal,
+        parquet,
+        run_tuning,
+        spreads_of,
+        tuning_page,
+        tuning_text,
+        write_tuning,
+    )
 
     for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("fresh", 1), ("seed", 0)):
         if getattr(args, name) < least:
             raise RigError(f"--{name.replace('_', '-')} is {getattr(args, name)}, expected at least {least}")
     if args.shifts < 1 or (args.generations is not None and args.generations < 1):
         raise RigError("--shifts and --generations must be above 0")
-    page = document.page() if args.write_docs else None
+    page = tuning_page() if args.write_docs else None
     parquet()
-    search.load_optuna()
-    scout.load_cmaes()
+    load_optuna()
+    load_cmaes()
     folder = free_folder("tune") if args.out is None else Path(args.out)
     problem = _problem(args)
     # what open_journal would refuse is refused before the spreads are determined, which takes some seconds
-    begun(folder, MANIFEST, problem.manifest(), "tuning", () if args.spreads else ("spreads",))
+    begun(folder, TUNING, problem.manifest(), "tuning", () if args.spreads else ("spreads",))
     line = ProgressLine(1.0)
     with Workers(args.jobs) as workers:
         if not args.spreads:
             problem = replace(problem, spreads=spreads_of(problem.config, problem.calibration, workers))
-        journal = open_journal(folder, MANIFEST, JOURNAL, problem.manifest(), "tuning")
+        journal = open_journal(folder, TUNING, TUNING_JOURNAL, problem.manifest(), "tuning")
         try:
-            summary = run.tune(problem, folder, workers, journal, line.show)
+            summary = run_tuning(problem, folder, workers, journal, line.show)
         except KeyboardInterrupt as stop:
             line.leave()
             what, code = ended_by(stop)
@@ -137,27 +146,22 @@ def main(args: argparse.Namespace) -> int:
         finally:
             journal.close()
     if page is not None:
-        document.write(page, summary, args.seed)
+        write_tuning(page, summary, args.seed)
     if args.json:
-        from ..analysis.run_report import plain
+        from ..analysis import plain
 
         print(json.dumps(plain(summary), indent=1, ensure_ascii=False))
     else:
-        print(run.text(summary, problem.objectives))
+        print(tuning_text(summary, problem.objectives))
     return 0
 
 
 def _problem(args: argparse.Namespace) -> Problem:
     """Return the requested problem, without spreads when no file gives them; RigError before anything is compiled."""
-    from ..base.errors import RigError
-    from ..base.names import unknown
-    from ..rig.configuration import load_gearbox_rig
-    from ..runs.folders import parse_settings
-    from ..studies.tune.beginning import read_beginnings
-    from ..studies.tune.problem import OBJECTIVES, Range
-    from ..studies.tune.run import Problem
-    from ..studies.tune.space import delay_of
-    from ..studies.tune.uncertainty import calibration_for, read_spreads
+    from ..base import RigError, unknown
+    from ..rig import load_gearbox_rig
+    from ..runs import parse_settings
+    from ..studies import OBJECTIVES, Problem, Range, calibration_for, delay_of, read_beginnings, read_spreads
 
     objectives = tuple(args.objectives.split(","))
     for name in objectives:
@@ -204,8 +208,7 @@ def _problem(args: argparse.Namespace) -> Problem:
 
 
 def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
-    from ..base.errors import RigError
-    from ..base.units import quantity
+    from ..base import RigError, quantity
 
     low, dots, high = text.partition("..")
     if not dots:
@@ -217,9 +220,8 @@ def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
 
 
 def _bounds(texts: list[str]) -> dict[str, float]:
-    from ..base.errors import RigError
-    from ..base.units import quantity
-    from ..studies.tune.problem import OBJECTIVES
+    from ..base import RigError, quantity
+    from ..studies import OBJECTIVES
 
     dimensions = {"peak": "torque", "time": "time", "dip": "ratio", "energy": "energy"}
     out = {}

@@ -56,15 +56,15 @@ def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], N
 
 def main(args: argparse.Namespace) -> int:
     """Run what the rows need, print and write the comparison; return 1 when a run tripped."""
-    from ..base.errors import RigError
-    from ..runs.workers import Workers, start_server
+    from ..base import RigError
+    from ..runs import Workers, start_server
 
     began = time.monotonic()
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
     if args.write_docs and (args.rows or args.procedures or args.settings):
         raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
-    from ..studies.validation.which_rows import programme_of, rows_file
+    from ..studies import programme_of, rows_file
 
     path = rows_file(args.rig)
     package = programme_of(path)
@@ -73,11 +73,10 @@ def main(args: argparse.Namespace) -> int:
     if args.jobs > 1:
         start_server(f"{package}.programme", rigs=[args.rig])
 
-    from ..controllers.load import embedded_line
-    from ..rig.configuration import load_gearbox_rig
-    from ..runs.folders import parse_settings
-    from ..studies.validation.figures import write_pictures
-    from ..studies.validation.tables import terminal
+    from ..controllers import embedded_line
+    from ..rig import load_gearbox_rig
+    from ..runs import parse_settings
+    from ..studies import terminal, write_pictures
     from .json_output import write_json
 
     document, pictures, programme, time_courses = (
@@ -134,8 +133,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _own_rows(args: argparse.Namespace, path: Path) -> int:
     """Validate the rows of a rig's folder."""
-    from ..base.errors import RigError
-    from ..runs.workers import Workers, start_server
+    from ..base import RigError
+    from ..runs import Workers, start_server
 
     if given := next(
         (
@@ -149,18 +148,17 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
     if args.jobs > 1:
         start_server("rig_nodes.studies.validation.own_rows", rigs=[args.rig])
 
-    from ..rig.configuration import load_rig
-    from ..runs.folders import parse_settings
-    from ..studies.validation import own_rows
-    from ..studies.validation.tables import counts, terminal
+    from ..rig import load_rig
+    from ..runs import parse_settings
+    from ..studies import check_settings, chosen_rows, counts, load_rows, rows_by_run, terminal, validate_rows
     from .json_output import write_json
 
     settings = parse_settings(args.settings)
-    rows = own_rows.chosen(own_rows.load_rows(path, args.rig, load_rig(args.rig, settings)), args.rows)
-    own_rows.check_settings(rows, settings)
-    line = ProgressLine(len(own_rows.by_run(rows)))
+    rows = chosen_rows(load_rows(path, args.rig, load_rig(args.rig, settings)), args.rows)
+    check_settings(rows, settings)
+    line = ProgressLine(len(rows_by_run(rows)))
     with Workers(args.jobs) as workers:
-        found = own_rows.validate(
+        found = validate_rows(
             rows, args.rig, settings, workers, lambda done, of: line.show(done, f"{done} of {of} runs", done == of)
         )
     if args.json != "-":
@@ -184,7 +182,7 @@ def _page() -> Path:
     """Return the path of docs/reference/validation.md in the checkout."""
     import rig_nodes
 
-    from ..base.errors import RigError
+    from ..base import RigError
 
     docs = Path(rig_nodes.__file__).resolve().parents[2] / "docs"
     if not docs.is_dir():
@@ -193,7 +191,7 @@ def _page() -> Path:
 
 
 def _make_folder(folder: Path) -> None:
-    from ..base.errors import RigError
+    from ..base import RigError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -15,12 +15,12 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.typed_arguments import number_within
+from ..base import number_within
 from .output_files import KINDS, OutputFile, may_write
 
 if TYPE_CHECKING:
-    from ..controllers.ros.domain import Domain
-    from ..view.convert import View
+    from ..controllers import Domain
+    from ..view import View
 
 HELP = "show a run or a running rig in Rerun, or make a picture"
 TOOLS = ("plotjuggler", "foxglove")
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show a run, show a running rig, or write a layout."""
-    from ..base.errors import RigError
+    from ..base import RigError
 
     given = [args.run is not None, args.live, args.layout is not None]
     if sum(given) != 1:
@@ -114,10 +114,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _recorded(args: argparse.Namespace) -> int:
     """Write the view, then show it, draw it, or print its place."""
-    from ..base.errors import RigError
-    from ..view.campaign import is_campaign, write_campaign
-    from ..view.convert import make_view
-    from ..view.viewer import command_for, has_display, open_window
+    from ..base import RigError
+    from ..view import command_for, has_display, is_campaign, make_view, open_window, write_campaign
 
     campaign, code = is_campaign(args.run), 0
     if campaign:
@@ -149,7 +147,7 @@ def _recorded(args: argparse.Namespace) -> int:
 
 def _tell_notes(view: View) -> int:
     """Print what the bag of a view lacks; return 3 for one that was cut off or is damaged."""
-    from ..base.errors import printable
+    from ..base import printable
 
     for note in view.notes:
         print(f"rig: {printable(note)}", file=sys.stderr)
@@ -157,9 +155,7 @@ def _tell_notes(view: View) -> int:
 
 
 def _draw(args: argparse.Namespace, view: Path, picture: Path, campaign: bool) -> None:
-    from ..view.campaign import write_campaign
-    from ..view.convert import make_tab_view
-    from ..view.picture import require_driver
+    from ..view import make_tab_view, require_driver, write_campaign
 
     require_driver()
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
@@ -172,7 +168,7 @@ def _draw(args: argparse.Namespace, view: Path, picture: Path, campaign: bool) -
 
 
 def _take(args: argparse.Namespace, view: Path, picture: Path) -> None:
-    from ..view.picture import take_picture
+    from ..view import take_picture
 
     for sentence in take_picture(view, picture, light=args.theme == "light"):
         print(f"rig: the viewer reports {sentence}", file=sys.stderr)
@@ -181,8 +177,7 @@ def _take(args: argparse.Namespace, view: Path, picture: Path) -> None:
 
 def _draw_close(args: argparse.Namespace) -> View | None:
     """Draw the tab of the shifts from their own stretches of the bag; return None for another tab."""
-    from ..view.convert import make_close_view
-    from ..view.picture import require_driver
+    from ..view import make_close_view, require_driver
 
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         path = Path(folder, "picture.rrd")
@@ -195,8 +190,8 @@ def _draw_close(args: argparse.Namespace) -> View | None:
 
 def _live(args: argparse.Namespace) -> int:
     """Show a running rig until the verb is ended, then return 0, because this is its normal end."""
-    from ..controllers.ros.domain import environment
-    from ..view.convert import import_rerun
+    from ..controllers import environment
+    from ..view import import_rerun
 
     if args.parent is not None:
         # a live view that a run started must not outlive the run
@@ -210,9 +205,9 @@ def _live(args: argparse.Namespace) -> int:
         del os.environ[name]
     os.environ.update(wanted)
     # ROS reads the environment above when it is loaded or started.
-    from ..nodes.live_view import Session
+    from ..nodes import LiveSession
 
-    Session(domain.number, _say).run(args.port, args.seconds, lambda url: _greet(args, domain.number, url))
+    LiveSession(domain.number, _say).run(args.port, args.seconds, lambda url: _greet(args, domain.number, url))
     return 0
 
 
@@ -222,8 +217,8 @@ def _say(text: str) -> None:
 
 def _find_domain(number: int | None) -> Domain:
     """Return the domain to show; RigError when it is not clear which."""
-    from ..base.errors import RigError
-    from ..controllers.ros.domain import Domain, busy_domains, from_environment
+    from ..base import RigError
+    from ..controllers import Domain, busy_domains, from_environment
 
     if number is not None:
         return Domain(number)
@@ -242,8 +237,8 @@ def _find_domain(number: int | None) -> Domain:
 
 def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
     """Print where viewers connect, and open one when there is a display."""
-    from ..base.errors import RigError
-    from ..view.viewer import command_for, has_display, open_window
+    from ..base import RigError
+    from ..view import command_for, has_display, open_window
 
     _say(f"live view of ROS domain {domain}; viewers on this machine connect with: {command_for(url)}")
     if args.viewer or (has_display() and not args.no_open):
@@ -255,10 +250,9 @@ def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
 
 
 def _layout(args: argparse.Namespace) -> int:
-    from ..base.names import DEFAULT_RIG
-    from ..rig.configuration import load_rig
-    from ..view.other_tools import write_layout
-    from ..view.pages import Pages
+    from ..base import DEFAULT_RIG
+    from ..rig import load_rig
+    from ..view import Pages, write_layout
 
     pages = Pages(load_rig(args.rig or DEFAULT_RIG).as_dict())
     path = args.out

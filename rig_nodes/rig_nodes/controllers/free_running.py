@@ -18,14 +18,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
-from ..base.clocks import COMMAND_TIMEOUT
-from ..base.errors import RigError
+from ..base import COMMAND_TIMEOUT, RigError
 from .plug import RECEIVED, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 from .wire import Wire, held_in
 
 if TYPE_CHECKING:
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 LONGEST = 10.0  # s, the largest value of the option timeout
 MASTER = 1.0  # s of silence after which another controller may command, or the timeout when that is longer

@@ -21,8 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from ..base.errors import RigError, printable
-from ..base.link import Link, LinkClosed, pair
+from ..base import Link, LinkClosed, RigError, pair, printable
 from .guard import END_ALL, LINE_LOST
 from .plug import Plug
 from .seam import Status, shortened

@@ -13,13 +13,12 @@ import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..base.errors import RigError, printable
-from ..base.names import unknown
+from ..base import RigError, printable, unknown
 from .plug import DECLARED, DEFAULT, GIVEN, BuiltIn, Plug
 from .seam import LEVELS
 
 if TYPE_CHECKING:
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 
 class Kind(NamedTuple):
@@ -34,7 +33,7 @@ class Kind(NamedTuple):
     alone: bool = False
 
 
-KINDS = {
+PLUGS = {
     "python": Kind("python.python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS, python:NAME"),
     "c": Kind("c.library", "CLibrary", "c:FILE.so, c:FILE.c, c:FILE.cpp"),
     "simulink": Kind("c.simulink", "SimulinkModel", "simulink:FOLDER"),
@@ -54,7 +53,7 @@ OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so":
 
 def forms() -> str:
     """Return all forms of a specification, for people."""
-    return ", ".join(["alfa46", *(kind.form for kind in KINDS.values())])
+    return ", ".join(["alfa46", *(kind.form for kind in PLUGS.values())])
 
 
 def split_level(spec: str, level: str | None) -> tuple[str, str | None]:
@@ -154,12 +153,12 @@ def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
     name, _, rest = text.partition(":")
     if text == "alfa46":
         return BuiltIn(config, level)
-    kind = KINDS.get(name)
+    kind = PLUGS.get(name)
     if kind is None or not (rest or kind.alone):
         if meant := _meant(text):
             raise RigError(f"controller '{text}' cannot be loaded; did you mean {meant}?")
         if kind is None and name not in OF_A_FILE:
-            raise RigError(f"controller '{text}': {unknown('kind', name, ['alfa46', *KINDS])} (expected {forms()})")
+            raise RigError(f"controller '{text}': {unknown('kind', name, ['alfa46', *PLUGS])} (expected {forms()})")
         raise RigError(f"controller '{text}' cannot be loaded; expected {forms()}")
     _, sign, other = rest.rpartition("@")
     if sign and other.isidentifier() and not Path(rest).exists():

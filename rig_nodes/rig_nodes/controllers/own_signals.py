@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
-from ..base.errors import RigError
+from ..base import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

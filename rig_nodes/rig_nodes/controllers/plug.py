@@ -18,17 +18,16 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..base.names import unknown
-from ..plant.alfa46_law import NEUTRAL
-from ..rig.alfa46 import OUTPUT_KEYS, Alfa46Config
+from ..base import RigError, unknown
+from ..plant import NEUTRAL
+from ..rig import OUTPUT_KEYS, Alfa46Config
 from .alfa46.box import Alfa46, refusal
 from .ignored import Ignored
 from .record import controller_info, record_of
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, error_text, shortened, taken
 
 if TYPE_CHECKING:
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 LOG = logging.getLogger("rig_nodes.controllers")
 LOG.addHandler(logging.NullHandler())  # tracebacks go to a run's logs; a verb without one shows the sentence only

@@ -18,14 +18,12 @@ from operator import itemgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ..base.errors import RigError
-from ..rig.alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config
-from ..rig.catalogue import Signal
-from ..rig.transmission import slip_of
+from ..base import RigError
+from ..rig import OUTPUT_KEYS, POINTS, Alfa46Config, Signal, slip_of
 from .seam import ControllerInfo, ControllerInputs, inputs_type
 
 if TYPE_CHECKING:
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which the slip is given as 0
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from ..base.errors import RigError
-from ..base.names import unknown
+from ..base import RigError, unknown
 
 LEVELS = ("duty", "current")
 MOST_TEXT = 1000  # characters of a controller's text that go into a sentence, and with it into bag and terminal

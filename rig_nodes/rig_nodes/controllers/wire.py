@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ..rig.catalogue import Signal
+from ..rig import Signal
 from .record import ControllerRecord
 from .seam import ControllerInfo, ControllerInputs
 

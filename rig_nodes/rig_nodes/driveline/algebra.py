@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from rig_nodes.base.compiled import INLINED, INNER, intrinsic, njit, types
+from rig_nodes.base import INLINED, INNER, intrinsic, njit, types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numba.core.typing import BaseContext as TypingContext
     from numba.core.typing import Signature
 
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
 
 # Modes of a friction element. LOCKED_* carry their stick limit while other locked elements prevent their slip (a statically
 # indeterminate system); they do not slip, like STUCK. abs(mode) >= 2 means no slip.

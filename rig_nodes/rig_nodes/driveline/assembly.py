@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError
 from rig_nodes.driveline.description import Description, losses_of
 from rig_nodes.driveline.laws import CAPACITY, FRICTION, MOTION, SHAFT, TORQUE, Law
 from rig_nodes.driveline.motions import locks_itself, rank
@@ -23,7 +23,7 @@ from rig_nodes.driveline.ties import GROUND, bodies_from_speeds, move_nothing, s
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 _MAX_ELEMENTS = 50
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import INNER, njit
+from rig_nodes.base import INNER, njit
 from rig_nodes.driveline.algebra import noinline
 from rig_nodes.driveline.tables import Tables, line, piece
 

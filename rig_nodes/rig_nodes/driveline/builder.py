@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.base.atomic_write import atomic_write
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError, atomic_write
 from rig_nodes.driveline.assembly import Assembly
 from rig_nodes.driveline.described import checks_arguments
 from rig_nodes.driveline.description import Points

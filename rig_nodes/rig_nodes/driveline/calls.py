@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import cgutils, intrinsic, types
+from rig_nodes.base import cgutils, intrinsic, types
 from rig_nodes.driveline.kernel import driveline_step
 from rig_nodes.driveline.state import Loads, State, Structure
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numba.core.typing import BaseContext as TypingContext
     from numba.core.typing import Signature
 
-    from rig_nodes.base.compiled import Compiled
+    from rig_nodes.base import Compiled
 
 
 def step_types() -> tuple:

@@ -8,7 +8,7 @@ Used by driveline/lines.py and driveline/quick.py.
 
 from __future__ import annotations
 
-from rig_nodes.base.compiled import INNER, njit
+from rig_nodes.base import INNER, njit
 from rig_nodes.driveline.algebra import noinline
 
 

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..base.errors import RigError, brief
+from ..base import RigError, brief
 
 Described = TypeVar("Described")
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError
 from rig_nodes.driveline.system import LEAST_LOSS
 from rig_nodes.driveline.tables import Table, table_of, value_at
 from rig_nodes.driveline.ties import GROUND
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 Points = tuple[Sequence[float], Sequence[float]]
 

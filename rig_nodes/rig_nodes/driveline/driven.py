@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import STAGE, njit
+from rig_nodes.base import STAGE, njit
 from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
@@ -43,7 +43,7 @@ from rig_nodes.driveline.state import Loads, put
 from rig_nodes.driveline.tables import Table, Tables, along, line, piece, tables_of
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.record import OverTime
     from rig_nodes.driveline.state import State
     from rig_nodes.driveline.system import System

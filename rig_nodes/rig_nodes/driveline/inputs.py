@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError, brief
+from rig_nodes.base import RigError, brief
 from rig_nodes.driveline.described import is_number
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 Signal = float | Callable[[float], float] | tuple[Sequence[float], Sequence[float]]
 

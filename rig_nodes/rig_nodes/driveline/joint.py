@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     BREAK,
@@ -69,7 +69,7 @@ from rig_nodes.driveline.algebra import (
 from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, SHARE, WEIGHTS, brakes, put_last, put_losses, solve_losses
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.state import Loads, State, Structure
 
 MOST_SETS = 3**6  # most sets that are tried one by one where the pivots do not end: six elements, each with three modes

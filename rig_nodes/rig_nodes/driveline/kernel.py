@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     CLOSE,
@@ -61,7 +61,7 @@ from rig_nodes.driveline.joint import carried, jammed, note, resolve, stop
 from rig_nodes.driveline.losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, brakes, end_losses, put_last, put_losses
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
     from rig_nodes.driveline.state import Loads, State, Structure
 
 JAM = 1e-3  # share of a step: accuracy of the time at which a mesh jams

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import ALLOCATES, INNER, STAGE, njit, types
+from rig_nodes.base import ALLOCATES, INNER, STAGE, njit, types
 from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, noinline
 from rig_nodes.driveline.bends import bend_inside, longest_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
@@ -40,7 +40,7 @@ from rig_nodes.driveline.motion import (
 from rig_nodes.driveline.state import Loads, State, Structure, copied, put, put_row, restore
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
     from rig_nodes.driveline.state import Rows
 
 TRIES, HALVINGS, FAILURES = 30, 12, 16

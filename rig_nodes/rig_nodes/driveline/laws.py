@@ -19,7 +19,7 @@ from rig_nodes.driveline.tables import Table, Tables, stored_in, tables_of, valu
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.system import System
 
 # kinds, in the order in which they act on a step

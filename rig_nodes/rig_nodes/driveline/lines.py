@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import ALLOCATES, INLINED, INNER, STAGE, njit
+from rig_nodes.base import ALLOCATES, INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, TAU, VISC, lin, noinline
 from rig_nodes.driveline.contacts import contact_damping, spring_with_friction
 from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Laws
@@ -22,7 +22,7 @@ from rig_nodes.driveline.state import Loads, put
 from rig_nodes.driveline.tables import Tables, along, line, piece, value
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
     from rig_nodes.driveline.laws import Given, LawState, Model, Moving
     from rig_nodes.driveline.state import State
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.compiled import INLINED, INNER, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import HI0, KIN0, LO0, OPEN, STUCK, VISC, noinline, places, sum_at
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
     from rig_nodes.driveline.state import State, Structure
 
 # Columns of `loss`, one row for each loss: the parabola (CONSTANT, SHARE, SQUARE); the element that the loss owns (OWN), whose

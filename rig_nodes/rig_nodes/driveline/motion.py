@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from rig_nodes.base.compiled import ALLOCATES, INNER, njit
+from rig_nodes.base import ALLOCATES, INNER, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HELD, VISC, lin, noinline
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
     from rig_nodes.driveline.state import Loads, State, Structure
 
 NOISE = 1e-13  # share of a speed: a smaller change is rounding, which would push a clutch that joins two prescribed bodies

@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 _HOLDS = 1e-4  # least torque with which meshes hold a speed, as a share of the greatest; less is within the solver's tolerance
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.compiled import INLINED, STAGE, njit, types
+from rig_nodes.base import INLINED, STAGE, njit, types
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
@@ -94,7 +94,7 @@ from rig_nodes.driveline.state import Loads, Structure
 from rig_nodes.driveline.tables import line, piece
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.record import Before, Outcome, OverTime
 
 TRIES = 6  # most Newton steps; a step that needs more is left to driven_step

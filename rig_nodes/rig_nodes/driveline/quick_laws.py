@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_SHAFT,
@@ -39,7 +39,7 @@ from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.driveline.tables import along, line, piece, value
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 # rows of the work arrays for each law, friction element, row of shafts, and speed
 (X, DX, RATE, TORQUE_, SLOPE, OTHER, EXTRA, AHEAD, PUSH0, PUSH1, GAIN, BEGIN, END, VALUE, RISE, MADE) = range(16)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.compiled import INLINED, njit
+from rig_nodes.base import INLINED, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
@@ -42,7 +42,7 @@ from rig_nodes.driveline.losses import BEFORE, LAST, NEXT, PREDICTED, WAY, WEIGH
 from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints, Record
+    from rig_nodes.base import Floats, Ints, Record
 
 EVENT, DONE, CORRECTED = 0, 1, 2  # outcomes of attempt
 ATTEMPTS = 5  # most attempts at a step; each multiplies the error of a predicted loss by the slope of loss over torque

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import INLINED, STAGE, cgutils, intrinsic, njit, types
+from rig_nodes.base import INLINED, STAGE, cgutils, intrinsic, njit, types
 from rig_nodes.driveline.laws import Laws, LawState
 from rig_nodes.driveline.losses import WEIGHTS
 from rig_nodes.driveline.state import Loads, State, Structure
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from numba.core.typing import BaseContext as TypingContext
     from numba.core.typing import Signature
 
-    from rig_nodes.base.arrays import Floats, Ints
-    from rig_nodes.base.compiled import Compiled
+    from rig_nodes.base import Compiled, Floats, Ints
 
 # Names of the record's arrays. Of the laws, with their tables:
 LAWS = (*Laws._fields[:-1], "first_point", "x", "y", "ends", "period")

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError
 from rig_nodes.driveline import algebra
 from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE, Law
 from rig_nodes.driveline.system import System
 from rig_nodes.driveline.tables import slope_at
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross", algebra.FREE: "free", algebra.CLOSE: "close"}
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.compiled import njit
-from rig_nodes.base.errors import RigError, brief
+from rig_nodes.base import RigError, brief, njit
 from rig_nodes.driveline import algebra
 from rig_nodes.driveline.calls import bare_address, bare_step
 from rig_nodes.driveline.described import is_number
@@ -28,7 +27,7 @@ from rig_nodes.driveline.state import Loads, Rows, State, Structure, put_row
 from rig_nodes.driveline.system import System, check_built, torque_refused
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
 
 Controller = Callable[[Moment], Mapping[str, float] | None]
 

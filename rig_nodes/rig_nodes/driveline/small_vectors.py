@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.compiled import cgutils, intrinsic, ir, types
+from rig_nodes.base import cgutils, intrinsic, ir, types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from rig_nodes.base.compiled import ALLOCATES, INLINED, INNER, njit
+from rig_nodes.base import ALLOCATES, INLINED, INNER, njit
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats, Ints
+    from rig_nodes.base import Floats, Ints
 
 
 class Structure(NamedTuple):

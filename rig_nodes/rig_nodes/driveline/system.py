@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError
 from rig_nodes.driveline import algebra
 from rig_nodes.driveline.algebra import work_size
 from rig_nodes.driveline.laws import Law

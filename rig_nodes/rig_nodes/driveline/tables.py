@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base.compiled import INNER, njit
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import INNER, RigError, njit
 from rig_nodes.driveline.algebra import noinline
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 
 class Tables(NamedTuple):

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 GROUND = "ground"
 _SAME = 1e-9  # relative size up to which a difference counts as zero

@@ -6,3 +6,7 @@
 The processes are rig_container (one node per device), alfa46, sequencer and recorder; nodes.processes.supervisor starts all of
 them.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -19,15 +19,23 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 from rig_msgs.msg import ControllerSample, Measurement, RigState
 
-from ..bags.cdr import Fields, encoder
-from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS
-from ..base.errors import RigError, printable
-from ..base.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
-from ..controllers import own_signals
-from ..controllers.load import level_line, load_controller
-from ..controllers.seam import LEVELS, ControllerFailed
-from ..rig.configuration import check_gearbox
-from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT
+from ..bags import Fields, encoder
+from ..base import (
+    ANSWERED,
+    COMMAND_TIMEOUT,
+    DISCARDED,
+    FAILED,
+    READY,
+    SAMPLE_NS,
+    STATUS,
+    Frames,
+    Link,
+    LinkClosed,
+    RigError,
+    printable,
+)
+from ..controllers import LEVELS, ControllerFailed, level_line, load_controller, own_signals
+from ..rig import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT, check_gearbox
 from .alfa46_settings import BoxSettings
 from .device import own_nodes, publishers_of, sender
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
@@ -39,8 +47,8 @@ from .settings import CHANGED
 from .shift_orders import ShiftOrders
 
 if TYPE_CHECKING:
-    from ..controllers.plug import Answer, Plug
-    from ..rig.configuration import RigConfig
+    from ..controllers import Answer, Plug
+    from ..rig import RigConfig
 
 ANSWER_LIMIT = 0.9 * COMMAND_TIMEOUT  # s for an answer in real time, so that the rig learns why there is none before it trips
 TELL_AFTER = 0.5 * COMMAND_TIMEOUT  # s without an answer in real time until the rig learns what the plug knows of it

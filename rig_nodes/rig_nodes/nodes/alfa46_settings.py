@@ -17,14 +17,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rig_msgs.srv import SetProfile
 
-from ..base.errors import RigError
-from ..rig.alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config, check_gains, check_profile
-from ..rig.configuration import RigConfig
-from ..rig.settings import OWN, own_setting
+from ..base import RigError
+from ..rig import OUTPUT_KEYS, OWN, POINTS, Alfa46Config, RigConfig, check_gains, check_profile, own_setting
 from .settings import Declared, Settings
 
 if TYPE_CHECKING:
-    from ..controllers.plug import Plug
+    from ..controllers import Plug
 
 COLUMNS = ("times", "currents")
 

@@ -13,13 +13,13 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..base.errors import RigError
-from ..rig.signals import CONTROLLER_COMMAND
+from ..base import RigError
+from ..rig import CONTROLLER_COMMAND
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..runs.outputs import Outputs
+    from ..runs import Outputs
 
 EVENTS = "/rig/events"
 QUIET_NS = 1_000_000_000  # simulated time between two events of the same refusal

@@ -13,10 +13,8 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from ..plant.engine.outside import Answer
-from ..runs.cuts import topic_of
-from ..runs.rig import Rig
-from ..runs.rig_base import RigStatus
+from ..plant import Answer
+from ..runs import Rig, RigStatus, topic_of
 from .device import Device, receive
 from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile

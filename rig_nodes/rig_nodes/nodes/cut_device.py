@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from ..bags.cdr import Fields, encoder
-from ..base.clocks import SAMPLE_NS
-from ..base.errors import RigError
-from ..plant.engine.outside import OtherSide, Port, check_device
-from ..runs.cuts import topic_of
+from ..bags import Fields, encoder
+from ..base import SAMPLE_NS, RigError
+from ..plant import OtherSide, Port, check_device
+from ..runs import topic_of
 from .message_class import message_class
 from .process import RIG_OPTIONS, Process, ordered, run
 from .qos import publisher_profile, recorder_profile
@@ -29,7 +28,7 @@ from .realtime import MESSAGES, prefer_process
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 NOTICE = 3.0  # s without a rig after which that is logged
 SILENCE = 1.0  # s without a port after which that is logged

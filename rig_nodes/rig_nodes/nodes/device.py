@@ -14,11 +14,10 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
-from ..bags.cdr import Fields
-from ..base.errors import RigError
-from ..plant.parts import part as parts
-from ..rig.catalogue import Catalogue, Topic
-from ..rig.commands import Setpoint
+from ..bags import Fields
+from ..base import RigError
+from ..plant import part as parts
+from ..rig import Catalogue, Setpoint, Topic
 from .message_class import message_class
 from .qos import publisher_profile, receiver_profile
 from .settings import DeviceSettings
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
     from rclpy.subscription import Subscription
 
-    from ..rig.configuration import RigConfig
-    from ..runs.rig import Rig
+    from ..rig import RigConfig
+    from ..runs import Rig
     from .commands import Commands
 
 OF_THE_WHOLE = ("rig", "instruments", "alfa46", "sequencer")  # nodes that are not devices

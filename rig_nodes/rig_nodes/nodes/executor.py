@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..base.errors import RigError
+from ..base import RigError
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor

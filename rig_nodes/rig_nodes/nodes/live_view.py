@@ -22,12 +22,10 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rig_msgs.msg import RunInfo
 
-from ..bags.reader import UNREADABLE
-from ..bags.rig_record import rig_record
-from ..base.errors import RigError
-from ..rig.catalogue import QOS
-from ..view.live import Sender, Server, live_topics
-from ..view.pages import Pages
+from ..bags import UNREADABLE, rig_record
+from ..base import RigError
+from ..rig import QOS
+from ..view import Pages, Sender, Server, live_topics
 from .executor import events_executor
 from .message_class import message_class
 
@@ -99,7 +97,7 @@ class LiveView(Node):
         return lambda data: sender.put(topic, data)
 
 
-class Session:
+class LiveSession:
     """One live view from the start of its server to its last message; SIGINT or SIGTERM ends it within two seconds."""
 
     def __init__(self, domain: int, say: Callable[[str], None]) -> None:

@@ -15,18 +15,14 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
-from ..base.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
-from ..controllers.plug import Answer
-from ..controllers.record import ControllerRecord, record_of
-from ..controllers.seam import ControllerFailed, Status
-from ..rig.signals import CONTROLLER_COMMAND
-from ..runs.rig_base import RigStatus
-from ..runs.simulate import give_answer
+from ..base import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE_NS, STATUS, TICK_SAMPLES, Frames, Link, LinkClosed
+from ..controllers import Answer, ControllerFailed, ControllerRecord, Status, record_of
+from ..rig import CONTROLLER_COMMAND
+from ..runs import RigStatus, give_answer
 from .realtime import take_core
 
 if TYPE_CHECKING:
-    from ..runs.outputs import Outputs
+    from ..runs import Outputs
     from .commands import Commands
 
 GRACE = 0.5  # s more, so that the process nearer to the controller can report first

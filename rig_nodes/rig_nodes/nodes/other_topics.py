@@ -14,8 +14,8 @@ from collections.abc import Callable
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from ..bags.definitions import installed
-from ..base.errors import RigError
+from ..bags import installed
+from ..base import RigError
 from .processes.recording_options import TopicChoice
 from .receivers import Quality, Receivers
 

@@ -12,8 +12,8 @@ from importlib import import_module
 
 from rclpy.type_support import check_for_type_support
 
-from ..bags.definitions import installed
-from ..rig.catalogue import installed_topics
+from ..bags import installed
+from ..rig import installed_topics
 from . import alfa46, recorder, rig_container, sequencer  # noqa: F401  loaded, to be there in all of them
 from .message_class import message_class
 

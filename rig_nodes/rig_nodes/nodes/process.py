@@ -29,16 +29,11 @@ from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from ..bags.sequence_numbers import LIFE_BITS
-from ..base.atomic_write import atomic_write
-from ..base.errors import RigError, printable
-from ..base.link import Link
-from ..base.names import DEFAULT_RIG, rig_of
-from ..controllers.ros.domain import use_own_transports
-from ..rig.configuration import load_rig
-from ..runs.folders import parse_parameters, parse_settings
-from ..runs.run_file import Ordered, read_run
-from ..runs.sequence import load_sequence
+from ..bags import LIFE_BITS
+from ..base import DEFAULT_RIG, Link, RigError, atomic_write, printable, rig_of
+from ..controllers import use_own_transports
+from ..rig import load_rig
+from ..runs import Ordered, load_sequence, parse_parameters, parse_settings, read_run
 from .executor import events_executor
 from .processes.tap import Tap
 from .ros_arguments import own_arguments, set_parameters

@@ -16,10 +16,8 @@ from typing import Any
 from rclpy.duration import Duration, Infinite
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-from ..base.config import load_yaml
-from ..base.errors import RigError
-from ..base.names import unknown
-from ..rig.catalogue import QOS
+from ..base import RigError, load_yaml, unknown
+from ..rig import QOS
 
 COMMANDS = 100  # messages that wait for their receiver: at 1 kHz, those of the time after which the rig trips
 

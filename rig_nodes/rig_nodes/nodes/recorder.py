@@ -23,13 +23,9 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from rosbag2_interfaces.srv import IsPaused, Pause, Resume, Snapshot, SplitBagfile
 
-from ..bags import cdr
-from ..bags.definitions import installed
-from ..bags.recording import Recording
-from ..bags.run_end import STOPPED
-from ..bags.writer import LIBRARY_OF_RUN, BagWriter
-from ..base.errors import RigError
-from ..rig.catalogue import Topic, installed_topics
+from ..bags import LIBRARY_OF_RUN, STOPPED, BagRecording, BagWriter, cdr, installed
+from ..base import RigError
+from ..rig import Topic, installed_topics
 from .answering import answering
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
 from .other_topics import OtherTopics
@@ -107,7 +103,7 @@ class Recorder(Node):
 
     def __init__(
         self,
-        recording: Recording,
+        recording: BagRecording,
         taps: list[TapReader],
         early: list[tuple[str, bytes]],
         topics: dict[str, Topic],
@@ -365,7 +361,7 @@ def work(process: Process) -> None:
         piece += 1  # the recorder before this one had begun further files
     end = EndOfRun(process)
     with BagWriter(arguments.out, name, piece, topics, LIBRARY_OF_RUN, layout(arguments)) as writer:
-        recording = Recording(writer, choice.takes_own, round(arguments.keep_last * 1e9), arguments.start_paused)
+        recording = BagRecording(writer, choice.takes_own, round(arguments.keep_last * 1e9), arguments.start_paused)
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()

@@ -30,12 +30,9 @@ from rclpy.validate_topic_name import validate_topic_name
 from rosbag2_interfaces.srv import Burst, GetRate, IsPaused, Pause, Play, PlayNext, Resume, Seek, SetRate, Stop, TogglePaused
 from rosgraph_msgs.msg import Clock
 
-from ..bags.definitions import installed, parse
-from ..bags.metadata import read_profile
-from ..bags.opened import OpenedBags
-from ..bags.player import CLOCK, Player
-from ..base.errors import RigError
-from ..rig.catalogue import installed_topics
+from ..bags import CLOCK, OpenedBags, Player, installed, offered_by, parse
+from ..base import RigError
+from ..rig import installed_topics
 from .answering import answering
 from .executor import events_executor
 from .message_class import message_class
@@ -101,7 +98,7 @@ def offered(bag: OpenedBags, topic: str, fields: Mapping[str, Any] | None = None
     if known is not None:
         profile = publisher_profile(known.qos)
     else:
-        recorded = read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
+        recorded = offered_by(bag.channel(topic)[2].get("offered_qos_profiles", ""))
         profile = publisher_profile("latched" if recorded.latched else "measurement")
         if not recorded.reliable:
             profile.reliability = ReliabilityPolicy.BEST_EFFORT
@@ -169,7 +166,7 @@ class Output:
         The replay, which limits how long receipts are waited for.
     """
 
-    def __init__(self, node: Node, message_type: type, topic: str, profile: QoSProfile, session: Session) -> None:
+    def __init__(self, node: Node, message_type: type, topic: str, profile: QoSProfile, session: ReplaySession) -> None:
         self.publisher = node.create_publisher(message_type, topic, profile)
         self.topic, self.session = topic, session
         self.count = 0
@@ -224,7 +221,7 @@ class Replay(Node):
         The replay that this node belongs to.
     """
 
-    def __init__(self, bag: OpenedBags, topics: Sequence[str], player: Player, session: Session) -> None:
+    def __init__(self, bag: OpenedBags, topics: Sequence[str], player: Player, session: ReplaySession) -> None:
         super().__init__(NAME, enable_rosout=False)
         self.player, self.say, self._session = player, session.say, session
         self.outputs = {}
@@ -390,7 +387,7 @@ def _nanoseconds(time: Any) -> int:
     return time.sec * 1_000_000_000 + time.nanosec
 
 
-class Session:
+class ReplaySession:
     """One replay from beginning to end: it meets the receivers, plays, and handles signals and keys.
 
     Parameters

@@ -19,14 +19,9 @@ from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
-from ..base.errors import RigError, printable
-from ..controllers.ros.domain import announce, from_environment
-from ..runs.outputs import SCALAR_SAMPLES, Outputs
-from ..runs.rig import Rig
-from ..runs.rig_base import RigStatus
-from ..runs.sequence import BY_HAND
-from ..runs.simulate import check_delay, run_record
+from ..base import SAMPLE_NS, TICK_SAMPLES, RigError, printable
+from ..controllers import announce, from_environment
+from ..runs import BY_HAND, SCALAR_SAMPLES, Outputs, Rig, RigStatus, check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, own_nodes, pace_of, sender
@@ -42,7 +37,7 @@ from .rig_node import RigNode
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 GATE_TIMEOUT = 30.0  # s in which the other processes must be connected
 FIRST = 1.0  # s in which users' nodes must confirm the messages of time 0

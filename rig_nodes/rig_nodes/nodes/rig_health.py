@@ -11,13 +11,11 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ..bags.definitions import installed
-from ..base.clocks import COMMAND_TIMEOUT
-from ..plant.parts import part as parts
-from ..rig.structure import Device
-from ..runs.moments import Present
-from ..runs.rig import Rig
-from ..runs.rig_base import RigStatus
+from ..bags import installed
+from ..base import COMMAND_TIMEOUT
+from ..plant import part as parts
+from ..rig import Device
+from ..runs import Present, Rig, RigStatus
 from .device import device_names
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 

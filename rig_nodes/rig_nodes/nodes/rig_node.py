@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from rig_msgs.msg import Event
 from std_srvs.srv import Trigger
 
-from ..base.errors import RigError
-from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT
+from ..base import RigError
+from ..rig import CONTROLLER_COMMAND, CONTROLLER_EVENTS, CONTROLLER_FAILED, CONTROLLER_SILENT
 from .device import Device, receive
 from .qos import COMMANDS, recorder_profile
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from ..runs.rig import Rig
+    from ..runs import Rig
     from .commands import Commands
 
 

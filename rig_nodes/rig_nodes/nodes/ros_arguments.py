@@ -14,10 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rclpy.utilities import remove_ros_args
 
-from ..base.config import load_yaml
-from ..base.errors import RigError
-from ..base.names import unknown
-from ..controllers.ros.domain import check_namespace
+from ..base import RigError, load_yaml, unknown
+from ..controllers import check_namespace
 
 if TYPE_CHECKING:
     from rclpy.node import Node

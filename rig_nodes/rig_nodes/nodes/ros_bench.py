@@ -18,11 +18,10 @@ from rclpy.parameter import Parameter
 from rig_msgs.action import Shift
 from rig_msgs.msg import RigState
 
-from ..bags.cdr import encoder
-from ..base.schema import SWITCH
-from ..rig.catalogue import Signal
-from ..runs.sequence import Sequence
-from ..runs.sequence_runner import SequenceFailed
+from ..bags import encoder
+from ..base import SWITCH
+from ..rig import Signal
+from ..runs import Sequence, SequenceFailed
 from .device import publishers_of
 from .message_class import message_class
 from .qos import recorder_profile
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.task import Future
 
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
     from .sequencer import Sequencer
 
 ANSWER_TIMEOUT = 10.0  # s that the controller may take to accept an order in lockstep

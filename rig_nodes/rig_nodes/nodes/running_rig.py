@@ -27,13 +27,20 @@ from rig_msgs.action import Shift
 from rig_msgs.msg import RigState, RunInfo
 from std_srvs.srv import Trigger
 
-from ..base.errors import RigError
-from ..rig.catalogue import Catalogue, catalogue
-from ..rig.quantities import QUANTITIES
-from ..rig.settings import Setting, Settings, own_setting, settings_of
-from ..rig.signals import CONTROLLER_COMMAND
-from ..rig.structure import structure_of
-from ..rig.transmission import Transmission, transmission_of
+from ..base import RigError
+from ..rig import (
+    CONTROLLER_COMMAND,
+    QUANTITIES,
+    Catalogue,
+    Setting,
+    Settings,
+    Transmission,
+    catalogue,
+    own_setting,
+    settings_of,
+    structure_of,
+    transmission_of,
+)
 from .executor import events_executor
 from .message_class import message_class
 from .qos import recorder_profile

@@ -15,13 +15,10 @@ from rclpy.action import CancelResponse
 from rclpy.node import Node
 from rig_msgs.action import RunSequence
 
-from ..bags.cdr import stamp
-from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
-from ..base.errors import RigError
-from ..base.link import Link, LinkClosed
-from ..plant.parts.load_pump import LoadConfig, relief_setting_for
-from ..runs.sequence import Sequence, load_sequence
-from ..runs.sequence_runner import SequenceFailed, SequenceRunner
+from ..bags import stamp
+from ..base import SAMPLE_NS, TICK_SAMPLES, Link, LinkClosed, RigError
+from ..plant import LoadConfig, relief_setting_for
+from ..runs import Sequence, SequenceFailed, SequenceRunner, load_sequence
 from .action_server import GoalServer, finish
 from .device import own_nodes, pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health
@@ -34,7 +31,7 @@ from .ros_bench import EVENTS, RosBench
 if TYPE_CHECKING:
     from rclpy.action.server import ServerGoalHandle
 
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 FEEDBACK_TICKS = 100  # feedback at 2 Hz, and at every new step
 OPTIONS = [

@@ -17,11 +17,11 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ..base.errors import RigError
-from ..rig.settings import CHANGED, Setting
+from ..base import RigError
+from ..rig import CHANGED, Setting
 
 if TYPE_CHECKING:
-    from ..runs.rig import Rig
+    from ..runs import Rig
     from .commands import Commands
 
 FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way of setting changed

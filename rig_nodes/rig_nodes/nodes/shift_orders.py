@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 from rclpy.action import CancelResponse, GoalResponse
 from rig_msgs.action import Shift
 
-from ..base.errors import RigError
-from ..controllers.alfa46.box import refusal
-from ..rig.signals import SHIFT_ORDERED
-from ..runs.rig_base import RigStatus
+from ..base import RigError
+from ..controllers import refusal
+from ..rig import SHIFT_ORDERED
+from ..runs import RigStatus
 from .action_server import GoalServer, finish
 from .shift_phase import ShiftPhase
 

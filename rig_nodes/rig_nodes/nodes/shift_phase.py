@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import pi
 
-from ..rig.transmission import NEUTRAL, Transmission
+from ..rig import NEUTRAL, Transmission
 
 SYNCHRONOUS = 0.02  # share of the input speed; a smaller slip is lost in the noise of the speed transducers
 STANDSTILL = 10.0 * pi / 30.0  # rad/s of the input shaft; below it no slip is reported

@@ -6,6 +6,9 @@
 Importing it sets the folder of numba's cache before numba is loaded.
 """
 
-from ..base.compiled import use_kernel_cache
+import lazy_loader
+
+from ..base import use_kernel_cache
 
 use_kernel_cache()
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

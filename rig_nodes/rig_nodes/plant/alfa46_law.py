@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.compiled import njit
+from ..base import njit
 
 if TYPE_CHECKING:
-    from ..base.arrays import Floats, Record
+    from ..base import Floats, Record
 
 OUTPUTS = 3  # the Alfa46 drives up to three valves; other controllers have as many outputs as the rig wires
 GEARS = 7  # number of combinations of outputs

@@ -13,11 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.clocks import SAMPLE
-from ..base.config import load_yaml
-from ..base.errors import RigError, brief
-from ..base.schema import build, check_keys, param, where_of
-from ..base.units import quantity
+from ..base import SAMPLE, RigError, brief, build, check_keys, load_yaml, param, quantity, where_of
 from ..plant import alfa46_law as law
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..base.errors import RigError
-from ..plant.parts import part as parts
+from ..base import RigError
+from ..plant import part as parts
 from .structure import Structure
 from .transducer_types import TRANSDUCER_TYPES
 

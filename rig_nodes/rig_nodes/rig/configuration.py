@@ -15,29 +15,42 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from ..base.clocks import SAMPLE
-from ..base.errors import RigError, brief
-from ..base.names import RIG_FILE, beside, find_config, unknown, with_bases
-from ..base.schema import build, check_keys, entry, where_of
-from ..base.units import quantity
-from ..base.yaml_file import Map, file_of, merged, stamped
-from ..driveline.system import System
-from ..plant.engine.outside import NOT_DEVICES, cuttable, why_not
-from ..plant.parts import part as parts
+from ..base import (
+    RIG_FILE,
+    SAMPLE,
+    Map,
+    RigError,
+    beside,
+    brief,
+    build,
+    check_keys,
+    entry,
+    file_of,
+    find_config,
+    merged,
+    quantity,
+    stamped,
+    unknown,
+    where_of,
+    with_bases,
+)
+from ..plant import NOT_DEVICES, cuttable, why_not
+from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
-from .catalogue import Catalogue, catalogue_of
 from .cross_checks import cross_check
-from .driveline import build_driveline, held_ratio, inertias_of, inputs_of, overrunning
+from .driveline import inertias_of
 from .prescribed import Prescribed, read_prescribed
 from .read import DEVICE_KEYS, KEYS, read_structure
 from .read_elements import GROUPS
 from .read_wheels import MESH_KEYS
 from .sections import LOGGER_RATE, CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
 from .settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
+from .signal_catalogue import Catalogue, catalogue_of
 from .signals import unnamed
 from .structure import Device, Structure
 from .transducer_types import TRANSDUCER_TYPES
 from .transmission import Transmission, made_of, tied_to
+from .turning import check_driveline
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
 _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\s*")
@@ -333,76 +346,6 @@ def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
             if len(units := {known[name].display_unit: name for name in names}) > 1:
                 found = " and ".join(f"{name} in {unit}" for unit, name in units.items())
                 raise RigError(f"{where}: a plot's signals share their unit, found {found}")
-
-
-def check_driveline(structure: Structure, sections: Mapping, node: Map, path: str | Path) -> None:
-    """Refuse a driveline that cannot turn, or a gear that holds nothing or everything.
-
-    Parameters
-    ----------
-    structure : Structure
-        What the rig is made of.
-    sections : mapping of str to object
-        Values of the bodies, shafts and devices by name.
-    node : Map
-        The rig's merged file, for the lines in the errors.
-    path : str or Path
-        The rig's file.
-
-    Raises
-    ------
-    RigError
-        With file and line, when the driveline or a gear is refused.
-    """
-    inertias = inertias_of(structure, sections)
-    try:
-        build_driveline(structure, inertias, sections)
-        inputs_of(structure)
-        system = build_driveline(structure, inertias, sections, lossless=True)
-    except RigError as error:
-        raise RigError(f"{_where_named(str(error), node, path)}: {str(error).removeprefix('driveline: ')}") from None
-    for gear, key in zip(structure.gears, node.get("gears", ())):
-        try:
-            lets_go = overrunning(system, gear, structure.input.body, structure.output.body)
-        except ValueError as error:
-            raise RigError(
-                f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.held)} held alone: {error}; "
-                "a gear's clutches give the output one speed"
-            ) from None
-        _check_direction(system, gear.held, structure, node, path, str(gear.name))
-        if lets_go:
-            raise RigError(
-                f"{where_of(path, node['parts'][lets_go[0]], 'joins')}: parts.{lets_go[0]}.joins: it overruns as the input "
-                f"drives in gear {gear.name}, which it is to hold; name its two bodies the other way round"
-            )
-
-
-def _check_direction(system: System, held: tuple[str, ...], structure: Structure, node: Map, path: str | Path, gear: str) -> None:
-    """Refuse transducers of the output that begin at zero where a gear turns it backwards."""
-    if held_ratio(system, held, structure.input.body, structure.output.body) > 0.0:
-        return
-    for one in structure.transducers:
-        if one.name in (structure.output.speed, structure.output.torque) and one.low >= 0.0:
-            raise RigError(
-                f"{where_of(path, node['transducers'][one.name], 'range')}: transducers.{one.name}.range begins at "
-                f"{one.low:g}, but gear {gear} turns the output backwards, which it could not show; give it both signs"
-            )
-
-
-def _where_named(message: str, node: Map, path: str | Path) -> str:
-    """``file:line`` of the first body, wheel or device that an error names; the file alone when it names none."""
-    for name in re.findall(r"'(\w+)(?: loss)?'", message):
-        for k, mesh in enumerate(node.get("meshes") or ()):
-            if mesh.get("name") == name:
-                return where_of(path, node["meshes"], k)
-        for group in ("parts", *GROUPS):
-            if isinstance(node.get(group), Map) and name in node[group]:
-                return where_of(path, node[group], name)
-    if found := re.search(r"gear (\w+)-(\w+)", message):
-        for k, mesh in enumerate(node.get("meshes", ())):
-            if {*mesh["bodies"]} == {*found.groups()}:
-                return where_of(path, node["meshes"], k)
-    return str(path)
 
 
 def _device(

@@ -11,9 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..base.clocks import SAMPLE
-from ..base.errors import RigError
-from ..plant.parts import part as parts
+from ..base import SAMPLE, RigError
+from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, POINTS, check_point
 from .driveline import inertias_of
 from .sections import LOGGER_RATE

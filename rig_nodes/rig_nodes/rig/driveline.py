@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..driveline.builder import Driveline
-from ..driveline.system import System, torque_refused
-from ..driveline.tables import Table, table_of
-from ..plant.parts import part as parts
+from ..driveline import Driveline, System, Table, table_of, torque_refused
+from ..plant import part as parts
 from .structure import Device, Element, Follows, GearHeld, Points, Structure
 
 if TYPE_CHECKING:

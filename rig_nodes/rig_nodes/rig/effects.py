@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..plant.parts import part as parts
+from ..plant import part as parts
 
 if TYPE_CHECKING:
     from .configuration import RigConfig

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from ..driveline.picture import Body, Link, svg
-from ..plant.parts import part as parts
+from ..driveline import Body, Link, svg
+from ..plant import part as parts
 from .structure import Device, Structure
 
 if TYPE_CHECKING:

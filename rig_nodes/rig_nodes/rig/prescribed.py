@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError, brief
-from ..base.schema import build, check_keys, where_of
-from ..plant.parts.curve_clutch import Force
+from ..base import RigError, brief, build, check_keys, where_of
+from ..plant import Force
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ..base.yaml_file import Map
+    from ..base import Map
 
 WAYS = ("engaging", "releasing")
 OUTPUT_SPEEDS = ("bounded", "free")

@@ -11,12 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..base.errors import RigError, brief
-from ..base.names import meant
-from ..base.schema import check_keys, where_of
-from ..base.units import quantity
-from ..base.yaml_file import List, Map, file_of
-from ..plant.parts import part as parts
+from ..base import List, Map, RigError, brief, check_keys, file_of, meant, quantity, where_of
+from ..plant import part as parts
 from .quantities import QUANTITIES
 from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
 from .read_wheels import MASSLESS, is_name, read_meshes, read_planetary_sets

@@ -14,11 +14,7 @@ import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.errors import RigError, brief
-from ..base.names import meant
-from ..base.schema import check_keys
-from ..base.units import UNITS, quantity
-from ..base.yaml_file import List, Map, file_of
+from ..base import UNITS, List, Map, RigError, brief, check_keys, file_of, meant, quantity
 from .structure import Element, Follows, Points
 
 if TYPE_CHECKING:

@@ -8,9 +8,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from ..base.errors import brief
-from ..base.schema import check_keys
-from ..base.yaml_file import List, Map
+from ..base import List, Map, brief, check_keys
 from .sections import MeshConfig
 from .structure import Mesh, PlanetarySet
 

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..base.clocks import SAMPLE
-from ..base.errors import RigError
-from ..plant.parts import part as parts
-from ..plant.parts.curve_clutch import Force
+from ..base import SAMPLE, RigError
+from ..plant import Force
+from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, Alfa46Config, Alfa46Values
 from .configuration import NoValues, RigConfig
 from .prescribed import OUTPUT_SPEEDS, Prescribed

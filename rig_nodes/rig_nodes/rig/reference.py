@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import MISSING, fields
 from importlib import import_module
 
-from ..base.units import UNITS, shown_in
-from ..plant.parts import part as parts
+from ..base import UNITS, shown_in
+from ..plant import part as parts
 from .alfa46 import Alfa46Values
 from .read import meaning
 from .sections import (

@@ -12,8 +12,7 @@ from dataclasses import dataclass, fields, make_dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from ..base.clocks import SAMPLE
-from ..base.schema import param, switch
+from ..base import SAMPLE, param, switch
 from .structure import Structure
 from .transducer_types import TRANSDUCER_TYPES
 

@@ -14,11 +14,8 @@ from dataclasses import Field, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
-from ..base.errors import RigError
-from ..base.names import unknown_value
-from ..base.schema import SWITCH, WORDS, value_of
-from ..base.units import SI, shown_in
-from ..plant.parts import part as parts
+from ..base import SI, SWITCH, WORDS, RigError, shown_in, unknown_value, value_of
+from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, POINTS, Alfa46Values
 from .commands import Setpoint, setpoints_of
 from .quantities import QUANTITIES
@@ -315,7 +312,7 @@ def _of_devices(structure: Structure, chosen: Callable[[str, str], bool]) -> lis
             ),
             Setting(f"{setpoint.node}.enabled", "Whether the device is switched on", SWITCH, **about),
         ]
-    from ..plant.engine.outside import cuttable  # here, because it imports compiled code that many readers do not need
+    from ..plant import cuttable  # here, because it imports compiled code that many readers do not need
 
     return out + [
         Setting(

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ..base.errors import RigError
-from ..plant.parts import part as parts
+from ..base import RigError
+from ..plant import part as parts
 from .commands import setpoints_of
 from .quantities import QUANTITIES
 from .read_elements import GROUND
@@ -107,7 +107,7 @@ def described(structure: Structure) -> dict:
 
 def _cuts(structure: Structure) -> dict[str, dict]:
     """The topics of devices that can stand outside the plant."""
-    from ..plant.engine.outside import cuttable  # here, because it imports compiled code
+    from ..plant import cuttable  # here, because it imports compiled code
 
     cut = {}
     for device in structure.devices:

@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
-from ..base.errors import RigError
-from ..plant.parts import part as parts
+from ..base import RigError
+from ..plant import part as parts
 
 LEAST_OUTPUTS = 3  # a record has no fewer, so that frames, headers and bags of rigs with one or two valves stay as they are
 MOST_OUTPUTS = 8  # the flags of rig_msgs/ValveCommand and of the CAN frames have a bit for each
@@ -281,7 +281,7 @@ class Structure:
     def device(self, name: str) -> Device:
         """Return a device by its name; RigError when there is none."""
         if name not in self._by_name:
-            from ..base.names import unknown  # here, because that module is imported before the parts
+            from ..base import unknown  # here, because that module is imported before the parts
 
             raise RigError(unknown("device", name, self._by_name))
         return self._by_name[name]

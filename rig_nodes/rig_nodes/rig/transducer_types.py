@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import Field, dataclass
 from typing import Any
 
-from ..base.schema import param, switch
+from ..base import param, switch
 
 _NOISE, _RANGE, _CLASS, _HUM = (
     "Standard deviation of its noise",

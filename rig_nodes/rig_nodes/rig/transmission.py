@@ -16,14 +16,14 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, TypeVar
 
-from ..plant.kiss_point import kiss_pressure
-from ..plant.parts import part as parts
+from ..plant import kiss_pressure
+from ..plant import part as parts
 from .driveline import build_driveline, held_ratio, inertias_of
 from .structure import Device, End, Structure, key_of, structure_of
 from .transducer_types import measured_range
 
 if TYPE_CHECKING:
-    from ..base.arrays import Floats
+    from ..base import Floats
     from .configuration import RigConfig
 
     Numbers = TypeVar("Numbers", float, Floats)

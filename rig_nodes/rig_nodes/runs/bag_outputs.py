@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bags.cdr import encoder
-from ..bags.writer import BagWriter, Column
-from ..base.clocks import SAMPLE, SAMPLE_NS, TICK_SAMPLES
-from ..controllers.plug import Plug
-from ..rig.signals import CONTROLLER_COMMAND, absolute_pressures
+from ..bags import BagWriter, Column, encoder
+from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES
+from ..controllers import Plug
+from ..rig import CONTROLLER_COMMAND, absolute_pressures
 from .moments import Moments
 from .outputs import BLOCK, MEASUREMENT, Outputs
 from .rig import Rig
@@ -26,7 +25,7 @@ from .topics import SCALAR_SAMPLES, state_fields
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ..base.arrays import Ints
+    from ..base import Ints
 
 TICKS = 200  # ticks in a block; its rows must still be in the rig's ring of 2 s
 LENGTH = TICKS * TICK_SAMPLES  # of a block [samples]

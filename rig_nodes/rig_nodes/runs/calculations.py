@@ -23,14 +23,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError, brief
-from ..base.names import meant, unknown, with_bases
-from ..base.units import UNITS, quantity
+from ..base import UNITS, RigError, brief, meant, quantity, unknown, with_bases
 
 if TYPE_CHECKING:
-    from ..bags.reader import Bag
-    from ..rig.configuration import RigConfig
-    from .record import Run
+    from ..bags import Bag
+    from ..rig import RigConfig
+    from .recorded import Run
 
 FILE, TABLE = "calculations.py", "CALCULATIONS"
 

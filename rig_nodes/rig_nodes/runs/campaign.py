@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any
 
 from .procedure import Series, run_repeat
-from .record import Run
+from .recorded import Run
 from .workers import Workers
 
 

@@ -14,25 +14,15 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from ..bags.exchange.files import started, whole
-from ..bags.exchange.groups import DESCRIBING, PIECE
-from ..bags.messages import nothing_in
-from ..bags.opened import OpenedBags
-from ..bags.reader import Bag
-from ..base.errors import BagError, RigError
-from ..controllers.can import j1939
-from ..controllers.can.database import ADDRESS, need_can
-from ..controllers.can.frames import RigFrames
-from ..controllers.record import record_of
-from ..controllers.seam import LEVELS, ControllerInputs
-from ..rig.recorded_rig import config_of_record
-from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED
-from ..rig.transmission import NEUTRAL
+from ..bags import DESCRIBING, IN_MEMORY, Bag, OpenedBags, nothing_in, started, whole
+from ..base import BagError, RigError
+from ..controllers import ADDRESS, ADDRESS_CLAIMED, FUNCTION, LEVELS, ControllerInputs, RigFrames, identifier, need_can, record_of
+from ..rig import CONTROLLER_COMMAND, CONTROLLER_EVENTS, NEUTRAL, SHIFT_ORDERED, config_of_record
 from .rerun import RIG_EVENTS, SAMPLES, TRIPPED
 
 WRITERS = {"blf": "BLFWriter", "asc": "ASCWriter", "log": "CanutilsLogWriter"}  # of python-can, by kind
 LATE = 50_000_000  # ns by which a message's place in the file may be later than its time
-NAME = (j1939.FUNCTION << 40).to_bytes(8, "little")  # of the rig in the log; its identity number, which is random on a bus, is 0
+NAME = (FUNCTION << 40).to_bytes(8, "little")  # of the rig in the log; its identity number, which is random on a bus, is 0
 
 
 class _Sample(NamedTuple):
@@ -106,7 +96,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
             count += 1
             log.on_message_received(can.Message(stamp * 1e-9, number, extended, channel=0, data=data))
 
-        put(j1939.identifier(j1939.ADDRESS_CLAIMED, ADDRESS), NAME, True)
+        put(identifier(ADDRESS_CLAIMED, ADDRESS), NAME, True)
         frames, shifting = RigFrames(record, level, put), False
         for stamp, one in chain(first, rows):
             if isinstance(one, _Answer):
@@ -135,7 +125,7 @@ def _requests(small: Bag) -> list[tuple[int, int]]:
 def _rows(run: Path, progress: Callable[[float, str], None] | None) -> Iterator[tuple[int, _Sample | _Answer]]:
     """Yield samples and answers with their times [ns], an answer behind the sample of the same time."""
     held: list[tuple[int, int, _Sample | _Answer]] = []
-    for piece in Bag.pieces(run, PIECE):
+    for piece in Bag.pieces(run, IN_MEMORY):
         if piece.counts.get(SAMPLES):
             times, (sample, current, measured) = piece.fields(SAMPLES, ["sample", "current", "measured"])
             held += [

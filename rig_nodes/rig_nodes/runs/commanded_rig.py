@@ -15,18 +15,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS
-from ..base.errors import RigError
-from ..controllers.alfa46.box import refusal
-from ..controllers.seam import LEVELS
+from ..base import COMMAND_TIMEOUT, SAMPLE_NS, RigError
+from ..controllers import LEVELS, refusal
+from ..plant import BY_DUTY, BY_SETPOINT
 from ..plant import alfa46_law as law
-from ..plant.parts.proportional_valve import BY_DUTY, BY_SETPOINT
 from .rig_base import RigBase
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
 
 
 def check_level(config: RigConfig, level: str | None) -> None:

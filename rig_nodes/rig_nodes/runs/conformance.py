@@ -15,16 +15,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-from ..base.clocks import SAMPLE
-from ..base.errors import RigError
-from ..controllers.load import level_line, load_controller
-from ..controllers.plug import Plug
-from ..controllers.record import ControllerRecord, record_of
-from ..controllers.seam import ControllerFailed, Status, error_text
-from ..rig.configuration import RigConfig
-from ..rig.transmission import NEUTRAL, Clutch, Transmission
+from ..base import SAMPLE, RigError
+from ..controllers import ControllerFailed, ControllerRecord, Plug, Status, error_text, level_line, load_controller, record_of
+from ..rig import NEUTRAL, Clutch, RigConfig, Transmission
 from .rig import Rig
-from .simulate import advance_with
+from .simulation import advance_with
 
 PERIOD = SAMPLE
 UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order -> gear, on the bench of desk()

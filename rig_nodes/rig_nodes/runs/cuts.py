@@ -12,9 +12,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ..base.clocks import COMMAND_TIMEOUT, SAMPLE
-from ..base.errors import RigError
-from ..plant.engine.outside import LOAD, MOTOR, NOTHING, VALVE, Answer, OtherSide, Port, drained
+from ..base import COMMAND_TIMEOUT, SAMPLE, RigError
+from ..plant import LOAD, MOTOR, NOTHING, VALVE, Answer, OtherSide, Port, drained
 
 if TYPE_CHECKING:
     from .rig import Rig

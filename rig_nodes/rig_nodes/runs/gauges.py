@@ -13,18 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..plant.instruments import transducers as parts
-from ..plant.instruments.noise import channel_key, uniform
-from ..rig.transducer_types import TRANSDUCER_TYPES, measured_range
+from ..base import RigError
+from ..plant import GAIN, GATE, HIGH, HUM, KEEP, LOW, NOISE, OFFSET, PICKUP, QUANTUM, ROWS, STEP, TURN, channel_key, mains, uniform
+from ..rig import TRANSDUCER_TYPES, measured_range
 
 if TYPE_CHECKING:
-    from ..rig.configuration import RigConfig
-    from ..rig.structure import Transducer
+    from ..rig import RigConfig, Transducer
 
-DISTURBANCES = [parts.NOISE, parts.HUM, parts.PICKUP]
+DISTURBANCES = [NOISE, HUM, PICKUP]
 DRAWS = 1 << 32  # number of the first channel whose random values stay the same in a run
-NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  # rows that are not 0
+NO_TRANSDUCER = {GAIN: 1.0, LOW: -math.inf, HIGH: math.inf}  # rows that are not 0
 
 
 class Gauges:
@@ -55,7 +53,7 @@ class Gauges:
         config, step, on = rig.instruments, rig.kernel.step, rig.effects.transducers
         self.config, self.present, self.on, self.channels = config, on, on, channels
         self.changes, size = 0, len(channels)
-        self.table, self.state = np.zeros((parts.ROWS, size)), np.zeros(size)
+        self.table, self.state = np.zeros((ROWS, size)), np.zeros(size)
         for row, value in NO_TRANSDUCER.items():
             self.table[row] = value
         likes = {one.like for one in rig.structure.transducers if on and getattr(config, f"{one.like}_step", 0.0) > 0.0}
@@ -70,7 +68,7 @@ class Gauges:
         absent = {one.name for one in rig.structure.transducers} - fitted.keys()
         self.table[:, [name in absent for name in channels]] = 0.0
         keys = np.array([channel_key(seed, c) for c in range(size)], np.uint64)
-        hum = parts.mains(step, config.hum_frequency, uniform(seed, DRAWS, 0))
+        hum = mains(step, config.hum_frequency, uniform(seed, DRAWS, 0))
         self.arrays = self.table, keys, hum, self.state, self.counts
         self._set = self.table[DISTURBANCES]
 
@@ -102,23 +100,23 @@ class Gauges:
         else:
             offset = gain = 0.5 * value("class")  # together the class, at the end of the range
             offset *= high
-        table[parts.OFFSET, c], table[parts.GAIN, c] = offset * drawn(0), 1.0 + gain * drawn(1)
-        table[parts.LOW, c], table[parts.HIGH, c] = measured_range(one.type, one.low, high, value("class"))
-        table[parts.NOISE, c], table[parts.HUM, c] = value("noise"), value("hum")
+        table[OFFSET, c], table[GAIN, c] = offset * drawn(0), 1.0 + gain * drawn(1)
+        table[LOW, c], table[HIGH, c] = measured_range(one.type, one.low, high, value("class"))
+        table[NOISE, c], table[HUM, c] = value("noise"), value("hum")
         if beside:  # a valve's wire runs beside its own
-            table[parts.PICKUP, c] = value("pickup")
+            table[PICKUP, c] = value("pickup")
         if type_of.filtered and config.anti_alias > 0.0:
-            table[parts.KEEP, c] = math.exp(-2.0 * math.pi * config.anti_alias * step)
+            table[KEEP, c] = math.exp(-2.0 * math.pi * config.anti_alias * step)
         if value("step") > 0.0:  # an encoder
-            table[parts.STEP, c] = value("step")
-            table[parts.GATE, c] = self.gates[one.like]
-            table[parts.TURN, c] = 1.0 / (value("step") * self.gates[one.like])
+            table[STEP, c] = value("step")
+            table[GATE, c] = self.gates[one.like]
+            table[TURN, c] = 1.0 / (value("step") * self.gates[one.like])
             self.state[c] = uniform(seed, DRAWS + 1 + c, 0)
         else:
-            self.state[c] = table[parts.OFFSET, c]
+            self.state[c] = table[OFFSET, c]
             if config.resolution_bits > 0.0:
                 full = 2.0 * high if signed else high
-                table[parts.QUANTUM, c] = full / 2.0**config.resolution_bits
+                table[QUANTUM, c] = full / 2.0**config.resolution_bits
 
     def switch(self, on: bool) -> None:
         """Switch noise, hum and pickup of all channels on, with the values that are set, or off; RigError without transducers."""
@@ -139,4 +137,4 @@ class Gauges:
 
     def effective(self, channel: str) -> float:
         """Return the standard deviation that acts on a channel [SI]."""
-        return float(self.table[parts.NOISE, self.channels.index(channel)])
+        return float(self.table[NOISE, self.channels.index(channel)])

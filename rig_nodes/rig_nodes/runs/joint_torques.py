@@ -11,11 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..driveline.algebra import LAM, VISC
-from ..driveline.inputs import Input
-from ..driveline.laws import MOTION, TORQUE
-from ..driveline.result import Result
-from ..rig.signals import torque_signals
+from ..driveline import LAM, MOTION, TORQUE, VISC, Input, Result
+from ..rig import torque_signals
 from .rig import Rig
 
 

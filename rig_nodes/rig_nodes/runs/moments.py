@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..base.clocks import SAMPLE_NS, TICK_SAMPLES
-from ..plant.engine.world import beginning
+from ..base import SAMPLE_NS, TICK_SAMPLES
+from ..plant import beginning
 from .rig import Rig
 from .shown_state import ShownState
 

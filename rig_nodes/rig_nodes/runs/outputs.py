@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from ..bags.cdr import encoder
-from ..base.clocks import SAMPLE, SAMPLE_NS, TICK_SAMPLES
-from ..controllers import own_signals
-from ..controllers.plug import Plug
-from ..rig.signals import CONTROLLER_COMMAND
+from ..bags import encoder
+from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES
+from ..controllers import Plug, own_signals
+from ..rig import CONTROLLER_COMMAND
 from .cuts import topic_of
 from .rig import Rig
 from .topics import SCALAR_SAMPLES, Readings, States

@@ -12,17 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.errors import RigError
-from ..driveline import losses
-from ..driveline.system import System
-from ..plant.engine.plan import Instance, Meter, Plan
-from ..plant.parts import part as parts
-from ..plant.parts import plates
-from ..rig.configuration import RigConfig
-from ..rig.driveline import build_driveline, inertias_of, inputs_of, shaft_of
-from ..rig.effects import leave_out
-from ..rig.read import CLUTCHES
-from ..rig.structure import Device
+from ..base import RigError
+from ..driveline import System, losses
+from ..plant import Instance, Meter, Plan, derived_of_pack
+from ..plant import part as parts
+from ..rig import CLUTCHES, Device, RigConfig, build_driveline, inertias_of, inputs_of, leave_out, shaft_of
 
 UNMOVED = 1e6  # kg m2 on an input whose speed is to stay constant; no published torque or energy contains it
 HELD = "output_speed"  # name of what bounds the output's speed, where pressures are prescribed
@@ -255,7 +249,7 @@ class _Planner:
         elif "plates" in device.wires:
             pack = self.values[device.wires["plates"]]
             clearance = values.clearance if hasattr(values, "clearance") else self.values[device.wires["press"]].contact_travel
-            derived = plates.derived(pack, values, clearance, self.effects.spline_hysteresis)
+            derived = derived_of_pack(pack, values, clearance, self.effects.spline_hysteresis)
             if part == "pressed_clutch":
                 derived["clearance"] = clearance
             start, configs = {"temperature": temperature}, (values, pack)

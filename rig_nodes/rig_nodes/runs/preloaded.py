@@ -11,8 +11,8 @@ import json
 import os
 from contextlib import suppress
 
-from ..base.errors import RigError
-from ..rig.configuration import load_rig
+from ..base import RigError
+from ..rig import load_rig
 from .rig import Rig
 from .workers import RIGS_PRELOADED
 

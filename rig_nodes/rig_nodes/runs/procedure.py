@@ -16,17 +16,27 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..base.config import load_yaml
-from ..base.errors import RigError, brief
-from ..base.names import beside, find_of_rigs, rig_of, rig_with, unknown
-from ..base.schema import check_keys, where_of
-from ..base.units import SI, dimension_of_text, quantity
-from ..rig.configuration import RigConfig, load_rig, with_overrides
-from .record import Run, record
+from ..base import (
+    SI,
+    RigError,
+    beside,
+    brief,
+    check_keys,
+    dimension_of_text,
+    find_of_rigs,
+    load_yaml,
+    quantity,
+    rig_of,
+    rig_with,
+    unknown,
+    where_of,
+)
+from ..rig import RigConfig, load_rig, with_overrides
+from .recorded import Run, record
 from .sequence import Sequence, filled, load_sequence
 
 if TYPE_CHECKING:
-    from ..base.yaml_file import Map
+    from ..base import Map
 
 MOST_REPEATS = 100
 MOST_SERIES = 2000  # of a procedure

@@ -17,20 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..analysis.gathered import Gathered
-from ..bags.canonical import canonical_hash
-from ..bags.cdr import encoder
-from ..bags.opened import OpenedBags
-from ..bags.writer import BagWriter
-from ..base.clocks import SAMPLE, SAMPLE_NS
-from ..base.errors import RigError
-from ..base.schema import SWITCH
-from ..base.uninterrupted import Uninterrupted
-from ..controllers.plug import Plug
-from ..controllers.seam import LEVELS, ControllerFailed
-from ..rig.configuration import RigConfig
-from ..rig.settings import CHANGED, CONTROLLER, Settings
-from ..rig.signals import CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED
+from ..analysis import Gathered
+from ..bags import BagWriter, OpenedBags, canonical_hash, encoder
+from ..base import SAMPLE, SAMPLE_NS, SWITCH, RigError, Uninterrupted
+from ..controllers import LEVELS, ControllerFailed, Plug
+from ..rig import CHANGED, CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED, RigConfig, Settings
 from .bag_outputs import BagOutputs
 from .outputs import Outputs
 from .rig import Rig

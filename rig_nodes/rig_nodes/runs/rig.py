@@ -15,19 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.clocks import COMMAND_TIMEOUT
-from ..base.errors import RigError
-from ..base.names import unknown
-from ..base.schema import SWITCH
-from ..controllers.record import record_of
-from ..controllers.seam import LEVELS
+from ..base import COMMAND_TIMEOUT, SWITCH, RigError, unknown
+from ..controllers import LEVELS, record_of
+from ..plant import BY_DUTY, BY_LAW, BY_SETPOINT
 from ..plant import alfa46_law as law
-from ..plant.parts import part as parts
-from ..plant.parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
-from ..rig.alfa46 import Alfa46Config, beyond_alfa46, check_gains
-from ..rig.commands import Setpoint
-from ..rig.configuration import RigConfig
-from ..rig.settings import CONTROLLER, Setting
+from ..plant import part as parts
+from ..rig import CONTROLLER, Alfa46Config, RigConfig, Setpoint, Setting, beyond_alfa46, check_gains
 from .commanded_rig import CommandedRig, check_level
 from .cuts import Cuts
 from .gauges import Gauges

@@ -13,17 +13,27 @@ from enum import IntEnum
 
 import numpy as np
 
-from ..base.clocks import SAMPLE, SAMPLE_NS, TICK_SAMPLES
-from ..base.errors import RigError
-from ..driveline.algebra import KIN1
+from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES, RigError
+from ..driveline import KIN1
+from ..plant import (
+    BY_DUTY,
+    NONE,
+    NOT_SETTLED,
+    WHOLE,
+    GaugeArrays,
+    Law,
+    Plan,
+    Plant,
+    Rings,
+    World,
+    addresses,
+    advance,
+    compiling_in_parallel,
+    first_row,
+    shown_dtype,
+)
 from ..plant import alfa46_law as law
-from ..plant.engine import general_step, loop
-from ..plant.engine.outcome import NOT_SETTLED, WHOLE
-from ..plant.engine.plan import Plan, World
-from ..plant.engine.warm_compile import compiling_in_parallel
-from ..plant.instruments import transducers
-from ..plant.parts.proportional_valve import BY_DUTY
-from ..rig.catalogue import Catalogue
+from ..rig import Catalogue
 from .gauges import Gauges
 from .trips import Tripped, not_finite, not_settled
 
@@ -122,22 +132,20 @@ class RigBase(ABC):
         self._capacities = np.zeros((len(self._moments), len(plan.system.elements)))
         self._log = np.zeros((LOG_SAMPLES * self._steps_per_sample, len(self.channels)), order="F")
         count = len(self.channels) - plan.untouched
-        self._shown = np.zeros(1, transducers.shown_dtype(count, plan.untouched, len(plan.encoders)))
+        self._shown = np.zeros(1, shown_dtype(count, plan.untouched, len(plan.encoders)))
         self._shown["present"], self._shown["source"] = gauges.present, self.world.source[:count]
         self._shown["untouched_source"] = self.world.source[count:]
         self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
         world, steps = self.world, self._steps_per_sample
-        self._plant = loop.Plant(
-            world.record, world.numbers, world.moved, world.finite, world.kept, self.step, steps, general_step.NONE
-        )
-        self._gauges = loop.Gauges(self._shown, *gauges.arrays)
-        self._law = loop.Law(self._law_config, self._law_profiles, self._law_outputs, self._law_state)
-        self._rings = loop.Rings(self._log, self._commands, self._moments, self._capacities)
+        self._plant = Plant(world.record, world.numbers, world.moved, world.finite, world.kept, self.step, steps, NONE)
+        self._gauges = GaugeArrays(self._shown, *gauges.arrays)
+        self._law = Law(self._law_config, self._law_profiles, self._law_outputs, self._law_state)
+        self._rings = Rings(self._log, self._commands, self._moments, self._capacities)
         with compiling_in_parallel(plan.driven) as cold:
-            loop.first_row(self._log, self._plant, self._gauges)
+            first_row(self._log, self._plant, self._gauges)
             if cold:
                 self._advance(0)
-        self._plant = self._plant._replace(addresses=general_step.addresses(plan.driven))
+        self._plant = self._plant._replace(addresses=addresses(plan.driven))
 
     def move(self, samples: int) -> bool:
         """Move by a number of samples; False when the plant trips the rig. A tripped rig moves on as far as it can."""
@@ -150,7 +158,7 @@ class RigBase(ABC):
         return True
 
     def _advance(self, samples: int) -> tuple[int, int]:
-        return loop.advance(samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
+        return advance(samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
 
     def device(self, name: str) -> np.void:
         """Return the states of a device by its name [SI], which can be read and set."""

@@ -14,10 +14,8 @@ from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
-from ..base.atomic_write import atomic_write
-from ..base.errors import RigError
-from ..rig.configuration import RigConfig
-from ..rig.recorded_rig import config_of_record
+from ..base import RigError, atomic_write
+from ..rig import RigConfig, config_of_record
 from .folders import RUN_FILE
 from .sequence import Condition, Sequence, Step
 

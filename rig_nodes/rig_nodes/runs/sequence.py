@@ -15,15 +15,24 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.config import load_yaml
-from ..base.errors import RigError, brief
-from ..base.names import find_of_rigs, rig_of, unknown, with_bases
-from ..base.schema import check_keys, where_of
-from ..base.units import dimension_of, quantity, span
-from ..base.yaml_file import List, Map
-from ..plant.parts.load_pump import most_torque
-from ..rig.configuration import RigConfig, load_rig
-from ..rig.settings import CONTROLLER, OWN, Setting
+from ..base import (
+    List,
+    Map,
+    RigError,
+    brief,
+    check_keys,
+    dimension_of,
+    find_of_rigs,
+    load_yaml,
+    quantity,
+    rig_of,
+    span,
+    unknown,
+    where_of,
+    with_bases,
+)
+from ..plant import most_torque
+from ..rig import CONTROLLER, OWN, RigConfig, Setting, load_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from ..base.errors import RigError
-from ..plant.parts.load_pump import relief_setting_for
+from ..base import RigError
+from ..plant import relief_setting_for
 
 if TYPE_CHECKING:
-    from ..rig.configuration import RigConfig
+    from ..rig import RigConfig
     from .sequence import Sequence, Step
 
 

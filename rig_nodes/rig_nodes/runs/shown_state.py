@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..driveline import algebra as driveline_algebra
-from ..driveline.laws import stored_energy
-from ..plant.parts import part as parts
-from ..rig.driveline import owns_shaft, shaft_of
+from ..driveline import stored_energy
+from ..plant import part as parts
+from ..rig import owns_shaft, shaft_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from ..driveline.system import System
-    from ..plant.engine.plan import World
-    from ..rig.configuration import RigConfig
+    from ..driveline import System
+    from ..plant import World
+    from ..rig import RigConfig
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags.cdr import Form
-from ..bags.definitions import installed
-from ..base.clocks import SAMPLE, TICK_SAMPLES
-from ..controllers.record import record_of
-from ..controllers.seam import LEVELS
-from ..plant.parts import part as parts
-from ..rig.catalogue import Catalogue
-from ..rig.signals import CONTROLLER_COMMAND, TORQUES, absolute_pressures
+from ..bags import Form, installed
+from ..base import SAMPLE, TICK_SAMPLES
+from ..controllers import LEVELS, record_of
+from ..plant import part as parts
+from ..rig import CONTROLLER_COMMAND, TORQUES, Catalogue, absolute_pressures
 from .joint_torques import JointTorques
 from .moments import Moments, Present
 from .rig import Rig
@@ -27,7 +24,7 @@ from .rig import Rig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..base.arrays import Floats
+    from ..base import Floats
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure

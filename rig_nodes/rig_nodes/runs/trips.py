@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.arrays import Floats
-from ..base.errors import RigError
+from ..base import Floats, RigError
 
 SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
 

@@ -19,8 +19,7 @@ from contextlib import closing, contextmanager, suppress
 from multiprocessing import connection, forkserver, get_context
 from typing import Any
 
-from ..base.errors import RigError
-from ..base.uninterrupted import Uninterrupted
+from ..base import RigError, Uninterrupted
 
 TRIES = 2  # of an item in Workers.stream whose process was killed
 PRELOADED = "rig_nodes.runs.preloaded"

@@ -5,3 +5,7 @@
 
 `rig view` uses it. Only functions that need rerun import it, so that the rest of the rig runs without it.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

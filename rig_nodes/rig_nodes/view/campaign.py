@@ -19,17 +19,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.definitions import RPM
-from ..analysis.metrics import PLOTS, Metric, named_metrics
-from ..analysis.run_report import REPORT_FILE, read_report, shown_transmission
-from ..analysis.runs_table import read_procedure
-from ..analysis.uncertainty import instruments_of, uncertainty
-from ..bags.opened import KINDS
-from ..bags.pieces import PACKED
-from ..bags.reader import UNREADABLE
-from ..bags.rig_record import rig_record
-from ..base.errors import RigError, quoted
-from ..rig.transmission import Transmission, transmission_of
+from ..analysis import (
+    PLOTS,
+    REPORT_FILE,
+    RPM,
+    Metric,
+    instruments_of,
+    named_metrics,
+    read_procedure,
+    read_report,
+    shown_transmission,
+    uncertainty,
+)
+from ..bags import BAG_SUFFIXES, PACKED, UNREADABLE, rig_record
+from ..base import RigError, quoted
+from ..rig import Transmission, transmission_of
 from . import layout
 from .convert import APPLICATION, VIEW_FILE, import_rerun
 from .document import markdown_table
@@ -81,7 +85,7 @@ class Campaign:
 def is_campaign(path: str | Path) -> bool:
     """Return True for a folder that holds no bag itself, but the reports of several runs or a sweep's results."""
     folder = Path(path)
-    if not folder.is_dir() or any(one.name.removesuffix(PACKED).endswith(KINDS) for one in folder.iterdir()):
+    if not folder.is_dir() or any(one.name.removesuffix(PACKED).endswith(BAG_SUFFIXES) for one in folder.iterdir()):
         return False
     return (folder / SWEEP).exists() or (folder / RESULTS).exists() or bool(_reports(folder))
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.side_by_side import Comparison
-from ..base.errors import RigError
-from ..rig.catalogue import Signal
+from ..analysis import Comparison
+from ..base import RigError
+from ..rig import Signal
 from . import layout
 from .convert import APPLICATION, import_rerun
 from .curves import times

@@ -17,18 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
-from ..analysis.gather import gather, gathering
-from ..analysis.gathered import SMALL
-from ..analysis.run_report import REPORT_FILE, build_report, is_of, read_report
-from ..analysis.shift import with_ends
-from ..bags.logged import orders_in
-from ..bags.opened import OpenedBags
-from ..bags.pieces import PIECE
-from ..bags.reader import UNREADABLE, Bag, recovered
-from ..bags.run_end import CUT_OFF, NO_REPORT
-from ..bags.sequence_numbers import Numbers
-from ..base.errors import RigError
-from ..base.names import unknown
+from ..analysis import REPORT_FILE, SMALL, build_report, gather, gathering, is_of, read_report, with_ends
+from ..bags import CUT_OFF, NO_REPORT, PIECE, UNREADABLE, Bag, Numbers, OpenedBags, orders_in, recovered
+from ..base import RigError, unknown
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import event_row, report_document

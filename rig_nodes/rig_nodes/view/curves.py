@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.plate_heat import above_the_oil
-from ..bags.reader import Bag
-from ..base.errors import RigError
-from ..rig.catalogue import Signal
+from ..analysis import above_the_oil
+from ..bags import Bag
+from ..base import RigError
+from ..rig import Signal
 from . import layout
 from .pages import OTHER, Pages, Plates
 

@@ -10,18 +10,23 @@ from __future__ import annotations
 
 from itertools import zip_longest
 
-from ..analysis.definitions import undefined_lines
-from ..analysis.energy import clutch_heat
-from ..analysis.metrics import named_metrics
-from ..analysis.no_change import measured_lines
-from ..analysis.press_bench import bench_lines
-from ..analysis.quality import sentence_of
-from ..analysis.ranges import range_lines
-from ..analysis.report_text import no_shift, numbered_way, shift_name
-from ..analysis.run_report import shown_transmission, verdicts_in
-from ..analysis.shown import fixed
-from ..analysis.state_at_order import begun_lines
-from ..rig.transmission import Transmission
+from ..analysis import (
+    begun_lines,
+    bench_lines,
+    clutch_heat,
+    fixed,
+    measured_lines,
+    named_metrics,
+    no_shift,
+    numbered_way,
+    range_lines,
+    sentence_of,
+    shift_name,
+    shown_transmission,
+    undefined_lines,
+    verdicts_in,
+)
+from ..rig import Transmission
 
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 ARROW = " → "

@@ -14,8 +14,8 @@ from html import escape
 
 import numpy as np
 
-from ..base.atomic_write import MAKER
-from ..studies.validation.figures import ticks
+from ..base import MAKER
+from ..studies import ticks
 
 WIDTH, LEFT, RIGHT = 560, 56, 10  # width of a plot's drawing, and of the margins for its numbers
 LETTER = 9.3  # width of an average letter at the width of a phone, in the same units

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING
 
-from ..analysis.shift import with_ends
-from ..base.errors import RigError
-from ..rig.catalogue import Signal
-from ..rig.transmission import NEUTRAL, Transmission
+from ..analysis import with_ends
+from ..base import RigError
+from ..rig import NEUTRAL, Signal, Transmission
 from .pages import Pages, Plots
 
 if TYPE_CHECKING:

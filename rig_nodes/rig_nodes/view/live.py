@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags import cdr
-from ..bags.definitions import installed
-from ..base.errors import RigError
-from ..rig.catalogue import Signal, Topic
+from ..bags import cdr, installed
+from ..base import RigError
+from ..rig import Signal, Topic
 from . import layout
 from .convert import import_rerun
 from .curves import log_state_styles, log_style, times

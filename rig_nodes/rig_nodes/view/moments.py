@@ -15,14 +15,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.definitions import LONGEST, RPM
-from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, Part, moments_of, phases_of, times_of
-from ..analysis.shift import shift_metrics, without_slip
-from ..bags import cdr
-from ..bags.logged import Recording
-from ..bags.reader import UNREADABLE
-from ..base.errors import RigError
-from ..rig.transmission import NEUTRAL
+from ..analysis import (
+    FILL,
+    INERTIA,
+    INTERRUPTED,
+    LONGEST,
+    RPM,
+    TORQUE,
+    Part,
+    moments_of,
+    phases_of,
+    shift_metrics,
+    times_of,
+    without_slip,
+)
+from ..bags import UNREADABLE, Recording, cdr
+from ..base import RigError
+from ..rig import NEUTRAL
 from . import layout
 from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
 from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots
@@ -32,8 +41,7 @@ if TYPE_CHECKING:
 
     from rerun import RecordingStream
 
-    from ..bags.opened import OpenedBags
-    from ..bags.reader import Bag
+    from ..bags import Bag, OpenedBags
 
 EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values

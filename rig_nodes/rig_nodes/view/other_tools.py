@@ -15,8 +15,8 @@ import xml.etree.ElementTree as xml
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base.atomic_write import MAKER, atomic_write
-from ..rig.catalogue import Signal
+from ..base import MAKER, atomic_write
+from ..rig import Signal
 from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 
 if TYPE_CHECKING:

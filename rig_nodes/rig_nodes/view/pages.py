@@ -14,11 +14,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from ..bags.rig_record import rig_record
-from ..plant.parts import part as parts
-from ..rig.catalogue import Catalogue, Signal, catalogue
-from ..rig.structure import Device, Structure, structure_of
-from ..rig.transmission import Transmission, transmission_of
+from ..bags import rig_record
+from ..plant import part as parts
+from ..rig import Catalogue, Device, Signal, Structure, Transmission, catalogue, structure_of, transmission_of
 from .plots import BENCH_LEFT, BENCH_RIGHT, COAST, LEFT, PLOTS, RIGHT, SHIFT, VALVE
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ..base.atomic_write import MAKER
-from ..base.errors import RigError
+from ..base import MAKER, RigError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 LONGEST = 120.0  # s; time limit of the whole print

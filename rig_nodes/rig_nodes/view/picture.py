@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.atomic_write import MAKER, atomic_write
-from ..base.errors import RigError
+from ..base import MAKER, RigError, atomic_write
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..plant.parts import part as parts
+from ..plant import part as parts
 
 if TYPE_CHECKING:
-    from ..rig.structure import Device
+    from ..rig import Device
     from .pages import Pages
 
 # a shift, a valve's response at standstill and a coast-down of a rig with gears; both columns of its run; those of a rig without

@@ -14,18 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.phases import FILL, INERTIA, INTERRUPTED, TORQUE, moments_of, phases_of, times_of
-from ..analysis.ranges import LOGGER
-from ..analysis.report_text import shift_name
-from ..bags.pieces import PIECE
-from ..bags.reader import Bag
-from ..base.errors import RigError
+from ..analysis import FILL, INERTIA, INTERRUPTED, LOGGER, TORQUE, moments_of, phases_of, shift_name, times_of
+from ..bags import PIECE, Bag
+from ..base import RigError
 from .html_page import COLOURS, Axis, Curve, Envelope, Stretch, captioned, legend, on_white
 from .pages import OTHER, PALE, Pages
 
 if TYPE_CHECKING:
-    from ..rig.catalogue import Signal
-    from ..rig.transmission import Transmission
+    from ..rig import Signal, Transmission
 
 MOST_SHIFTS = 12  # largest number of shifts whose plots are on a page
 BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order, after the settled torque, and after an order without an end

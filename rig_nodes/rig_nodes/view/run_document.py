@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ..analysis.energy import energy_names
-from ..analysis.run_report import shown_transmission
-from ..analysis.settings_of_run import settings_of_run
-from ..rig.changed_settings import changed_settings
+from ..analysis import energy_names, settings_of_run, shown_transmission
+from ..rig import changed_settings
 from .document import event_row, markdown_table
 
 SEQUENCER = "sequencer"

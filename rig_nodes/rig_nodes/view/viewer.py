@@ -14,7 +14,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ..base.errors import RigError, quoted
+from ..base import RigError, quoted
 from .convert import import_rerun
 
 PR_SET_PDEATHSIG = 1

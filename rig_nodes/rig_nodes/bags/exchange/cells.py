@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import RigError
+from ...base import RigError
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
 
 MISSING = ("", "nan", "NaN", "---")
 BLANKS = " \u00a0\u202f\u2009"  # blank, no-break space, narrow one, thin space: each may group thousands

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.errors import RigError
+from ...base import RigError
 from .foreign import Channel, Foreign
 from .stamps import FASTEST, HOUR, SLOWEST, Stamps
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats, Ints
+    from ...base import Floats, Ints
 
 EMPTIER = 20  # largest number of steps of the clock per row of the file; with more, the file is not a recording of equal steps
 REPEATED = 0.2  # share of rows with the time of the row before them, above which the times have too few digits

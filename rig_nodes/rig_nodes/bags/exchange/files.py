@@ -21,18 +21,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.atomic_write import atomic_write
-from ...base.errors import RigError, no_pyarrow, not_written
+from ...base import RigError, atomic_write, no_pyarrow, not_written
 from .groups import Column, Group, Rows, Signals, on_one_clock, on_own_clocks
 from .packages import needed
 from .provenance import KEY, csvw_path, lines_of, provenance_of, text_of
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
     from ..reader import Bag
 
 # endings by what is exported of a run; runs/can_log.py writes the last three
-KINDS = {
+FILE_KINDS = {
     "csv": (".csv",),
     "parquet": (".parquet",),
     "mf4": (".mf4",),

@@ -15,13 +15,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError, brief, no_file
-from ...base.names import meant
+from ...base import RigError, brief, meant, no_file
 from .cells import MISSING, Cells
 from .formats.format import format_of
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
 
 CUT = "the file is cut off; what it holds until there was taken"
 LARGEST = 4 << 30  # bytes of a file, which is read as a whole

@@ -16,20 +16,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import BagError, RigError
-from ...base.names import unknown
-from ...rig.catalogue import Signal
+from ...base import BagError, RigError, unknown
+from ...rig import Signal
 from ..opened import OpenedBags
 from ..reader import Bag, Logger
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ...base.arrays import Floats
+    from ...base import Floats
 
 BLOCK, SETPOINT = "rig_msgs/msg/SampleBlock", "rig_msgs/msg/Setpoint"
 DESCRIBING = ("rig_msgs/msg/RunInfo", "rig_msgs/msg/Event", "rig_msgs/msg/ChannelList")
-PIECE = 16 << 20  # bytes of messages in memory at once
+IN_MEMORY = 16 << 20  # bytes of messages in memory at once
 LATE = 1_000_000_000  # ns by which a message's place in the file may be later than its time
 SHOWN, SI = "shown", "si"
 # unit in the messages -> its spelling in base.units and in other tools
@@ -132,7 +131,7 @@ class Signals:
             When the bag is damaged.
         """
         last: dict[str, Logger] = {}
-        for piece in Bag.pieces(self._run, PIECE):
+        for piece in Bag.pieces(self._run, IN_MEMORY):
             found: list[Part] = []
             for number, group in enumerate(self.groups):
                 if not piece.counts.get(group.topic):

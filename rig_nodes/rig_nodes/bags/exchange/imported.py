@@ -20,15 +20,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ... import __version__
-from ...base.errors import RigError
-from ...base.names import unknown
-from ...base.units import UNITS, with_article
-from ...rig.catalogue import Signal, catalogue
-from ...rig.signals import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED
-from ...rig.transmission import Transmission, transmission_of
+from ...base import UNITS, RigError, unknown, with_article
+from ...rig import CONTROLLER_EVENTS, GEAR_WAS, SHIFT_ORDERED, Signal, Transmission, catalogue, transmission_of
 from ..cdr import encoder
 from ..logged import Recording, orders_in
-from ..rig_record import rig_record
+from ..rig_in_bag import rig_record
 from ..writer import BagWriter
 from .cells import CellError
 from .clock import Clock
@@ -39,7 +35,7 @@ from .time_columns import Axis, axis_of, found_times, stamps_of
 from .units import unit_of
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
 
 ORDER_NAMES = ("gear_ordered", "order")
 BLOCK, CHANNELS, RUN_INFO = "/instruments/hmg4000", "/instruments/channels", "/rig/run_info"

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import re
 
-from ...base.errors import RigError
-from ...rig.transmission import Transmission
+from ...base import RigError
+from ...rig import Transmission
 
 _ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
 

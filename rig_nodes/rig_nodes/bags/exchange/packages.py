@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.errors import RigError
+from ...base import RigError
 
 if TYPE_CHECKING:
     from types import ModuleType

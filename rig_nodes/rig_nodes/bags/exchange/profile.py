@@ -13,11 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...base.config import load_yaml
-from ...base.errors import RigError, brief
-from ...base.names import find_of_rigs, unknown
-from ...base.units import quantity
-from ...base.yaml_file import Map, where_of
+from ...base import Map, RigError, brief, find_of_rigs, load_yaml, quantity, unknown, where_of
 from .cells import GROUPS, MISSING
 from .foreign import Form
 

@@ -14,10 +14,8 @@ import re
 from collections.abc import Mapping
 from itertools import pairwise
 
-from ...base.errors import RigError, quoted
-from ...base.units import UNITS
-from ...rig.catalogue import Signal, catalogue
-from ...rig.transmission import Transmission, transmission_of
+from ...base import UNITS, RigError, quoted
+from ...rig import Signal, Transmission, catalogue, transmission_of
 from .foreign import Channel, Foreign, Form
 from .imported import ORDER_NAMES
 from .profile import OPEN

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.errors import RigError
+from ...base import RigError
 from .units import TIME_UNITS
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
     from .cells import Cells
 
 DAY, HOUR = 86400, 3600  # s

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.errors import RigError
+from ...base import RigError
 from .cells import CellError, Cells
 from .clock import REPEATED, Clock
 from .foreign import Channel, Foreign, column
@@ -24,7 +24,7 @@ from .stamps import DAYS, LOOKED_AT, SINCE_1970, Stamps, are_stamps, has_date, s
 from .units import TIME_UNITS, time_unit_of
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
 
 NAME = re.compile(r"(?:t|time|czas|zeit|timestamps?|uhrzeit|elapsed ?time)[\s_]*\(?\w{0,2}\)?", re.IGNORECASE)
 EXACT = 2**53  # beyond it not every whole number is a float

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from ...base.units import UNITS
+from ...base import UNITS
 
 # units of times in files -> s
 TIME_UNITS = {

@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.errors import RigError
+from ...base import RigError
 from ...plant import alfa46_law as law
-from ...rig.alfa46 import Alfa46Config, beyond_alfa46
-from ...rig.transmission import Transmission
+from ...rig import Alfa46Config, Transmission, beyond_alfa46
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...base.arrays import Floats
+    from ...base import Floats
 
 
 def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> str | None:

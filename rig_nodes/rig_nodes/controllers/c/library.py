@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError, no_file
+from ...base import RigError, no_file
 from ..hosted import Host, HostedPlug, Hosting
 from ..own_signals import checked_settings, checked_signals
 from ..plug import DECLARED, chosen_level
@@ -30,7 +30,7 @@ from .host import ABI, TEXT, Info, Inputs, Outputs, Parameter
 from .record_header import NAME, header_text
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 INCLUDE = Path(__file__).parents[1] / "include"
 # -I -S: no site, no PYTHON variables of the user; a user's breakpoints are in the library, not in Python

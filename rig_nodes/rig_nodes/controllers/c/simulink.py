@@ -12,7 +12,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from ...base.errors import RigError
+from ...base import RigError
 from .library import COMPILERS, CLibrary, compile_library
 
 SHIM = "rig_shim"  # followed by a suffix of C or C++

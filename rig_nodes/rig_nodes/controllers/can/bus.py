@@ -14,7 +14,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..free_running import AT_ONCE, FreeRunning, number, split_options, timeout_of
 from ..plug import error_text
 from ..seam import ControllerInputs
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import can
     from cantools.database.can import Message
 
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
 NO_ADDRESS = "none"  # value of address: plain frames only

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..record import ControllerRecord
 from ..wire import Wire, commands, currents, measured
 from . import j1939

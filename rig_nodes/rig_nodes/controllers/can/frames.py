@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-from ...rig.transmission import NEUTRAL
+from ...rig import NEUTRAL
 from ..record import STANDSTILL, ControllerRecord
 from ..seam import ControllerInputs
 from ..wire import commands, currents, measured

@@ -22,7 +22,7 @@ from rig_nodes.controllers.examples.command import parser, run
 from rig_nodes.controllers.ignored import Ignored
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.wire import currents, measured
-from rig_nodes.rig.configuration import RigConfig, load_gearbox_rig
+from rig_nodes.rig import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
     import can

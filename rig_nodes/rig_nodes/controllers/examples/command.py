@@ -7,8 +7,7 @@ import socket
 import sys
 from collections.abc import Callable
 
-from rig_nodes.base.arguments import Parser
-from rig_nodes.base.errors import RigError, printable
+from rig_nodes.base import Parser, RigError, printable
 
 
 def parser(text: str, module: str) -> Parser:

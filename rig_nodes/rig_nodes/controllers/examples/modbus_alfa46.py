@@ -23,7 +23,7 @@ from rig_nodes.controllers.ignored import Ignored
 from rig_nodes.controllers.modbus.registers import COMMAND_BASE, register_map
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.wire import NO_NUMBER, commands, given
-from rig_nodes.rig.configuration import RigConfig, load_gearbox_rig
+from rig_nodes.rig import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,7 +14,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 from xml.parsers import expat
 
-from ...base.errors import RigError, printable
+from ...base import RigError, printable
 
 DESCRIPTION = "modelDescription.xml"
 MOST_FILES = 10_000

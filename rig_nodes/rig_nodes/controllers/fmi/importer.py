@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.errors import RigError, no_file, printable
+from ...base import RigError, no_file, printable
 from .archive import unpack
 from .log_text import SIGNATURE, formatted, text_at
 

@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from ...base.errors import RigError, no_file
+from ...base import RigError, no_file
 from ..hosted import Host, HostedPlug, Hosting
 from ..own_signals import checked_settings, checked_signals
 from ..plug import DECLARED, DEFAULT, chosen_level
@@ -24,7 +24,7 @@ from ..record import record_of
 from ..seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 # behind a sample: wanted transducers, the FMU's settings; behind an answer: the FMU's signals, or for a status other
 # than ok a sentence

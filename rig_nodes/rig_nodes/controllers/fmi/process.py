@@ -10,7 +10,7 @@ import os
 import socket
 import struct
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..own_signals import MOST, NAME
 from ..seam import Status, shortened
 from .importer import Fmu, FmuFailed

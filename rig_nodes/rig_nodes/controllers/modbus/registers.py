@@ -12,7 +12,7 @@ import csv
 import io
 from dataclasses import dataclass
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..record import ControllerRecord
 from ..wire import Wire, commands, given
 

@@ -16,7 +16,7 @@ import time
 from collections import Counter, deque
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..free_running import FreeRunning, split_options, timeout_of
 from ..plug import error_text
 from ..seam import ControllerInputs
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pymodbus.pdu import ModbusPDU
     from pymodbus.server import ModbusTcpServer
 
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 OPTIONS = ("host", "timeout")
 READING, WRITING = (3, 4, 23), (6, 16, 23)  # function codes; 23 does both

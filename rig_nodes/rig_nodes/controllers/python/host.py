@@ -19,7 +19,7 @@ import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..seam import ControllerInfo, ControllerInputs, Status, Taken, error_text, inputs_type, shortened, taken
 from .user_class import Broken, UserClass
 

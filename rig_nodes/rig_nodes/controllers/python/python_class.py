@@ -15,7 +15,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..hosted import Host, HostedPlug, Hosting
 from ..plug import DECLARED, DEFAULT, LOG, STEP_TIMEOUT, Plug, chosen_level
 from ..record import record_of
@@ -24,7 +24,7 @@ from .host import FAULT, Frames
 from .user_class import Broken, Overtime, UserClass
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 PYTHON = Hosting(
     "the controller", str(Path(__file__).parents[3]), "rig_nodes.controllers.python.host", "rig-python", ("terminate",)

@@ -18,9 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base.entry_points import Group
-from ...base.errors import RigError, no_file
-from ...base.names import unknown
+from ...base import Group, RigError, no_file, unknown
 from ..own_signals import checked_settings, checked_signals
 from ..seam import LEVELS, ControllerInfo, ControllerInputs, checked_wants, error_text, shortened
 

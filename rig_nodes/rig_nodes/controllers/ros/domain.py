@@ -19,8 +19,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from ...base.config import package_file
-from ...base.errors import RigError
+from ...base import RigError, package_file
 
 # Domain 101 is the last one whose ports are below the ephemeral ports of Linux (32768).
 FIRST, LAST = 1, 101

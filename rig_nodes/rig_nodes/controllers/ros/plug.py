@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from rig_msgs.msg import ControllerReady, ControllerStart
 from rig_msgs.msg import ControllerRecord as ControllerRecordMessage
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..free_running import FreeRunning, split_options
 from ..own_signals import checked_settings, checked_signals
 from ..plug import RECEIVED, Plug, Waiting, chosen_level
@@ -26,7 +26,7 @@ from ..seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs
 from .topics import Answered, NoAnswer, Topics, pack_step
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 TOKEN = "[A-Za-z](_?[A-Za-z0-9])*_?"  # ROS 2 does not allow two underscores in succession
 NAME = re.compile(f"{TOKEN}(/{TOKEN})*")

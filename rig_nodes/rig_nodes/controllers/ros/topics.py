@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..seam import ControllerInputs
 from .domain import from_environment, use_own_transports
 

@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from ...base.errors import RigError, quoted
+from ...base import RigError, quoted
 from ..c.record_header import NAME, header_text
 from ..record import ControllerRecord
 
@@ -40,7 +40,7 @@ def tries(controller: str) -> tuple[str, str]:
 END = "kill %%  # ends the program in the background, which goes on from run to run"
 LAW = {"my_law.py": HERE / "law_python" / "my_law.py"}
 HEADER = {"rig_controller.h": INCLUDE / "rig_controller.h"}
-KINDS = {
+TEMPLATES = {
     "python": Kind("python", {}, tries("python:{dir}/my_controller.py:MyController")),
     "c": Kind("c", HEADER, tries("c:{dir}/my_controller.c"), record=True),
     "cpp": Kind("cpp", HEADER, tries("c:{dir}/my_controller.cpp"), record=True),
@@ -122,7 +122,7 @@ def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[li
     """(files written, commands to try them) for one of KINDS and the record of a rig; RigError when the folder is not new or
     empty.
     """
-    chosen, target = KINDS[kind], Path(folder)
+    chosen, target = TEMPLATES[kind], Path(folder)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name")
     try:

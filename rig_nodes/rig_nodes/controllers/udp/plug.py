@@ -15,7 +15,7 @@ import socket
 import time
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError
+from ...base import RigError
 from ..own_signals import MOST, checked_settings, checked_signals
 from ..plug import RECEIVED, Plug, Waiting, chosen_level
 from ..seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
@@ -44,7 +44,7 @@ from .frames import LEVELS as LEVEL_BITS
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 LOOPBACK = "127.0.0.1"
 RESEND = 0.02  # s of wall clock without an answer after which a sample is sent again

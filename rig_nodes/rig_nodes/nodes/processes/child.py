@@ -20,7 +20,7 @@ import sys
 from multiprocessing import connection, forkserver, get_context, resource_tracker
 from pathlib import Path
 
-from ...base.errors import RigError
+from ...base import RigError
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PRELOADED = "rig_nodes.nodes.preloaded"

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from ...base.errors import RigError
-from ...rig.catalogue import Catalogue
+from ...base import RigError
+from ...rig import Catalogue
 
 
 def parse_drop(text: str | None, known: Catalogue) -> tuple[str, int] | None:

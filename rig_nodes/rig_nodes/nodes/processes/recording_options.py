@@ -12,11 +12,10 @@ import argparse
 import re
 from typing import TYPE_CHECKING, Any
 
-from ...base.errors import RigError
-from ...base.typed_arguments import number_within
+from ...base import RigError, number_within
 
 if TYPE_CHECKING:
-    from ...bags.writer import Layout
+    from ...bags import Layout
 
 CLOCK = "/clock"  # not recorded, because the playback of a bag publishes a clock of its own
 SMALLEST, SHORTEST = 100_000, 0.5  # bytes, s of a file; with less, its definitions and indices would be most of it
@@ -96,7 +95,7 @@ def words(args: argparse.Namespace) -> tuple[str, ...]:
 
 def layout(args: argparse.Namespace) -> Layout:
     """Return how the bag is stored in files."""
-    from ...bags.writer import Layout  # not above: the Python of `ros2 launch` may lack the packages that it needs
+    from ...bags import Layout  # not above: the Python of `ros2 launch` may lack the packages that it needs
 
     return Layout(args.max_bag_size, round(args.max_bag_duration * 1e9), args.compression_mode)
 

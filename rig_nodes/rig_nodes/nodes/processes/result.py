@@ -14,12 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from ...bags.opened import OpenedBags, class_of
-from ...bags.pieces import files_of_run, read_metadata
-from ...bags.reader import Bag
-from ...bags.writer import LIBRARY_OF_RUN, BagWriter
-from ...base.errors import RigError
-from ...rig.catalogue import Topic, catalogue, installed_topics
+from ...bags import LIBRARY_OF_RUN, Bag, BagWriter, OpenedBags, class_of, files_of_run, read_metadata
+from ...base import RigError
+from ...rig import Topic, catalogue, installed_topics
 from .supervisor import MODULES, End, processes_of
 
 RUN_INFO = "rig_msgs/msg/RunInfo"

@@ -21,8 +21,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...base.link import pair
-from ...controllers.ros.domain import Domain, environment, participants
+from ...base import pair
+from ...controllers import Domain, environment, participants
 from .child import Child
 from .tap import tap_pair
 

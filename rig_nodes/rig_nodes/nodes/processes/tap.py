@@ -19,7 +19,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator
 
-from ...base.link import PATIENCE, LinkClosed
+from ...base import PATIENCE, LinkClosed
 
 HEAD = struct.Struct("<HI")  # number of the topic, bytes of the message that follows
 NAMES = 0xFFFF  # in place of a topic's number, in the first message: the names of all topics that will come

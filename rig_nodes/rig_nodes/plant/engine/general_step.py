@@ -11,15 +11,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...base.compiled import INLINED, njit, types
-from ...driveline.calls import address_of, bare_address, bare_step, call_of
-from ...driveline.driven import driven_step
-from ...driveline.law_steps import settled_address
-from ...driveline.quick import quick_address, quick_types
-from ...driveline.state import Loads, State, Structure
+from ...base import INLINED, njit, types
+from ...driveline import (
+    Loads,
+    State,
+    Structure,
+    address_of,
+    bare_address,
+    bare_step,
+    call_of,
+    driven_step,
+    quick_address,
+    quick_types,
+    settled_address,
+)
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
 
 
 class Addresses(NamedTuple):

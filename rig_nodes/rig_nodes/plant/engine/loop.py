@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...base.clocks import TICK_SAMPLES
-from ...base.compiled import INLINED, INNER, njit
-from ...driveline.algebra import KIN1, N_CAPPED
+from ...base import INLINED, INNER, TICK_SAMPLES, njit
+from ...driveline import KIN1, N_CAPPED
 from ..alfa46_law import OFF, current_loop, law_step
 from ..instruments import transducers
 from ..parts.part import NOWHERE
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from ...base.arrays import Floats, Ints, Record
+    from ...base import Floats, Ints, Record
     from .general_step import Addresses
 
 EXPONENT = 0x7FF << 52  # exponent bits of a double that is read as an integer: all are set where the number is not finite
@@ -63,7 +62,7 @@ class Plant(NamedTuple):
     addresses: Addresses
 
 
-class Gauges(NamedTuple):
+class GaugeArrays(NamedTuple):
     """The transducers: records of plant.instruments.transducers.shown_dtype (1,), and the arrays of runs.gauges.Gauges."""
 
     showns: Record
@@ -213,7 +212,7 @@ def power_stage(world: Record, outputs: Record, config: Record) -> None:
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
-def first_row(log: Floats, plant: Plant, gauges: Gauges) -> None:
+def first_row(log: Floats, plant: Plant, gauges: GaugeArrays) -> None:
     """Write the logger's row of time 0."""
     shown, counts = gauges.showns[0], gauges.counts
     transducers.take(shown, gauges.table, gauges.keys, gauges.state)
@@ -277,7 +276,9 @@ def keep_encoders(shown: Record, counts: Floats, slot: int) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-def advance(samples: int, first_sample: int, drive: int, plant: Plant, gauges: Gauges, law: Law, rings: Rings) -> tuple[int, int]:
+def advance(
+    samples: int, first_sample: int, drive: int, plant: Plant, gauges: GaugeArrays, law: Law, rings: Rings
+) -> tuple[int, int]:
     """Advance everything by whole controller samples.
 
     The call ends early with the sample in which something went wrong. After a sample with a value that is not finite, the plant has

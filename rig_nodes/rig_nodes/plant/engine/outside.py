@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...base.compiled import njit
-from ...base.errors import RigError
-from ...base.names import unknown
-from ...base.schema import fill, record_dtype
+from ...base import RigError, fill, njit, record_dtype, unknown
 from ..parts import dc_motor as motor_model
 from ..parts import load_pump as load_model
 from ..parts import part as parts
@@ -24,7 +21,7 @@ from ..parts import proportional_valve as valve_model
 from ..parts.oil_supply import viscosity_at
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .cut_rig import CutRig, Device, Devices
 
 MOTOR, LOAD, VALVE = "dc_motor", "load_pump", "proportional_valve"  # parts that can stand outside

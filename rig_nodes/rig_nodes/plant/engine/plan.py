@@ -14,15 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ...base.errors import RigError
-from ...base.schema import fill
-from ...driveline.driven import driven_arrays
-from ...driveline.laws import MOTION, TORQUE
-from ...driveline.losses import ON, OWN
-from ...driveline.record import layout_of
-from ...driveline.state import State
-from ...driveline.system import System
-from ...driveline.tables import Table
+from ...base import RigError, fill
+from ...driveline import MOTION, ON, OWN, TORQUE, State, System, Table, driven_arrays, layout_of
 from ..parts.part import BODY, NOWHERE, Part, part
 from .world import Sizes, places, world_dtype
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from numba.extending import overload
 
-from ...base.compiled import INLINED, njit
+from ...base import INLINED, njit
 from ..parts.part import STAGES, part
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numba import types
 
-    from ...base.arrays import Record
+    from ...base import Record
     from ..parts.part import Part
 
 

@@ -16,10 +16,8 @@ from typing import TYPE_CHECKING
 
 from numba.extending import overload
 
-from ...base.compiled import INLINED, njit
-from ...driveline.algebra import LAM, TAU, VISC
-from ...driveline.quiet import quiet_step
-from ...driveline.small_vectors import add, dot, product, put, scaled, vector
+from ...base import INLINED, njit
+from ...driveline import LAM, TAU, VISC, add, dot, product, put, quiet_step, scaled, vector
 from .general_step import driven_step_at, general_step, quick_step_at
 from .stages import after, before, bound
 
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
 
     from numba import types
 
-    from ...base.arrays import Record
+    from ...base import Record
     from .general_step import Addresses
 
 

@@ -15,10 +15,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...base.compiled import one_record
-from ...driveline.algebra import work_size
-from ...driveline.losses import loss_width
-from ...driveline.record import FIELDS, INPUTS, KEPT, LAWS, SIZES, WHOLE_NUMBERS, Room, room_shapes
+from ...base import one_record
+from ...driveline import FIELDS, INPUTS, KEPT, LAWS, SIZES, WHOLE_NUMBERS, Room, loss_width, room_shapes, work_size
 from ..parts.part import part
 
 EVENTS = 256  # number of the driveline's events that are kept

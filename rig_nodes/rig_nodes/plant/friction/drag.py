@@ -20,7 +20,7 @@ from .geometry import PackGeometry, not_negative, number, part_of_one, positive
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ...base.arrays import Floats
+    from ...base import Floats
     from .geometry import Numbers
 
     OverRadius: TypeAlias = Numbers | Callable[[Floats], Floats]  # a constant, or a function of the radius [m]

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ...base.schema import param
+from ...base import param
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
+    from ...base import Floats
 
     Numbers: TypeAlias = float | Floats  # one number, or an array of them
 

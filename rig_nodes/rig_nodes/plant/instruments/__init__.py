@@ -6,6 +6,6 @@
 Importing it sets the folder of numba's cache before numba is loaded.
 """
 
-from ...base.compiled import use_kernel_cache
+from ...base import use_kernel_cache
 
 use_kernel_cache()

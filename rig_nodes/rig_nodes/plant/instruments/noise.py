@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...base.compiled import njit
+from ...base import njit
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _CHANNEL = np.uint64(0xD1B54A32D192ED03)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.compiled import INLINED, INNER, njit, one_record
+from ...base import INLINED, INNER, njit, one_record
 from .noise import noise_at
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from ...base.arrays import Floats, Record
+    from ...base import Floats, Record
 
 # Rows of the table, which has a column for each channel of the logger, in SI units:
 # NOISE: standard deviation; LOW, HIGH: range; QUANTUM: step of the converter; GAIN, OFFSET: class error; KEEP: share of the

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from math import cos
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
-from ...driveline.algebra import E_FRIC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
+from ...base import INLINED, njit, param
+from ...driveline import E_FRIC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
 from .part import CLUTCH, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from math import cos, exp
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
+from ...base import INLINED, njit, param
 from .cycles import TURN, normal_of
 from .part import SOURCE, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 SCATTER = 0  # channel of plant.parts.cycles for the irregularity

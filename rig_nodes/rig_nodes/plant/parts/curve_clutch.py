@@ -11,8 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
+from ...base import INLINED, njit, param
 from ..alfa46_law import OFF, ON
 from . import plates
 from .part import CLUTCH, Part
@@ -20,7 +19,7 @@ from .plates import PlatePack
 from .wet_clutch import SHOWS, Cylinder, shown_values
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats, Record
+    from ...base import Floats, Record
 
 
 @dataclass(frozen=True)

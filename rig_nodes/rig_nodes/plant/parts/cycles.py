@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import cos, log, pi, sqrt
 
-from ...base.compiled import njit
+from ...base import njit
 from ..instruments.noise import uniform
 
 TURN = 2.0 * pi

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import choice, param
-from ...driveline.algebra import E_FRIC, KIN1
-from ...driveline.losses import BASE, FACTOR
+from ...base import INLINED, choice, njit, param
+from ...driveline import BASE, E_FRIC, FACTOR, KIN1
 from .part import LOSS, NOWHERE, Part, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
 
 RPM = pi / 30.0
 PER_RPM = 30.0 / pi

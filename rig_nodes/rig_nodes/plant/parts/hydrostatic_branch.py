@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from math import tanh
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
+from ...base import INLINED, njit, param
 from .part import SOURCE, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 EMPTY = -101325.0  # Pa, gauge: pressure of an empty line, which is vacuum

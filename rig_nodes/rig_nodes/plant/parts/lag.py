@@ -7,7 +7,7 @@ plant.parts.load_pump.
 
 from __future__ import annotations
 
-from ...base.compiled import njit
+from ...base import njit
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

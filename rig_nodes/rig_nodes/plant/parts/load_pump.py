@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from math import exp, pi
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
-from ...driveline.algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
+from ...base import INLINED, njit, param
+from ...driveline import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .lag import lagged
 from .part import LOAD, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 PER_RPM = 30.0 / pi

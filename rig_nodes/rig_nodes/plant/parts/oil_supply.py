@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from math import exp, expm1, inf, log, log10
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
+from ...base import INLINED, njit, param
 from .lag import lagged
 from .part import OIL, Command, Part, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 

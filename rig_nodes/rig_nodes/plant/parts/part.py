@@ -19,9 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.entry_points import Group
-from ...base.errors import RigError
-from ...base.schema import record_dtype
+from ...base import Group, RigError, record_dtype
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

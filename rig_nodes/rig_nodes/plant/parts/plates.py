@@ -14,11 +14,8 @@ from functools import lru_cache
 from math import exp, expm1
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.errors import RigError
-from ...base.schema import choice, param
-from ...driveline.algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC
-from ...driveline.small_vectors import dot, vector
+from ...base import INLINED, RigError, choice, njit, param
+from ...driveline import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC, dot, vector
 from ..friction import closed, drag
 from ..friction.geometry import PackGeometry
 from .oil_supply import viscosity_at
@@ -27,7 +24,7 @@ from .part import Wire
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ...base.arrays import Floats, Record
+    from ...base import Floats, Record
     from ..friction.geometry import Numbers
     from .shown_rig import ShownRig
 
@@ -321,7 +318,7 @@ JOINED = {
 }
 
 
-def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hysteresis: bool = True) -> dict[str, float]:
+def derived_of_pack(plates: PlatePack, pack: PackFriction, clearance: float, spline_hysteresis: bool = True) -> dict[str, float]:
     """Return the values of DERIVED that do not change with time, for a pack that is new.
 
     Parameters

@@ -11,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param, switch
+from ...base import INLINED, njit, param, switch
 from ..friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure
 from .part import PRESS, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
+from ...base import INLINED, njit
 from . import plates
 from .part import CLUTCH, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
+from ...base import INLINED, njit, param
 from .lag import lagged
 from .part import NOWHERE, VALVE, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 DISCHARGE, TURBULENT_FROM = 0.61, 9.3  # discharge coefficient of sharp edges, and Reynolds number from which it holds

@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from math import cos, exp
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
-from ...driveline.algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
+from ...base import INLINED, njit, param
+from ...driveline import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
 from .cycles import TURN, normal_of
 from .lag import lagged
 from .part import LOAD, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 SCATTER = 1  # channel of plant.parts.cycles for the cutting resistance; that of the engine is 0

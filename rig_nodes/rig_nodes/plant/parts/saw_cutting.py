@@ -21,14 +21,13 @@ from dataclasses import dataclass
 from math import acos, asin, cos, exp, floor, pi, sin, sqrt
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
-from ...driveline.algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
+from ...base import INLINED, njit, param
+from ...driveline import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
 from .lag import lagged
 from .part import LOAD, MASS, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 PER_TURN = 0.5 / pi

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
+from ...base import INLINED, njit
 from .part import Part
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
 
 
 @njit(**INLINED)

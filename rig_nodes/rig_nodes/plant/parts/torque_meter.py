@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...base.schema import choice, param
+from ...base import choice, param
 from .part import METER, Part, Wire
 
 

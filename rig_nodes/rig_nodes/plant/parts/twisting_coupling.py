@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from math import atan, pi, radians, tan
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
-from ...driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, TAU
+from ...base import INLINED, njit, param
+from ...driveline import E_FRIC, E_SHAFT, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, TAU
 from .part import COUPLING, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from types import SimpleNamespace
 
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 LEAST, MOST = radians(25.0), radians(75.0)  # rad: section 4, helix angles between which the threads are chosen

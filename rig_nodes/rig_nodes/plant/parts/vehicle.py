@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
-from ...driveline.algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
+from ...base import INLINED, njit, param
+from ...driveline import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .part import LOAD, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 GRAVITY = 9.80665  # m/s2, standard gravity

@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from math import exp, inf, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...base.compiled import INLINED, njit
-from ...base.schema import param
+from ...base import INLINED, njit, param
 from . import plates
 from .part import BODY, CLUTCH, NOWHERE, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
 from .proportional_valve import fed, laminar_force, line_flow, orifice_speed
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
     from .shown_rig import ShownRig
 
 THIRD = 1.0 / 3.0

@@ -16,10 +16,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.plant.parts.centrifugal_clutch import clutch_torque
-from rig_nodes.plant.parts.combustion_engine import full_torque
-from rig_nodes.plant.parts.saw_chain import chain_inertia, chain_mass
+from rig_nodes.base import RigError
+from rig_nodes.plant import chain_inertia, chain_mass, clutch_torque, full_torque
 from rig_nodes.rigs.chain_saw.cycles import (
     DELTA,
     MEAN,
@@ -32,12 +30,12 @@ from rig_nodes.rigs.chain_saw.cycles import (
     irregularity,
     slipping,
 )
-from rig_nodes.runs.calculations import Table
+from rig_nodes.runs import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.plant.parts.centrifugal_clutch import CentrifugalConfig
-    from rig_nodes.rig.configuration import RigConfig
-    from rig_nodes.runs.calculations import Recorded
+    from rig_nodes.plant import CentrifugalConfig
+    from rig_nodes.rig import RigConfig
+    from rig_nodes.runs import Recorded
 
 INCH, RPM = 0.0254, np.pi / 30.0
 WORN = 0.04107  # kg, p. 3: a shoe at the end of its life

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from rig_nodes.base.errors import RigError
+from rig_nodes.base import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rig_nodes.plant.parts.centrifugal_clutch import CentrifugalConfig
-    from rig_nodes.rig.configuration import RigConfig
-    from rig_nodes.runs.calculations import Recorded
+    from rig_nodes.plant import CentrifugalConfig
+    from rig_nodes.rig import RigConfig
+    from rig_nodes.runs import Recorded
 
 SPEED = 950.0  # rad/s, p. 5
 DELTA, SCATTER = 0.032, 0.013  # p. 4: mean and standard deviation of the irregularity

@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.plant.parts.sash import motion
-from rig_nodes.plant.parts.saw_cutting import depth_of_cut, feed_per_tooth
+from rig_nodes.base import RigError
+from rig_nodes.plant import depth_of_cut, feed_per_tooth, motion
 from rig_nodes.rigs.frame_saw.turns import FINE, MM, NoSteadyTurn, crank_speed, one_turn, teeth_torque
-from rig_nodes.runs.calculations import Table
+from rig_nodes.runs import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.rig.configuration import RigConfig
-    from rig_nodes.runs.calculations import Recorded
+    from rig_nodes.rig import RigConfig
+    from rig_nodes.runs import Recorded
 
 OLD_FEED = 15 * MM  # feed of the frame without swing, as in the sequence demo
 OLD_PRESSURE = 58.9e6  # Pa: cutting pressure with which the frame without swing takes all its 45 kW at this feed

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.plant.parts.sash import GRAVITY, motion
-from rig_nodes.plant.parts.saw_cutting import depth_of_cut, force_per_width
+from rig_nodes.base import RigError
+from rig_nodes.plant import GRAVITY, depth_of_cut, force_per_width, motion
 
 if TYPE_CHECKING:
-    from rig_nodes.rig.configuration import RigConfig
+    from rig_nodes.rig import RigConfig
 
 MM, RPM = 1e-3, pi / 30.0
 MOTOR_SPEED = 980 * RPM  # setpoint of the sequence demo

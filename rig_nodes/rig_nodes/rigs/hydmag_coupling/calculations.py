@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.plant.parts.twisting_coupling import geometry, levers
-from rig_nodes.runs.calculations import Table
+from rig_nodes.plant import geometry, levers
+from rig_nodes.runs import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.plant.parts.twisting_coupling import CouplingConfig
-    from rig_nodes.rig.configuration import RigConfig
-    from rig_nodes.runs.calculations import Recorded
+    from rig_nodes.plant import CouplingConfig
+    from rig_nodes.rig import RigConfig
+    from rig_nodes.runs import Recorded
 
 MPA = 1e6
 RPM = pi / 30.0

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.plant.parts.combustion_engine import full_torque
-from rig_nodes.plant.parts.vehicle import road_force
-from rig_nodes.runs.calculations import Table
+from rig_nodes.plant import full_torque, road_force
+from rig_nodes.runs import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.rig.configuration import RigConfig
-    from rig_nodes.runs.calculations import Recorded
+    from rig_nodes.rig import RigConfig
+    from rig_nodes.runs import Recorded
 
 RPM = pi / 30.0
 BEGAN = 49.274  # rad/s: speed at which the coast-down of thesis 7.3.1 began; the rig states a loss at it

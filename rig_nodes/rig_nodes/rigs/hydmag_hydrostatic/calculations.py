@@ -8,10 +8,10 @@ from __future__ import annotations
 from math import floor, pi
 from typing import TYPE_CHECKING, NamedTuple
 
-from rig_nodes.runs.calculations import Table
+from rig_nodes.runs import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.rig.configuration import RigConfig
+    from rig_nodes.rig import RigConfig
 
 RPM = pi / 30.0
 STATES = ("hydrostatic", "I", "II")  # of tab. 3.1

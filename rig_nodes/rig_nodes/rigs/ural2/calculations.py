@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize
 
-from rig_nodes.analysis.modes import spectrum, system_of
-from rig_nodes.base.errors import RigError
-from rig_nodes.driveline.modes import modes
+from rig_nodes.analysis import spectrum, system_of
+from rig_nodes.base import RigError
+from rig_nodes.driveline import modes
 from rig_nodes.rigs.ural2.spectra import (
     BOX,
     C_2,
@@ -39,11 +39,11 @@ from rig_nodes.rigs.ural2.spectra import (
     pushed,
     spectra_of,
 )
-from rig_nodes.runs.calculations import Table
+from rig_nodes.runs import Table
 
 if TYPE_CHECKING:
-    from rig_nodes.rig.configuration import RigConfig
-    from rig_nodes.runs.calculations import Recorded
+    from rig_nodes.rig import RigConfig
+    from rig_nodes.runs import Recorded
 
 NAMES = ("I_1", "I_2", "I_3", "I_d", "I_4", "I_5", "c_1", "c_2", "c_3", "c_4")
 SETTINGS = (

@@ -23,14 +23,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ... import __version__
-from ...base.atomic_write import atomic_write
-from ...base.config import CONFIG_DIR, RIGS_DIR
-from ...base.errors import RigError, no_file, printable
-from ...base.names import RIG_FILE, beside, find_config, with_bases
-from ...controllers.c.library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
-from ...controllers.c.record_header import NAME, header_text
-from ...controllers.record import ControllerRecord, flat_parameters, record_of
-from ...rig.configuration import RigConfig, load_rig
+from ...base import CONFIG_DIR, RIG_FILE, RIGS_DIR, RigError, atomic_write, beside, find_config, no_file, printable, with_bases
+from ...controllers import COMPILERS, INCLUDE, LEVEL_BITS, NAME, CLibrary, ControllerRecord, flat_parameters, header_text, record_of
+from ...rig import RigConfig, load_rig
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
 

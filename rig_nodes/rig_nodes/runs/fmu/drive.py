@@ -16,9 +16,9 @@ import sys
 import zipfile
 from pathlib import Path
 
-from ...base.errors import RigError, printable, quoted
-from ...controllers.fmi.importer import Fmu
-from ...rig.configuration import RigConfig, load_rig
+from ...base import RigError, printable, quoted
+from ...controllers import Fmu
+from ...rig import RigConfig, load_rig
 from ..sequence import Sequence, load_sequence
 from ..sequence_runner import SequenceRunner
 from .rig_variables import enable_of

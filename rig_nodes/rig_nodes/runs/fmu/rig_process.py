@@ -18,10 +18,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError, printable
+from ...base import RigError, printable
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
     from ..rig import Rig
     from .rig_variables import Values
 
@@ -52,10 +52,10 @@ class Recording:
     """
 
     def __init__(self, folder: Path, rig: Rig, config: RigConfig, seed: int) -> None:
-        from ...bags.writer import LIBRARY_OF_RUN, BagWriter
+        from ...bags import LIBRARY_OF_RUN, BagWriter
         from ..bag_outputs import BagOutputs
         from ..sequence import Sequence
-        from ..simulate import run_record
+        from ..simulation import run_record
 
         self.folder, self.rig = folder, rig
         folder.mkdir(parents=True, exist_ok=True)
@@ -78,9 +78,8 @@ class Recording:
 
     def close(self) -> None:
         """End the bag and write report.json beside it."""
-        from ...analysis.gather import gather
-        from ...analysis.run_report import build_report, write_report
-        from ...base.clocks import TICK_SAMPLES
+        from ...analysis import build_report, gather, write_report
+        from ...base import TICK_SAMPLES
         from ..rig_base import RigStatus
 
         self.outputs.finish()
@@ -116,7 +115,7 @@ class RigModel:
     """
 
     def __init__(self, resources: Path) -> None:
-        from ...rig.configuration import load_rig
+        from ...rig import load_rig
         from .rig_variables import Values, rig_variables
 
         origin = json.loads((resources / "rig.json").read_text(encoding="utf-8"))
@@ -157,8 +156,7 @@ class RigModel:
         int
             Number of samples done.
         """
-        from ...rig.settings import CHANGED, CONTROLLER
-        from ...rig.signals import CONTROLLER_EVENTS
+        from ...rig import CHANGED, CONTROLLER, CONTROLLER_EVENTS
 
         if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
             self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config, int(self.values["seed"]))
@@ -220,7 +218,7 @@ class RigModel:
             return
         self.rig.order_gear(request)
         if self._recording is not None:
-            from ...rig.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
+            from ...rig import CONTROLLER_EVENTS, SHIFT_ORDERED
 
             gear = self.rig.config.transmission.names[request]
             self._recording.outputs.event(CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {gear} ordered", request)

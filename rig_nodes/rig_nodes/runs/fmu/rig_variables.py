@@ -12,15 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...base.schema import SWITCH
-from ...base.units import NOT_WRITTEN, SI
-from ...controllers.record import record_of
-from ...plant.parts import part as parts
-from ...rig.commands import Setpoint
-from ...rig.configuration import RigConfig
-from ...rig.cross_checks import cross_check
-from ...rig.settings import Setting
-from ...rig.signals import CONTROLLER_COMMAND
+from ...base import NOT_WRITTEN, SI, SWITCH
+from ...controllers import record_of
+from ...plant import part as parts
+from ...rig import CONTROLLER_COMMAND, RigConfig, Setpoint, Setting, cross_check
 from ..rig import Rig
 from ..topics import Readings, States
 from .description import Variable

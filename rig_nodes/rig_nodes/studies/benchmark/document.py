@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...base.errors import RigError
+from ...base import RigError
 
 TITLES = {
     "kernel": "The kernel, one core",

@@ -16,11 +16,9 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from ...bags.writer import BagWriter
-from ...rig.configuration import load_rig
-from ...runs.bag_outputs import BagOutputs
-from ...runs.rig import Rig
-from ...runs.workers import Workers
+from ...bags import BagWriter
+from ...rig import load_rig
+from ...runs import BagOutputs, Rig, Workers
 from ..sweep.plan import Plan, make_plan
 from ..sweep.run import manifest_of, run_sweep
 from ..sweep.store import Store

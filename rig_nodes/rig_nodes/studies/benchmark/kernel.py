@@ -12,11 +12,10 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from ...base.clocks import SAMPLE_NS
-from ...plant.parts.gear_loss import RPM
-from ...rig.configuration import load_rig
-from ...runs.record import CHUNK, Rows
-from ...runs.rig import Rig
+from ...base import SAMPLE_NS
+from ...plant import RPM
+from ...rig import load_rig
+from ...runs import CHUNK, Rig, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable

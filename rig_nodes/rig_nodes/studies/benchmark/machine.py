@@ -17,7 +17,7 @@ from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
-from ...base.errors import RigError
+from ...base import RigError
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
 TIMEOUT = 600.0  # s; longest time of one program

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pydrake.systems.analysis import Simulator
     from pydrake.systems.framework import Context, ContinuousState, State, System, WitnessFunction
 
-    from ...base.arrays import Floats
+    from ...base import Floats
 
     Speeds = Sequence[float] | Floats
 

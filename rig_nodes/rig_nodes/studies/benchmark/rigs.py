@@ -11,12 +11,9 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError
-from ...base.names import installed, with_bases
-from ...rig.configuration import load_rig
-from ...runs.record import record
-from ...runs.rig import Rig
-from ...runs.sequence import load_sequence
+from ...base import RigError, installed, with_bases
+from ...rig import load_rig
+from ...runs import Rig, load_sequence, record
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -18,11 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...controllers.load import load_controller
-from ...controllers.udp.frames import PORT
+from ...controllers import PORT, load_controller
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 EXAMPLES = Path(__file__).parents[2] / "controllers" / "examples"
 INCLUDE = Path(__file__).parents[2] / "controllers" / "include"
@@ -80,7 +79,7 @@ def _ros_program(_folder: Path, port: int) -> list[str]:
 
 
 def _fmu(folder: Path, config: RigConfig) -> None:
-    from ...runs.fmu.build import build_controller_fmu
+    from ...runs import build_controller_fmu
 
     build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", config)
 

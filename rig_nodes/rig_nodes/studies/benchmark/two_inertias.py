@@ -15,17 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.compiled import njit
-from ...driveline.algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
-from ...driveline.builder import Driveline
-from ...driveline.quiet import quiet_step
-from ...driveline.state import State
-from ...driveline.system import System
-from ...plant.engine.general_step import Addresses, addresses, general_step
-from ...plant.engine.world import Sizes, driveline_dtype
+from ...base import njit
+from ...driveline import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS, Driveline, State, System, quiet_step
+from ...plant import Addresses, Sizes, addresses, driveline_dtype, general_step
 
 if TYPE_CHECKING:
-    from ...base.arrays import Record
+    from ...base import Record
 
 J1, J2 = 0.7, 0.127  # kg m2
 CAPACITY, RISE, STICK = 264.0, 0.045, 1.1  # Nm, s, break-away over kinetic torque

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError
+from ...base import RigError
 
 if TYPE_CHECKING:
     from dask.distributed import Client, Future

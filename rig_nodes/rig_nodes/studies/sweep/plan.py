@@ -19,21 +19,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.config import load_yaml
-from ...base.errors import RigError, brief
-from ...base.names import rig_of, unknown
-from ...base.schema import check_keys, where_of
-from ...base.units import UNITS, dimension_of, quantity
-from ...rig.configuration import load_rig, with_overrides
-from ...runs.calculations import on_recording
-from ...runs.sequence import load_sequence
+from ...base import UNITS, RigError, brief, check_keys, dimension_of, load_yaml, quantity, rig_of, unknown, where_of
+from ...rig import load_rig, with_overrides
+from ...runs import load_sequence, on_recording
 from .plugged import Plugged, plugged_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ...rig.configuration import RigConfig
-    from ...runs.sequence import Sequence
+    from ...rig import RigConfig
+    from ...runs import Sequence
 
 METHODS = ("grid", "list", "random", "lhs")
 DRAWN = ("random", "lhs")  # methods that need a number of samples

@@ -14,15 +14,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...base.clocks import COMMAND_TIMEOUT, SAMPLE
-from ...base.errors import RigError
-from ...controllers.load import KINDS, level_line, load_controller, split_level
-from ...controllers.plug import Plug
-from ...runs.commanded_rig import check_level
-from ...runs.simulate import check_controller
+from ...base import COMMAND_TIMEOUT, SAMPLE, RigError
+from ...controllers import PLUGS, Plug, level_line, load_controller, split_level
+from ...runs import check_controller, check_level
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
+    from ...rig import RigConfig
 
 # kinds that the rig itself starts; the others are one program, which cannot drive several members at a time
 STARTED = ("python", "c", "simulink", "fmu")
@@ -103,7 +100,7 @@ def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | N
         return None
     text, level = split_level(spec or "alfa46", level)
     kind, sign, rest = text.partition(":")
-    if kind in KINDS and kind not in STARTED:
+    if kind in PLUGS and kind not in STARTED:
         raise RigError(
             f"controller {text}: it is one program of its own, which cannot drive the members of a sweep, "
             f"each from its beginning; a sweep takes {', '.join(f'{name}:' for name in STARTED)} and alfa46"

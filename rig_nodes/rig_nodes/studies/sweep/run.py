@@ -21,29 +21,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ... import __version__
-from ...analysis.gather import gather
-from ...analysis.run_report import build_report, plain, write_report
-from ...analysis.shift import shifts
-from ...analysis.state_at_order import put_known
-from ...bags.logged import Recording
-from ...bags.reader import Bag
-from ...base.compiled import sources_key
-from ...base.errors import RigError
-from ...base.names import find_of_rigs
-from ...controllers.plug import Plug
-from ...rig.configuration import load_rig, with_overrides
-from ...runs.calculations import of_bag, on_recording, recorded_with
-from ...runs.record import record
-from ...runs.sequence import load_sequence
-from ...runs.simulate import simulate
+from ...analysis import build_report, gather, plain, put_known, shifts, write_report
+from ...bags import Bag, Recording
+from ...base import RigError, find_of_rigs, sources_key
+from ...controllers import Plug
+from ...rig import load_rig, with_overrides
+from ...runs import load_sequence, of_bag, on_recording, record, recorded_with, simulate
 from .plan import Member, Plan
 from .store import BAGS, Store
 
 if TYPE_CHECKING:
-    from ...rig.configuration import RigConfig
-    from ...runs.calculations import Calculation, Table
-    from ...runs.record import Run
-    from ...runs.sequence import Sequence
+    from ...rig import RigConfig
+    from ...runs import Calculation, Run, Sequence, Table
     from .plugged import Plugged
 
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # the folder of a file is no part of a result

@@ -18,10 +18,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...analysis.metrics import keys, metrics
-from ...analysis.state_at_order import flat, unit_of
-from ...base.atomic_write import atomic_write
-from ...base.errors import RigError, no_pyarrow
+from ...analysis import every_metric, flat, metric_keys, unit_of
+from ...base import RigError, atomic_write, no_pyarrow
 from .plan import Plan, Varied
 
 if TYPE_CHECKING:
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
 
     import pyarrow
 
-MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
+SWEEP, SWEEP_JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
 KINDS = {
     "valid": "bool_",
     "why": "string",
@@ -59,7 +57,7 @@ class Store:
     def __init__(self, folder: Path, manifest: dict) -> None:
         """Open the folder, or make it."""
         self.folder, self.manifest = Path(folder), manifest
-        self._journal = open_journal(self.folder, MANIFEST, JOURNAL, manifest, "sweep")
+        self._journal = open_journal(self.folder, SWEEP, SWEEP_JOURNAL, manifest, "sweep")
         self.done: set[int] = {entry["member"] for entry in self._journal.entries()}
 
     def __enter__(self) -> Store:
@@ -205,9 +203,9 @@ def decode(line: bytes) -> dict | None:
 
 def read_manifest(folder: str | Path) -> dict:
     """Return the manifest of a sweep's folder; RigError when the folder holds none."""
-    path = Path(folder) / MANIFEST
+    path = Path(folder) / SWEEP
     if not path.is_file():
-        raise RigError(f"{folder}: holds no sweep (no {MANIFEST} in it)")
+        raise RigError(f"{folder}: holds no sweep (no {SWEEP} in it)")
     manifest = _read_json(path, "sweep")
     if "plan" not in manifest:
         raise RigError(f"{path}: cannot be read (no plan in it); start the sweep in a new folder")
@@ -261,7 +259,7 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
     out = []
     for number, found in enumerate(entry["shifts"] or [None], 1):
         row = {**shared, "shift": None if found is None else number}
-        for key in keys():
+        for key in metric_keys():
             value = None if found is None else found.get(key)
             row[key] = _text_of(value) if KINDS.get(key) == "string" else value
         out.append(row | flat(found or {}))
@@ -300,8 +298,8 @@ def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str], states: Iter
             column(column_of(name), pa.float64() if unit else pa.string(), unit, f"of the calculation {plan.calculation}")
         )
     if not plan.calculation:
-        units = {"t_order_s": "s", **{metric.key: metric.unit for metric in metrics() if metric.unit != "-"}}
-        columns += [column(key, getattr(pa, KINDS.get(key, "float64"))(), units.get(key)) for key in keys()]
+        units = {"t_order_s": "s", **{metric.key: metric.unit for metric in every_metric() if metric.unit != "-"}}
+        columns += [column(key, getattr(pa, KINDS.get(key, "float64"))(), units.get(key)) for key in metric_keys()]
     columns += [column(name, pa.float64(), unit_of(name), "of the rig when the shift was ordered") for name in states]
     columns += [column("end", pa.string(), about="how the run ended"), column("reason", pa.string())]
     return pa.schema(columns, metadata={METADATA: json.dumps(manifest, ensure_ascii=False).encode()})

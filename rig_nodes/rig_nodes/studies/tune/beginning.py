@@ -10,19 +10,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...base.config import load_yaml
-from ...base.errors import RigError, brief
-from ...base.names import unknown, with_bases
-from ...base.schema import check_keys
-from ...base.units import quantity
-from ...base.yaml_file import where_of
+from ...base import RigError, brief, check_keys, load_yaml, quantity, unknown, where_of, with_bases
 from .space import BOUNDS, MA, MS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ...base.yaml_file import Map
-    from ...rig.transmission import Transmission
+    from ...base import Map
+    from ...rig import Transmission
 
 FILE = "tuning.yaml"
 

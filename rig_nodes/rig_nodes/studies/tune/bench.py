@@ -14,21 +14,13 @@ from math import pi
 
 import numpy as np
 
-from ...analysis.definitions import BEFORE, K_MOST, TORQUE_SPEED_MEAN
-from ...analysis.edges import odd_width, running_mean
-from ...analysis.shift import shift_metrics
-from ...analysis.state_at_order import Moment, put_known
-from ...bags.logged import Recording
-from ...base.clocks import ROW, SAMPLE
-from ...base.errors import RigError
-from ...plant.parts import part as parts
-from ...plant.parts.load_pump import relief_setting_for
-from ...rig.alfa46 import Alfa46Config
-from ...rig.configuration import RigConfig
-from ...rig.transmission import NEUTRAL, Transmission
-from ...runs.record import moment_of
-from ...runs.rig import Rig
-from ...runs.trips import Tripped
+from ...analysis import BEFORE, K_MOST, TORQUE_SPEED_MEAN, Moment, odd_width, put_known, running_mean, shift_metrics
+from ...bags import Recording
+from ...base import ROW, SAMPLE, RigError
+from ...plant import part as parts
+from ...plant import relief_setting_for
+from ...rig import NEUTRAL, Alfa46Config, RigConfig, Transmission
+from ...runs import Rig, Tripped, moment_of
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...base.atomic_write import atomic_write
-from ...base.errors import RigError
+from ...base import RigError, atomic_write
 from .run import CHOICES
 
 BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->", "<!-- up to here -->"
 
 
-def page() -> Path:
+def tuning_page() -> Path:
     """Return the path of docs/how_to/tune.md in the checkout.
 
     Raises
@@ -34,7 +33,7 @@ def page() -> Path:
     return path
 
 
-def write(path: Path, summary: dict, seed: int) -> None:
+def write_tuning(path: Path, summary: dict, seed: int) -> None:
     """Write the tables into the page, in place of the earlier ones.
 
     Parameters

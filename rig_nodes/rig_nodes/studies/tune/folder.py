@@ -12,14 +12,14 @@ import json
 from dataclasses import fields
 from pathlib import Path
 
-from ...base.units import UNITS
-from ...rig.alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values
+from ...base import UNITS
+from ...rig import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values
 from ..sweep.store import parquet, write_table
 from ..validation.figures import Figure, Series
 from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
-MANIFEST, JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
+TUNING, TUNING_JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
 COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed", "left_out")  # counts of a judgement, as in judge.Verdict
 # the units in which the laboratory gave the settings
 SETTING_UNITS = {

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...analysis.shift import shifts
-from ...rig.alfa46 import Alfa46Config
-from ...rig.configuration import RigConfig
-from ...runs.campaign import Workers
-from ...runs.record import record
-from ...runs.sequence import load_sequence
+from ...analysis import shifts
+from ...rig import Alfa46Config, RigConfig
+from ...runs import Workers, load_sequence, record
 from .bench import RPM, Bench, Point, Shift
 from .problem import Ground, Task, excess, share
 

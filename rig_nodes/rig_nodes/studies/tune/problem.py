@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import qmc
 
-from ...analysis.state_at_order import unlike
-from ...rig.alfa46 import Alfa46Config
-from ...rig.configuration import RigConfig
+from ...analysis import unlike
+from ...rig import Alfa46Config, RigConfig
 from .bench import Bench, NotHeld, Point, Shift
 
 if TYPE_CHECKING:

@@ -19,13 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ... import __version__
-from ...base.atomic_write import atomic_write
-from ...base.compiled import sources_key
-from ...base.errors import RigError, quoted
-from ...rig.alfa46 import Alfa46Config, read_alfa46
-from ...rig.configuration import RigConfig
-from ...runs.campaign import Workers
-from ...runs.trips import Tripped
+from ...base import RigError, atomic_write, quoted, sources_key
+from ...rig import Alfa46Config, RigConfig, read_alfa46
+from ...runs import Tripped, Workers
 from ..sweep.store import Journal
 from ..validation.calibrate import Calibration
 from ..validation.figures import write_pictures
@@ -202,7 +198,7 @@ def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> fl
     return sum(shift.valid for shift in _compared(points, compared, rig)) / len(points)
 
 
-def tune(
+def run_tuning(
     problem: Problem, folder: Path, workers: Workers, journal: Journal, progress: Callable[[float, str], None] | None = None
 ) -> dict:
     """Search, judge and write the folder of a tuning.
@@ -398,7 +394,7 @@ def _finish(
 def _json(data: dict) -> str:
     import json
 
-    from ...analysis.run_report import plain
+    from ...analysis import plain
 
     return json.dumps(plain(data), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -508,7 +504,7 @@ def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, wo
     return {"way": study.way, "settings": best, "tried": len(study.entries), "speeds": [one.as_dict() for one in found]}
 
 
-def text(summary: dict, objectives: Sequence[str]) -> str:
+def tuning_text(summary: dict, objectives: Sequence[str]) -> str:
     """Return the summary of a tuning with these objectives as text for the terminal."""
     lines = [*summary["notes"]]
     for name, one in summary["searches"].items():

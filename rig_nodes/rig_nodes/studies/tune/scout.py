@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base.errors import RigError
-from ...rig.alfa46 import Alfa46Config
-from ...runs.campaign import Workers
+from ...base import RigError
+from ...rig import Alfa46Config
+from ...runs import Workers
 from .problem import INVALID, REFUSED, Ground, Task, excess, hardest_first, sought
 from .space import BOUNDS, refused, settings
 

@@ -17,10 +17,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...base.errors import RigError
-from ...rig.alfa46 import Alfa46Config
-from ...rig.configuration import RigConfig
-from ...runs.campaign import Workers
+from ...base import RigError
+from ...rig import Alfa46Config, RigConfig
+from ...runs import Workers
 from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, hardest_first, sought
 from .space import BOUNDS, refused, settings
 

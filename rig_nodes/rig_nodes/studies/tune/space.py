@@ -12,10 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...base.errors import RigError
-from ...rig.alfa46 import Alfa46Config, Alfa46Values, check_profile
-from ...rig.configuration import RigConfig
-from ...rig.transmission import Clutch, Transmission
+from ...base import RigError
+from ...rig import Alfa46Config, Alfa46Values, Clutch, RigConfig, Transmission, check_profile
 
 # name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 belong to the engaging valve,
 # P4 to P6 to the releasing one. The current of P3 is given; that of P6 is 0, because the coil is off after it.

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
-from ...base.errors import RigError
-from ...plant.parts import part as parts
-from ...rig.configuration import RigConfig
-from ...runs.campaign import Workers
+from ...base import RigError
+from ...plant import part as parts
+from ...rig import RigConfig
+from ...runs import Workers
 from ..validation.calibrate import Calibration, Miss, sensitivities, shares_of, with_values
 from ..validation.own_calibration import calibration_of
 from ..validation.which_rows import CALIBRATION_FILE, has_file

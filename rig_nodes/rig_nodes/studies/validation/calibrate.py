@@ -20,18 +20,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import OptimizeResult, differential_evolution, least_squares
 
-from ...base.config import load_yaml
-from ...base.errors import RigError
-from ...base.schema import check_keys, where_of
-from ...base.units import UNITS, quantity
-from ...rig.configuration import RigConfig
-from ...rig.settings import Setting
-from ...runs.campaign import Workers
-from ...runs.trips import Tripped
+from ...base import UNITS, RigError, check_keys, load_yaml, quantity, where_of
+from ...rig import RigConfig, Setting
+from ...runs import Tripped, Workers
 
 if TYPE_CHECKING:
-    from ...base.arrays import Floats
-    from ...base.yaml_file import Map
+    from ...base import Floats, Map
 
 UNSHIFTED = 10.0  # tolerances for a shift that does not end
 

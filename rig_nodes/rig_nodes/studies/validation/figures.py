@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
-from ...base.atomic_write import atomic_write
+from ...base import atomic_write
 
 WIDTH, HEIGHT = 760, 440
 LEFT, RIGHT, TOP, BOTTOM = 74, 190, 44, 56  # margins [px]; the legend stands on the right

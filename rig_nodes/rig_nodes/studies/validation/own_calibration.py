@@ -13,10 +13,10 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from ...base.errors import RigError
-from ...rig.configuration import RigConfig
+from ...base import RigError
+from ...rig import RigConfig
 from .calibrate import UNSHIFTED, Calibration, Miss, load_stages
-from .own_rows import OwnRow, by_run, load_rows, measure_rows
+from .own_rows import OwnRow, load_rows, measure_rows, rows_by_run
 from .which_rows import CALIBRATION_FILE, file_of_rig, programme_of, rows_file
 
 
@@ -71,7 +71,7 @@ def own_misses(rig: str, rows: list[OwnRow], config: RigConfig) -> list[Miss]:
         One miss for each row.
     """
     config, out = config.replaced(effects=replace(config.effects, transducers=False)), []
-    for group in by_run(rows):
+    for group in rows_by_run(rows):
         for row, (value, _) in zip(group, measure_rows(config, rig, group)):
             target = row.target
             middle = target.printed[0] if target.printed else 0.5 * (target.low + target.high)

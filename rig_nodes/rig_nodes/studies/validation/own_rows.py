@@ -23,19 +23,24 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ...analysis.metrics import metrics
-from ...analysis.shift import shifts
-from ...bags.logged import Recording
-from ...base.config import load_yaml
-from ...base.errors import RigError, brief
-from ...base.names import beside, unknown
-from ...base.schema import check_keys, where_of
-from ...base.units import SI, UNITS, dimension_of, quantity, with_article
-from ...rig.configuration import RigConfig, load_rig, with_overrides
-from ...runs.calculations import Calculation, Table, calculations_of, recorded_with
-from ...runs.record import Run, record
-from ...runs.sequence import DIMENSIONS, load_sequence
-from ...runs.workers import Workers
+from ...analysis import every_metric, shifts
+from ...bags import Recording
+from ...base import (
+    SI,
+    UNITS,
+    RigError,
+    beside,
+    brief,
+    check_keys,
+    dimension_of,
+    load_yaml,
+    quantity,
+    unknown,
+    where_of,
+    with_article,
+)
+from ...rig import RigConfig, load_rig, with_overrides
+from ...runs import DIMENSIONS, Calculation, Run, Table, Workers, calculations_of, load_sequence, record, recorded_with
 from .rows import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, Target
 
 ROLES = ("calibrate", "predict", "contradiction")
@@ -159,7 +164,7 @@ def load_rows(path: Path, rig: str | Path, config: RigConfig) -> list[OwnRow]:
     return list(out.values())
 
 
-def chosen(rows: list[OwnRow], patterns: Iterable[str]) -> list[OwnRow]:
+def chosen_rows(rows: list[OwnRow], patterns: Iterable[str]) -> list[OwnRow]:
     """Return the rows whose id matches one of some patterns, or all rows when there are no patterns.
 
     Parameters
@@ -280,7 +285,7 @@ class _Reader:
         node = self.node
         if more := next((key for key in ("gear", "over", "from", "to") if key in node), None):
             self.refuse(more, "goes with value; a metric is that of a shift")
-        units = {metric.key: metric.unit for metric in metrics()}
+        units = {metric.key: metric.unit for metric in every_metric()}
         if node["metric"] not in units:
             self.refuse("metric", f"is {brief(node['metric'])}; {unknown('metric', str(node['metric']), units)}")
         if UNITS[units[node["metric"]]][0] != dimension:
@@ -458,7 +463,7 @@ def _of_metric(row: OwnRow, shifts_found: list[dict]) -> tuple[float | None, str
         return None, "the run has no such shift"
     if found[row.metric] is None:
         return None, found["undefined"].get(row.metric, "; ".join(found["why"]) or "was not found")
-    unit = next(metric.unit for metric in metrics() if metric.key == row.metric)
+    unit = next(metric.unit for metric in every_metric() if metric.key == row.metric)
     return found[row.metric] * UNITS[unit][1], ""
 
 
@@ -527,7 +532,7 @@ def _measured(rig: str, settings: dict[str, str], rows: list[OwnRow]) -> list[tu
     return measure_rows(load_rig(rig, settings), rig, rows)
 
 
-def by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
+def rows_by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
     """Return the rows of each run, run by run."""
     out: dict[tuple, list[OwnRow]] = {}
     for row in rows:
@@ -535,7 +540,7 @@ def by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
     return list(out.values())
 
 
-def validate(
+def validate_rows(
     rows: list[OwnRow], rig: str, settings: dict[str, str], workers: Workers, progress: Callable[[int, int], None] | None = None
 ) -> list[Row]:
     """Run what the rows need and judge them.
@@ -558,7 +563,7 @@ def validate(
     list of Row
         The judged rows in their order.
     """
-    groups = by_run(rows)
+    groups = rows_by_run(rows)
     answers = {}
     for group, found in zip(groups, workers.map(partial(_measured, rig, settings), groups, progress)):
         answers |= {row.target.id: one for row, one in zip(group, found)}

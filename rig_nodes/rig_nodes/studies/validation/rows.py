@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ...base.units import SI
+from ...base import SI
 
 # role of a target -> basis of its row
 BASIS = {

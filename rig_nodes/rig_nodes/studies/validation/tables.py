@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ...base.units import SI, UNITS
+from ...base import SI, UNITS
 from .rows import BASIS, CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, Target
 
 

@@ -10,10 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...base.config import RIGS_DIR, load_yaml
-from ...base.errors import RigError, brief
-from ...base.names import with_bases
-from ...base.schema import check_keys, where_of
+from ...base import RIGS_DIR, RigError, brief, check_keys, load_yaml, where_of, with_bases
 
 ROWS_FILE, CALIBRATION_FILE = "validation.yaml", "calibration.yaml"
 PACKAGE = __name__.partition(".")[0]

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....base.entry_points import Group
-from ....base.errors import RigError
+from ....base import Group, RigError
 
 if TYPE_CHECKING:
     from ..foreign import Foreign, Form

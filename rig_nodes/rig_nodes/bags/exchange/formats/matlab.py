@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ....base.errors import RigError
+from ....base import RigError
 from ..foreign import Foreign, Form
 from ..packages import needed
 from ..provenance import KEY, read_provenance

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.units import UNITS
+from ....base import UNITS
 from ..cells import text_cells
 from ..foreign import Channel
 from ..stamps import unit_of_numbers
 from ..units import TIME_UNITS, split_head, time_unit_of, unit_of
 
 if TYPE_CHECKING:
-    from ....base.arrays import Floats
+    from ....base import Floats
 
     Found = Iterator[tuple[list[str], Channel]]
 

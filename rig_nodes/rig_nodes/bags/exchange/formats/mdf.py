@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.errors import RigError
-from ....base.units import UNITS
+from ....base import UNITS, RigError
 from ..cells import text_cells
 from ..foreign import Channel, Foreign, Form
 from ..packages import needed
@@ -30,7 +29,7 @@ from .heads import apart
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from ....base.arrays import Floats
+    from ....base import Floats
 
 ALL_INVALID, SOME_INVALID = 1, 2  # flags of a channel: none of its samples is valid, and a bit in each record tells which are
 TO_TEXT, RANGES_TO_TEXT = 7, 8  # conversions of MDF 4 from values and from ranges of values to texts

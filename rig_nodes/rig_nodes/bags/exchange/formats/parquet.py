@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.errors import RigError
+from ....base import RigError
 from ..cells import Cells, Signs, signs_of
 from ..files import pyarrow
 from ..foreign import Channel, Foreign, Form

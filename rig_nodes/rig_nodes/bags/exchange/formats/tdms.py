@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.errors import RigError
-from ....base.units import UNITS
+from ....base import UNITS, RigError
 from ..cells import text_cells
 from ..foreign import CUT, Channel, Foreign, Form
 from ..packages import needed
@@ -24,7 +23,7 @@ from .format import Format
 from .heads import apart
 
 if TYPE_CHECKING:
-    from ....base.arrays import Floats
+    from ....base import Floats
 
 UNITS_AT = ("unit_string", "NI_UnitDescription", "Unit", "unit")  # properties that hold the unit
 TIME_NAMES = ("t", "time", "times", "timestamp", "timestamps", "zeit", "czas")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....base.errors import RigError
+from ....base import RigError
 from ... import limits
 from ..cells import Cells, Signs, signs_of
 from ..foreign import Channel, Foreign, Form
@@ -31,7 +31,7 @@ from .format import Format
 from .text_form import Layout, behind_values, fields, found_form, last_row_is_cut, names_of, stated_period
 
 if TYPE_CHECKING:
-    from ....base.arrays import Floats
+    from ....base import Floats
 
 FIRST_ROWS = 2000  # by which the kind of a column is judged
 PADDING = "\x1a\0"  # end of file of old systems, and what a logger that lost its power leaves

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ....base.errors import RigError
+from ....base import RigError
 from ..cells import MINUS, OBVIOUS
 from ..foreign import Form
 from ..stamps import is_stamp

@@ -17,8 +17,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ....base.errors import RigError
-from ....base.names import unknown
+from ....base import RigError, unknown
 from ..cells import OBVIOUS, Cells, Signs, signs_of
 from ..foreign import Channel, Foreign, Form
 from ..packages import needed

@@ -14,7 +14,7 @@ from time import sleep
 import can
 import cantools
 
-from rig_nodes.base.errors import quoted
+from rig_nodes.base import quoted
 from rig_nodes.controllers.can.loopback import LoopbackBus
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA

@@ -17,16 +17,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from rig_nodes.analysis.press_bench import of_press
-from rig_nodes.analysis.slip_tests import MODELS, cylinder_line, ring_area, slip_line, slip_tests, spring_line
-from rig_nodes.plant.friction import bench
-from rig_nodes.rig.configuration import RigConfig, load_rig
+from rig_nodes.analysis import MODELS, cylinder_line, of_press, ring_area, slip_line, slip_tests, spring_line
+from rig_nodes.plant import SPRING_TRAVEL, clamp_force, slip_torques
+from rig_nodes.rig import RigConfig, load_rig
 
 from .packs import PACKS
 from .records import Record
 
 if TYPE_CHECKING:
-    from rig_nodes.runs.record import Run
+    from rig_nodes.runs import Run
 
 # friction [-] of the lined and the steel plates and of all splines; inferred from the thesis, not measured
 STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
@@ -68,8 +67,8 @@ def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
         for p, test in zip(pressure, tests)
     ]
     records.append(Record("clutch_bench", conditions, {"m_rest_nm": line["m_rest_nm"]}))
-    torques = bench.slip_torques(geometry, force, friction, STATED["spline"])
-    full = bench.slip_torques(geometry, ALLOWED_PRESSURE * area, friction, STATED["spline"])
+    torques = slip_torques(geometry, force, friction, STATED["spline"])
+    full = slip_torques(geometry, ALLOWED_PRESSURE * area, friction, STATED["spline"])
     for model in MODELS:
         k_kor, named = line["k_kor"][model], {**conditions, "model": model}
         records.append(
@@ -94,9 +93,7 @@ def _bench() -> RigConfig:
 def set_force(pressure: float) -> float:
     """Return the clamp force [N] of the bench at a pressure p_z [Pa] by (8.3), with the travel by which the pack yields."""
     cylinder: Any = _bench().cylinder
-    return brentq(
-        lambda force: force - bench.clamp_force(pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4
-    )
+    return brentq(lambda force: force - clamp_force(pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4)
 
 
 def off_in_most(records: list[Record]) -> list[Record]:
@@ -143,7 +140,7 @@ def spring_bench(_conditions: dict, run: Run) -> list[list[Record]]:
     """
     logged = of_press(_bench().structure, run.recording)
     if np.max(logged.channels["pressure"]) < SETTINGS:
-        travels = np.linspace(0.0, bench.SPRING_TRAVEL, 81)
+        travels = np.linspace(0.0, SPRING_TRAVEL, 81)
         return [
             [
                 Record("spring_bench", {"s": float(s)}, {"spring_force_n": float(f)})

@@ -16,20 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.analysis.shift import shift_metrics
-from rig_nodes.bags.logged import Recording
-from rig_nodes.base.clocks import ROW, SAMPLE
-from rig_nodes.base.config import load_yaml
-from rig_nodes.base.names import RIG_FILE
-from rig_nodes.base.schema import check_keys
-from rig_nodes.plant.parts.gear_loss import RPM
-from rig_nodes.plant.parts.load_pump import relief_setting_for
-from rig_nodes.rig.alfa46 import Alfa46Config
-from rig_nodes.rig.configuration import RigConfig, load_rig
-from rig_nodes.rig.transmission import NEUTRAL, Clutch, Transmission, transmission_of
-from rig_nodes.runs.rig import Rig
-from rig_nodes.studies.validation.calibrate import UNSHIFTED, Calibration, Miss, load_stages
-from rig_nodes.studies.validation.rows import Target
+from rig_nodes.analysis import shift_metrics
+from rig_nodes.bags import Recording
+from rig_nodes.base import RIG_FILE, ROW, SAMPLE, check_keys, load_yaml
+from rig_nodes.plant import RPM, relief_setting_for
+from rig_nodes.rig import NEUTRAL, Alfa46Config, Clutch, RigConfig, Transmission, load_rig, transmission_of
+from rig_nodes.runs import Rig
+from rig_nodes.studies import UNSHIFTED, Calibration, Miss, Target, load_stages
 
 from .derived import NO_DIP
 from .targets import load_targets

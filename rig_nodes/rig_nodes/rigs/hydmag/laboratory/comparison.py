@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from rig_nodes.plant.friction import closed
+from rig_nodes.plant import osinski_factor, thesis, traditional
 
 from .packs import ALL, PACKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from rig_nodes.plant.friction.geometry import Numbers
+    from rig_nodes.plant import Numbers
 
 NEAR = 0.05  # own: meaning of "very close" for two lines, as a share of their slope
 
@@ -120,8 +120,8 @@ def model_ratio(pack: str, surfaces: int, against: str, product: Numbers) -> Num
         )
     geometry = PACKS[pack].geometry(surfaces)
     # all torque is proportional to mu at a given product, so mu = 1 represents any mu
-    share = closed.thesis(geometry, 1.0, 1.0, product) / closed.traditional(geometry, 1.0, 1.0)
-    return share / closed.osinski_factor(surfaces) if against == "osinski" else share
+    share = thesis(geometry, 1.0, 1.0, product) / traditional(geometry, 1.0, 1.0)
+    return share / osinski_factor(surfaces) if against == "osinski" else share
 
 
 def product_bounds(statement: Statement) -> tuple[float, float]:

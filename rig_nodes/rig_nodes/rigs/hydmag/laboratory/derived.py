@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 
-from rig_nodes.analysis.engagement import HOLD_SHORTEST, engagement_ranks
+from rig_nodes.analysis import HOLD_SHORTEST, engagement_ranks
 
 from .records import Record, canonical, group
 

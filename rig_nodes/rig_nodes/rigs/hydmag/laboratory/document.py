@@ -12,11 +12,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.config import load_yaml
-from rig_nodes.base.errors import RigError, brief
-from rig_nodes.base.schema import where_of
-from rig_nodes.studies.validation.rows import INSIDE, NOT_COMPARED, OUTSIDE, Row, Target, listed
-from rig_nodes.studies.validation.tables import accepted, counts, laboratory, of_rig, verdict_line
+from rig_nodes.base import RigError, brief, load_yaml, where_of
+from rig_nodes.studies import INSIDE, NOT_COMPARED, OUTSIDE, Row, Target, accepted, counts, laboratory, listed, of_rig, verdict_line
 
 from .programme import Result, summary
 from .score import HOLD, balanced_accuracy

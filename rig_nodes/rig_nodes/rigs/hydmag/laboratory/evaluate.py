@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.base.units import UNITS
-from rig_nodes.studies.validation.rows import INSIDE, NOT_COMPARED, OUTSIDE, Judged, Row, Span, Target
+from rig_nodes.base import UNITS, RigError
+from rig_nodes.studies import INSIDE, NOT_COMPARED, OUTSIDE, Judged, Row, Span, Target
 
 from .records import Record, canonical, group, missing, place_text, select
 
 if TYPE_CHECKING:
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 # variable of a curve -> condition of a record
 VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}

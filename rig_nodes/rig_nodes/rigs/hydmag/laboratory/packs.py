@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rig_nodes.plant.friction.geometry import PackGeometry
+from rig_nodes.plant import PackGeometry
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from math import pi
 
 import numpy as np
 
-from rig_nodes.studies.validation.figures import Band, Figure, Series
-from rig_nodes.studies.validation.rows import Target
+from rig_nodes.studies import Band, Figure, Series, Target
 
 from .evaluate import curve
 from .records import Record, group, shown

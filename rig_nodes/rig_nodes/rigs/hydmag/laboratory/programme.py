@@ -15,13 +15,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.base.names import unknown
-from rig_nodes.runs.campaign import Workers, run_campaign
-from rig_nodes.runs.procedure import Series, load_procedure
-from rig_nodes.runs.record import Run
-from rig_nodes.studies.validation.rows import Row, Target, listed
-from rig_nodes.studies.validation.tables import counts
+from rig_nodes.base import RigError, unknown
+from rig_nodes.runs import Run, Series, Workers, load_procedure, run_campaign
+from rig_nodes.studies import Row, Target, counts, listed
 
 from . import bench_records, readers
 from .derived import derive

@@ -15,23 +15,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.analysis.coast_down import coast_down as fit_coast_down
-from rig_nodes.analysis.definitions import PRESSURE_MEAN
-from rig_nodes.analysis.edges import first_true, odd_width, ramp_start, running_mean
-from rig_nodes.analysis.engagement import engagement_metrics
-from rig_nodes.analysis.shift import shifts
-from rig_nodes.analysis.uncertainty import Instrument, instruments_of
-from rig_nodes.analysis.valve_response import valve_delay
-from rig_nodes.bags.logged import Recording
-from rig_nodes.base.clocks import SAMPLE
-from rig_nodes.base.errors import RigError
-from rig_nodes.rig.configuration import load_rig
-from rig_nodes.rig.transmission import Clutch, Transmission
+from rig_nodes.analysis import (
+    PRESSURE_MEAN,
+    Instrument,
+    engagement_metrics,
+    first_true,
+    instruments_of,
+    odd_width,
+    ramp_start,
+    running_mean,
+    shifts,
+    valve_delay,
+)
+from rig_nodes.analysis import coast_down as fit_coast_down
+from rig_nodes.bags import Recording
+from rig_nodes.base import SAMPLE, RigError
+from rig_nodes.rig import Clutch, Transmission, load_rig
 
 from .records import Record
 
 if TYPE_CHECKING:
-    from rig_nodes.runs.record import Run
+    from rig_nodes.runs import Run
 
 SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "k", "e_loss_j", "e_loss_settled_j")
 SHIFT_VALUES = (*SHIFT_KEYS, "output_speed_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")

@@ -13,9 +13,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.errors import RigError
-from rig_nodes.base.units import SI, UNITS
-from rig_nodes.studies.validation.rows import Span
+from rig_nodes.base import SI, UNITS, RigError
+from rig_nodes.studies import Span
 
 from .conditions import CONDITIONS
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base.units import UNITS
-from rig_nodes.studies.validation.rows import INSIDE, Row, Target, listed
+from rig_nodes.base import UNITS
+from rig_nodes.studies import INSIDE, Row, Target, listed
 
 from .derived import gaps
 from .evaluate import curve, evaluate

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig_nodes.base.units import SI
-from rig_nodes.studies.validation.rows import Span, Target
+from rig_nodes.base import SI
+from rig_nodes.studies import Span, Target
 
 from .derived import TORQUE_ALIKE
 from .records import Record, allowed, canonical

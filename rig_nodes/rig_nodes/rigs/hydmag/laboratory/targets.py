@@ -13,18 +13,15 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rig_nodes.base.config import load_yaml
-from rig_nodes.base.errors import RigError, brief
-from rig_nodes.base.schema import check_keys, where_of
-from rig_nodes.base.units import SI, UNITS, quantity, with_article
-from rig_nodes.studies.validation.rows import Span, Target
+from rig_nodes.base import SI, UNITS, RigError, brief, check_keys, load_yaml, quantity, where_of, with_article
+from rig_nodes.studies import Span, Target
 
 from .conditions import CONDITIONS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
-    from rig_nodes.base.yaml_file import Map
+    from rig_nodes.base import Map
 
 TARGETS_FILE = Path(__file__).parents[1] / "targets.yaml"
 

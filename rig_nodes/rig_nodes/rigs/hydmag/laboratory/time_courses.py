@@ -15,13 +15,11 @@ from math import pi
 
 import numpy as np
 
-from rig_nodes.analysis.edges import odd_width, running_mean
-from rig_nodes.bags.logged import Recording
-from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.campaign import Workers
-from rig_nodes.runs.procedure import load_procedure, run_repeat
-from rig_nodes.runs.record import Run
-from rig_nodes.studies.validation.figures import Figure, Series
+from rig_nodes.analysis import odd_width, running_mean
+from rig_nodes.bags import Recording
+from rig_nodes.rig import load_rig
+from rig_nodes.runs import Run, Workers, load_procedure, run_repeat
+from rig_nodes.studies import Figure, Series
 
 MEAN, STEP = 1e-3, 2e-3  # s: time over which a point is averaged, and time between two points
 BEFORE, AFTER = 0.1, 1.2  # s around the order

@@ -15,9 +15,9 @@ from functools import partial
 
 import numpy as np
 
-from rig_nodes.rig.configuration import RigConfig
-from rig_nodes.runs.campaign import Workers
-from rig_nodes.studies.validation.calibrate import Miss, Parameter, at_shares, nearby, shares_of
+from rig_nodes.rig import RigConfig
+from rig_nodes.runs import Workers
+from rig_nodes.studies import Miss, Parameter, at_shares, nearby, shares_of
 
 from .calibration_rows import ROWS, calibration
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..rig.settings import POINT, settings_of
-from ..rig.structure import structure_of
+from ..rig import POINT, settings_of, structure_of
 
 
 def settings_of_run(record: Mapping) -> list[tuple[str, str]]:

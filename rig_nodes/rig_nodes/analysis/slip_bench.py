@@ -13,10 +13,9 @@ from math import pi
 
 import numpy as np
 
-from ..bags.logged import Logged
-from ..base.errors import RigError
-from ..plant.friction import bench
-from ..plant.friction.geometry import PackGeometry
+from ..bags import Logged
+from ..base import RigError
+from ..plant import SPRING_TRAVEL, PackGeometry, clamp_force, slip_torques
 from .edges import running_mean
 
 NEEDED = ("torque", "speed", "pressure", "travel")
@@ -70,7 +69,7 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
         peak = first + int(np.argmax(torque[first : min(end, first + slipping[0] + rows_in["after"])]))
         before = slice(max(first, peak - rows_in["before"]), peak + 1)
         cylinder, s = float(np.mean(logged.channels["pressure"][before])), float(np.mean(travel[before]))
-        clamp = bench.clamp_force(cylinder, min(max(s, 0.0), bench.SPRING_TRAVEL))
+        clamp = clamp_force(cylinder, min(max(s, 0.0), SPRING_TRAVEL))
         out.append(
             {
                 "t_slip_s": float(logged.t0 + peak * logged.period),
@@ -116,7 +115,7 @@ def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_s
     pressure, torque = (np.array([test[key] for test in tests]) for key in ("pressure_pa", "m_eks_nm"))
     slope, rest = np.polyfit(pressure, torque, 1)
     off = torque - (slope * pressure + rest)
-    per_force = bench.slip_torques(pack, 1.0, friction, friction_spline)
+    per_force = slip_torques(pack, 1.0, friction, friction_spline)
     return {
         "tests": len(tests),
         "slope_nm_per_pa": float(slope),

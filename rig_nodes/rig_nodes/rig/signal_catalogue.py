@@ -16,15 +16,12 @@ from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from ..base.clocks import COMMAND_TIMEOUT
-from ..base.errors import RigError
-from ..base.kept import kept, kept_folder
-from ..base.names import unknown
+from ..base import COMMAND_TIMEOUT, RigError, kept, kept_folder, unknown
 from .signals import described
 from .structure import Structure, structure_of
 
 if TYPE_CHECKING:
-    from ..base.arrays import Floats
+    from ..base import Floats
     from .configuration import RigConfig
 
     Numbers = TypeVar("Numbers", float, Floats)
@@ -228,7 +225,7 @@ def _sources() -> bytes:
 
 def _read_topics() -> Iterable[Topic]:
     """Every topic of every installed rig, read from its description."""
-    from ..base.names import installed
+    from ..base import installed
     from .configuration import load_rig
 
     out: dict[str, Topic] = {}

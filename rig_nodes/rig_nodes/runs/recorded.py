@@ -14,19 +14,17 @@ from functools import cache
 
 import numpy as np
 
-from ..analysis.state_at_order import Moment
-from ..bags.logged import Logged, Recording
-from ..base.clocks import SAMPLE, TICK_SAMPLES
-from ..base.errors import RigError
-from ..controllers.plug import Plug
-from ..plant.parts import part as parts
-from ..rig.configuration import RigConfig
-from ..rig.signals import CONTROLLER_COMMAND, SHIFT_ORDERED
+from ..analysis import Moment
+from ..bags import Logged, Recording
+from ..base import SAMPLE, TICK_SAMPLES, RigError
+from ..controllers import Plug
+from ..plant import part as parts
+from ..rig import CONTROLLER_COMMAND, SHIFT_ORDERED, RigConfig
 from .rig import Rig
 from .rig_base import RigStatus
 from .sequence import Sequence
 from .sequence_runner import SequenceFailed
-from .simulate import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
+from .simulation import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Readings, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s

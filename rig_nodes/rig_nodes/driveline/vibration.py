@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from rig_nodes.base.errors import RigError, brief
+from rig_nodes.base import RigError, brief
 from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE
 from rig_nodes.driveline.system import System, check_built
 from rig_nodes.driveline.tables import slope_at, value_at
@@ -24,7 +24,7 @@ from rig_nodes.driveline.tables import slope_at, value_at
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from rig_nodes.base.arrays import Floats
+    from rig_nodes.base import Floats
 
 _STILL = 1e-7  # share of the highest pole: a slower pole belongs to a motion in which all bodies turn as one
 

@@ -10,10 +10,8 @@ from html import escape
 
 import numpy as np
 
-from ..analysis.compare_tables import clock_lines, metric_tables, reasons, signal_tables
-from ..analysis.side_by_side import Comparison, Curve, short_names
-from ..rig.catalogue import Signal
-from ..rig.transmission import Transmission
+from ..analysis import Comparison, Curve, clock_lines, metric_tables, reasons, short_names, signal_tables
+from ..rig import Signal, Transmission
 from .html_page import COLOURS, Axis, Envelope, captioned, legend, page, table
 from .html_page import Curve as Drawn
 

@@ -13,17 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
-from ..bags.writer import LIBRARY_OF_RUN, BagWriter
-from ..base.clocks import COMMAND_TIMEOUT, SAMPLE_NS, TICK_SAMPLES
-from ..base.errors import RigError, ended_by
-from ..base.schema import SWITCH
-from ..base.uninterrupted import Uninterrupted
-from ..controllers.plug import DECLARED, Answer, Plug
-from ..controllers.seam import ControllerFailed
-from ..rig.alfa46 import check_gains
-from ..rig.configuration import RigConfig
-from ..rig.settings import CHANGED, CONTROLLER, OWN, own_setting
-from ..rig.signals import CONTROLLER_EVENTS, SHIFT_ORDERED
+from ..bags import LIBRARY_OF_RUN, BagWriter
+from ..base import COMMAND_TIMEOUT, SAMPLE_NS, SWITCH, TICK_SAMPLES, RigError, Uninterrupted, ended_by
+from ..controllers import DECLARED, Answer, ControllerFailed, Plug
+from ..rig import CHANGED, CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED, RigConfig, check_gains, own_setting
 from .bag_outputs import BagOutputs
 from .outputs import Outputs
 from .rig import Rig
@@ -32,7 +25,7 @@ from .sequence import Sequence
 from .sequence_runner import SequenceFailed, SequenceRunner
 
 if TYPE_CHECKING:
-    from .record import Listener
+    from .recorded import Listener
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state

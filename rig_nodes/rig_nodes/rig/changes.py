@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..base.names import RIGS, installed
+from ..base import RIGS, installed
 from .configuration import load_rig
 from .sections import LOGGER_RATE
 from .settings import INSTRUMENTS, Settings

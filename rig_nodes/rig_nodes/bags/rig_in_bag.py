@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 
-from ..base.names import installed, with_bases
+from ..base import installed, with_bases
 from . import limits
 from .old_form import record_of_today
 
@@ -66,13 +66,13 @@ def _like(topics: frozenset[str]) -> str:
 
 @lru_cache(maxsize=64)
 def _topics(name: str) -> frozenset[str]:
-    from ..rig.configuration import load_rig  # imported here, because the modules that read a rig depend on bags
+    from ..rig import load_rig  # imported here, because the modules that read a rig depend on bags
 
     return frozenset(load_rig(name).catalogue.all_topics)
 
 
 @lru_cache(maxsize=8)
 def _installed(name: str) -> Mapping:
-    from ..rig.configuration import load_rig
+    from ..rig import load_rig
 
     return load_rig(name).as_dict()

@@ -11,18 +11,33 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from ..analysis.definitions import undefined_lines
-from ..analysis.energy import energy_names
-from ..analysis.limits import MISSED, NOT_FOUND, UNDECIDED, counted, range_text
-from ..analysis.metrics import named_metrics
-from ..analysis.no_change import measured_lines
-from ..analysis.press_bench import OF_A_RUN, bench_lines
-from ..analysis.quality import FAILED, GRADES, POOR, sentence_of
-from ..analysis.results import ENDS, Result, number, results_of, spread_cells
-from ..analysis.run_report import shown_transmission, verdicts_in
-from ..analysis.shown import shown
-from ..analysis.state_at_order import begun_lines
-from ..rig.transmission import Transmission
+from ..analysis import (
+    ENDS,
+    FAILED,
+    GRADES,
+    MISSED,
+    NOT_FOUND,
+    OF_A_RUN,
+    POOR,
+    UNDECIDED,
+    Result,
+    begun_lines,
+    bench_lines,
+    counted,
+    energy_names,
+    measured_lines,
+    named_metrics,
+    number,
+    range_text,
+    results_of,
+    sentence_of,
+    shown,
+    shown_transmission,
+    spread_cells,
+    undefined_lines,
+    verdicts_in,
+)
+from ..rig import Transmission
 from .html_page import Cell, page, table
 from .report_plots import MOST_SHIFTS, Plots, heading_of
 

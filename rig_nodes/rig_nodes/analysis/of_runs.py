@@ -7,17 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..bags.logged import orders_in
-from ..bags.opened import OpenedBags
-from ..bags.pieces import PIECE
-from ..bags.reader import UNREADABLE, Bag
-from ..base.errors import RigError
-from ..rig.transmission import transmission_of
+from ..bags import PIECE, UNREADABLE, Bag, OpenedBags, orders_in
+from ..base import RigError
+from ..rig import transmission_of
 from .clutch_torques import put_torques
 from .gathered import SMALL, Gathered, Thinned
+from .measured_error import instruments_of, uncertainty
 from .run_report import info_of, no_rig, plain, record_of
 from .state_at_order import put_states
-from .uncertainty import instruments_of, uncertainty
 
 
 def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None = None, thinner: Thinned | None = None) -> Gathered:

@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..base.clocks import ROW
-from ..rig.transmission import Transmission, transmission_of
+from ..base import ROW
+from ..rig import Transmission, transmission_of
 from .definitions import TORQUE_SPEED_MEAN
 from .metric_errors import STEEP_RISE, ErrorBasis
-from .metrics import metrics
+from .metrics import every_metric
 
 TORQUE_CLEAR = 10.0  # Nm, a change that is certainly a rise of torque
 
@@ -122,7 +122,7 @@ def uncertainty(
         Largest error by key.
     """
     basis = ErrorBasis(row, instruments, transmission, period)
-    for metric in metrics():
+    for metric in every_metric():
         if row.get(metric.key) is not None and metric.error is not None and (error := metric.error(basis)) is not None:
             basis.found[metric.key] = error
     return basis.found

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.errors import RigError
+from ..base import RigError
 from .edges import first_true, odd_width, running_mean
 
 if TYPE_CHECKING:
-    from ..base.arrays import Floats
+    from ..base import Floats
 
 MEAN = 20e-3  # s over which the speed is averaged in the search for the cut and the standstill
 BEFORE = 0.5  # s before the cut from which speed and torque are taken

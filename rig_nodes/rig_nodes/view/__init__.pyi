@@ -1,0 +1,17 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+# The names of this room that others use; __init__.py finds each in its module when it is asked for.
+
+from .campaign import is_campaign as is_campaign, write_campaign as write_campaign
+from .compare_file import write_compare_file as write_compare_file
+from .convert import View as View, import_rerun as import_rerun, make_close_view as make_close_view, make_tab_view as make_tab_view, make_view as make_view
+from .live import Sender as Sender, Server as Server, live_topics as live_topics
+from .other_tools import write_layout as write_layout
+from .page_of_compare import compare_page as compare_page
+from .page_of_report import Facts as Facts, campaign_page as campaign_page, report_page as report_page
+from .pages import Pages as Pages
+from .pdf import browser as browser, pdf_of as pdf_of
+from .picture import require_driver as require_driver, take_picture as take_picture
+from .report_plots import plots_of_bag as plots_of_bag
+from .viewer import command_for as command_for, has_display as has_display, open_window as open_window
