@@ -82,7 +82,11 @@ ANOTHER = {
     "a bag": ("x.csv", b"\x89MCAP0\r\n", "is a bag, which is a run already; name it to rig report"),
     "index of TDMS": ("x.tdms", b"TDSh" + bytes(40), "is the index of a TDMS file; import the .tdms beside it"),
     "FAMOS": ("x.dat", b"|CF,2,1,1;|CK,1,3,1,1;", "is an imc FAMOS file; export it as MDF, Parquet or CSV"),
-    "unknown": ("x.d97", bytes(range(256)), "is not text, although its ending is .d97, and none of the formats that are read (CSV"),
+    "unknown": (
+        "x.d97",
+        bytes(range(256)),
+        "is not text, although its ending is .d97, and none of the formats that are read (a MAT file",
+    ),
     "JSON": ("x.json", '{"t":{"0":' + "1.0," * 50_000 + "}}", "is JSON; write the table as CSV or Parquet"),
     "one long line": ("x.txt", "a" * 200_000, "no row of numbers is among its first 1 lines"),
     "empty": ("x.tdms", b"", "is empty"),

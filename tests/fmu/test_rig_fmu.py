@@ -195,7 +195,7 @@ def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig
 
 @pytest.mark.parametrize("controller", ["duty", "current"])
 def test_a_controller_stepped_beside_the_rig_has_one_sample_of_delay(fmu2, controller):
-    """As in runs.simulate, the answer to sample s acts from s + 1 on."""
+    """As in runs.simulation, the answer to sample s acts from s + 1 on."""
     rig, level = Rig(load_rig("hydmag"), controller="external", level=controller), ("duty", "current").index(controller)
     fmu2.set(controller=level + 1)
     fmu2.initialize()

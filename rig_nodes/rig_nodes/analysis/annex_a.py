@@ -61,7 +61,7 @@ def shift_metrics_annex_a(
     b: float = FACTOR_B,
     c: float = RISE_C,
 ) -> dict:
-    """Return the metrics of one shift by Annex A, under the keys of :func:`metrics.keys`.
+    """Return the metrics of one shift by Annex A, under the keys of :func:`metrics.metric_keys`.
 
     A value that the recipe does not give is None, with its reason in ``why``; overlap_s is not part of it and has no reason. The
     recipe does not cover engagements from neutral.

@@ -3,7 +3,7 @@
 
 """Largest errors of the metrics of a shift: those of the instruments, carried over to what is computed from their signals.
 
-The records of analysis.metrics name these functions; analysis.uncertainty calls them. They need only the row of a shift.
+The records of analysis.metrics name these functions; analysis.measured_error calls them. They need only the row of a shift.
 """
 
 from __future__ import annotations

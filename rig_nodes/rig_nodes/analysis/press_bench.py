@@ -3,7 +3,7 @@
 
 """The part of a report for the clutch benches: slip tests with their line, or the line of cylinder or springs.
 
-analysis.run_report uses it; the evaluations themselves are in analysis.slip_tests.
+analysis.run_report uses it; the evaluations themselves are in analysis.slip_bench.
 """
 
 from __future__ import annotations

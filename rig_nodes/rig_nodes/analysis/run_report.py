@@ -58,7 +58,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     Parameters
     ----------
     bag : Bag or Gathered
-        The bag in memory, or what :func:`analysis.gather.gather` gathered of its pieces, with the same ``annex_a``.
+        The bag in memory, or what :func:`analysis.of_runs.gather` gathered of its pieces, with the same ``annex_a``.
     run : dict
         Facts that only the runner has (:data:`RUN_KEYS`). Absent keys become None; an absent ``lost`` is counted from the gaps
         of an undamaged bag.

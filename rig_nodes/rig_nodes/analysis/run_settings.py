@@ -14,7 +14,7 @@ from ..rig import POINT, settings_of, structure_of
 
 
 def settings_of_run(record: Mapping) -> list[tuple[str, str]]:
-    """Return name and value, with its unit, of each setting in the record of a run's rig (bags.rig_record.rig_record)."""
+    """Return name and value, with its unit, of each setting in the record of a run's rig (bags.rig_in_bag.rig_record)."""
     found = []
     for one in settings_of(structure_of(record["structure"]), record).kept():
         section = record.get(one.owner)

@@ -110,7 +110,7 @@ def stands(recording: Recording, t: float) -> bool:
 
 
 def shift_metrics(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None) -> dict:
-    """Return the metrics of one shift under :func:`metrics.keys`; a bad shift does not raise an error.
+    """Return the metrics of one shift under :func:`metrics.metric_keys`; a bad shift does not raise an error.
 
     A value that cannot be found is None, with its reason in ``why``; one that is not defined on this rig or in this shift is None
     with its reason by its key in ``undefined`` (analysis.definitions), which makes no shift invalid. ``valid`` is True when the

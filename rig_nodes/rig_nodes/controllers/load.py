@@ -3,7 +3,7 @@
 
 """Makes the plug of a controller's specification; used by ``simulate``, alfa46, ``controller`` and the tests.
 
-A plug is one line in KINDS. Its module is imported only when it is needed, so that the imports of the other plugs
+A plug is one line in PLUGS. Its module is imported only when it is needed, so that the imports of the other plugs
 cost nothing.
 """
 

@@ -4,7 +4,7 @@
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
 from .alfa46 import Alfa46Config as Alfa46Config, Alfa46Values as Alfa46Values, OUTPUT_KEYS as OUTPUT_KEYS, POINTS as POINTS, beyond_alfa46 as beyond_alfa46, check_gains as check_gains, check_profile as check_profile, read_alfa46 as read_alfa46
-from .changes import changed_settings as changed_settings
+from .settings_changed import changed_settings as changed_settings
 from .commands import Setpoint as Setpoint
 from .configuration import RigConfig as RigConfig, check_gearbox as check_gearbox, load_gearbox_rig as load_gearbox_rig, load_rig as load_rig, rig_name as rig_name, with_overrides as with_overrides
 from .cross_checks import cross_check as cross_check

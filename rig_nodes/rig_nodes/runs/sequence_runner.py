@@ -3,7 +3,7 @@
 
 """Runs a test sequence on a bench: gives its orders, awaits its conditions, and says which step did not end.
 
-A bench is the rig in this process (runs.simulate), the graph (nodes.ros_bench) or an FMU's master (runs.fmu.drive).
+A bench is the rig in this process (runs.simulation), the graph (nodes.ros_bench) or an FMU's master (runs.fmu.drive).
 """
 
 from __future__ import annotations

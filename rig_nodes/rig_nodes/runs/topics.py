@@ -3,7 +3,7 @@
 
 """The fields of the messages of the rig's topics, how often these are sent, and what a listener received last.
 
-runs.outputs encodes the fields; runs.record only reads them.
+runs.outputs encodes the fields; runs.recorded only reads them.
 """
 
 from __future__ import annotations

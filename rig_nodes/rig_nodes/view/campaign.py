@@ -69,7 +69,7 @@ class Campaign:
     rows : list of mapping
         Metrics of one shift each (analysis.metrics).
     errors : list of mapping
-        Largest errors of each row's metrics (analysis.uncertainty).
+        Largest errors of each row's metrics (analysis.measured_error).
     box : Transmission
         The transmission that was shifted.
     """

@@ -3,7 +3,7 @@
 
 """Self-contained HTML pages: their frame, tables, and plots as SVG that keep the extremes of what they thin out.
 
-view.compare_page and view.report_page use it. A page is light, prints on A4, and can be read at the width of a phone.
+view.page_of_compare and view.page_of_report use it. A page is light, prints on A4, and can be read at the width of a phone.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 """The plots of a run's page: each shift with marked phases and times, and the whole run, collected piece by piece from the bag.
 
-view.report_page puts them into the page. Which signals a plot has is decided in view.pages.
+view.page_of_report puts them into the page. Which signals a plot has is decided in view.pages.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def export(kind: str, order: Order) -> None:
     Parameters
     ----------
     kind : str
-        Key of KINDS.
+        Key of FILE_KINDS.
     order : Order
         What is to be written.
 

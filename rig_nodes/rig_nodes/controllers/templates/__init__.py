@@ -119,7 +119,7 @@ def _of_rig(text: str, record: ControllerRecord) -> str:
 
 
 def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[list[Path], list[str]]:
-    """(files written, commands to try them) for one of KINDS and the record of a rig; RigError when the folder is not new or
+    """(files written, commands to try them) for one of TEMPLATES and the record of a rig; RigError when the folder is not new or
     empty.
     """
     chosen, target = TEMPLATES[kind], Path(folder)

@@ -3,8 +3,8 @@
 
 """Definition of a type of device for the engine: its configuration, the numbers in its record, and its compiled stages.
 
-Every file of this folder that is a type of device ends with ``PART = Part(...)``; plant.engine.world finds it by its name. Another
-package adds one by an entry point.
+Every file of this folder that is a type of device ends with ``PART = Part(...)`` and is found by its name. Another package adds
+one by an entry point.
 """
 
 from __future__ import annotations
@@ -193,8 +193,8 @@ class Part:
         By the name of an effect that can be left out, the values of the configuration without it.
     message : str
         Type of its state's message.
-    says : function
-        says(rig, name) returns the fields of that message; a part without one needs none.
+    shown_values : function
+        shown_values(rig, name) returns the fields of that message; a part without one needs none.
     shows : tuple of Shown
         Its signals.
     takes : tuple of Command

@@ -172,7 +172,7 @@ class RigModel:
             if command is None:
                 self._order()
             elif self.rig.sample:
-                # as in runs.simulate: the answer to sample s takes effect from s + 1 on
+                # as in runs.simulation: the answer to sample s takes effect from s + 1 on
                 self.rig.set_command(int(self.values["controller"]) - 1, self.rig.sample - 1, *command)
             part = 1
             if self._recording is not None:

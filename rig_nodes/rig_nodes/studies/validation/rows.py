@@ -46,7 +46,7 @@ class Target:
     text, where : str
         What is claimed, and the place in the thesis.
     kind : str
-        One of KINDS.
+        What is compared, by the word of the file that it is from.
     quantity : str
         Name of the quantity.
     dimension : str

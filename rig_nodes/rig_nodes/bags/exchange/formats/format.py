@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ..foreign import Foreign, Form
 
 FORMATS = Group("formats", "format", __package__, "FORMAT")
-READ = "CSV and other text, Parquet, MDF 2 to 4, MAT, xlsx and TDMS"
 LOOKED_AT = 1 << 16  # bytes of the beginning
 
 _SIGNALS = (
@@ -146,8 +145,8 @@ def format_of(path: Path) -> Format:
         if _HDF5 in head[:1024]:
             raise RigError(f"{path}: is HDF5 of another program; export its signals as MDF, Parquet or CSV")
         raise RigError(
-            f"{path}: is not text, although its ending is {path.suffix}, and none of the formats that are read ({READ}); export it "
-            "from its program as one of them"
+            f"{path}: is not text, although its ending is {path.suffix}, and none of the formats that are read "
+            f"({', '.join(one.called for one in own.values())}); export it from its program as one of them"
         )
     text = head.decode("latin-1").removeprefix("\xef\xbb\xbf")
     for pattern, what, remedy in _TEXTS:

@@ -3,7 +3,7 @@
 
 """Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from the runs of these benches.
 
-Used by rigs.hydmag.laboratory.programme; the evaluation itself is analysis.slip_tests. The friction of chapter 8 is not printed:
+Used by rigs.hydmag.laboratory.programme; the evaluation itself is analysis.slip_bench. The friction of chapter 8 is not printed:
 STATED holds the values that reproduce its comparison of models (docs/background/friction_models.md). With them the rig's packs
 follow the thesis's model, so k_kor against that model is 1 within the errors of the instruments; what is compared are
 the results of the other models for the same packs.
