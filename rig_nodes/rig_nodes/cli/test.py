@@ -37,7 +37,7 @@ AT_MOST = 8  # files that get further chances; more failures are no accident
 CHANCES = 2  # further runs of a file that failed
 # Folders whose processes wait for each other with time limits run first; the number is that of their parts, each short
 # enough that the last one does not run alone for long.
-FIRST = {"graph": 2, "controllers": 4, "fmu": 1}
+FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
 # The others only compute. They take what the first parts leave of the processor, which is little, and half of it beside the
 # tests against the clock, at the lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should
 # not run last, and those whose processes have time limits too should not run first. Short folders form one part with
