@@ -27,10 +27,19 @@ PYTHONS = ("python3", ".venv/bin/python")
 OWN_CLOCK = ("can", "modbus")  # programs that are not started with a run
 
 
+REAL_TIME = pytest.mark.against_the_clock
+
+
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind for kind in TEMPLATES]
+    ("kind", "checks"),
+    [
+        # the check of a program's steps takes their time, or the time of the wall, which tests against the clock have alone
+        *(pytest.param(kind, False, marks=REAL_TIME, id=kind) for kind in OWN_CLOCK),
+        *(pytest.param(kind, True, marks=[REAL_TIME, pytest.mark.campaign], id=f"{kind} with its check") for kind in OWN_CLOCK),
+        *(pytest.param(kind, "-python" not in kind, id=kind) for kind in TEMPLATES if kind not in OWN_CLOCK),
+    ],
 )
-def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request, on_own_port):
+def test_it_shifts_by_the_commands_that_are_printed(kind, checks, tmp_path, monkeypatch, capsys, request, on_own_port):
     if kind == "can" and (why := multicast_works()):
         pytest.skip(why)
     if kind.startswith("ros-"):
@@ -45,8 +54,8 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
     try:
         for line in commands.splitlines():
             command = on_own_port(kind, shlex.split(line, comments=True), "mine/my_plc.py")
-            if command[:3] == ["./rig", "controller", "check"] and ("-python" in kind or kind in OWN_CLOCK):
-                continue  # it measures the time of a program's steps, which tests against the clock do alone
+            if command[:3] == ["./rig", "controller", "check"] and not checks:
+                continue
             if command[:2] in (["./rig", "export"], ["./rig", "controller"]):
                 assert main(command[1:]) == 0, capsys.readouterr()
             elif command[0] == "./rig":
