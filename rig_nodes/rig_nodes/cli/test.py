@@ -38,10 +38,10 @@ CHANCES = 2  # further runs of a file that failed
 # Folders whose processes wait for each other with time limits run first; the number is that of their parts, each short
 # enough that the last one does not run alone for long.
 FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
-# The others only compute. They take what the first parts leave of the processor, which is little, and half of it beside the
-# tests against the clock, at the lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should
-# not run last, and those whose processes have time limits too should not run first. Short folders form one part with
-# others, because to start a part costs two seconds.
+# The others only compute. They take what the first parts and the tests against the clock leave of the processor, at the
+# lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should not run last, and those whose
+# processes have time limits too should not run first. Short folders form one part with others, because to start a part
+# costs two seconds.
 BESIDE = ("plant", "runs", "rigs", "the rest", "rig", "view", "tune", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 # What `rig test --quick` runs: no ROS, and no more compiling than HydmAG needs.
@@ -146,9 +146,8 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         counts.update(counted(output))
         codes.append(code)
 
-    # Beside the tests against the clock one part runs at a time: two would fill the processor's caches, which a rig in real
-    # time needs, and would get no more of the processor.
-    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(1) as below, ThreadPoolExecutor(at_a_time) as after:
+    # what runs at the lowest priority waits as soon as any other part or test wants its core
+    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(cores) as below, ThreadPoolExecutor(at_a_time) as after:
         try:
             others = {name: below.submit(run, name, True) for name in beside}
             for name, (output, code) in zip(first, together.map(run, first)):
