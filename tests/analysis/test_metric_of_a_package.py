@@ -23,7 +23,7 @@ def jump(shift):
     return shift.raw[shift.box.input.torque].max() - shift.before(shift.box.input.torque)
 
 UP = "highest rise of the input torque"
-JUMP = Metric("jump_nm", UP, jump, "{M_in} jump", 1, lambda basis: 2.0 * basis.torque, (TABLE, SHORT))
+JUMP = Metric("jump_nm", UP, jump, "{torque_in} jump", 1, lambda basis: 2.0 * basis.torque, (TABLE, SHORT))
 FAILS = Metric("jump_nm", "fails", lambda shift: 1 / 0, "jump")
 TAKEN = Metric("k", "as ours", jump)
 NUMBER = 5

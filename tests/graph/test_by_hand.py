@@ -61,7 +61,7 @@ def found(graph):
 def ask_on(graph, found, monkeypatch, capsys):
     """Calls the verbs in this process for a rig that has been found before, which saves the search for it."""
     monkeypatch.setattr(os, "environ", os.environ.copy())
-    monkeypatch.setattr(running_rig, "RunningRig", lambda number: contextlib.nullcontext(found))
+    monkeypatch.setattr("rig_nodes.nodes.RunningRig", lambda number: contextlib.nullcontext(found))
     return lambda *words: (main([*words, "--domain", str(graph.domain.number)]), *capsys.readouterr())
 
 

@@ -110,7 +110,7 @@ def test_a_sweep_of_which_nothing_came_to_its_end_says_so_by_its_exit_code_too(t
 )
 def test_what_is_wrong_is_said_before_processes_are_started(arguments, sentence, capsys, monkeypatch):
     """Where nothing is compiled yet, the start of the processes takes half a minute."""
-    monkeypatch.setattr("rig_nodes.runs.workers.start_server", None)
+    monkeypatch.setattr("rig_nodes.runs.start_server", None)
     assert main(["sweep", SHORT, *arguments]) == 2
     assert sentence in capsys.readouterr().err
 
@@ -119,7 +119,7 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
     def interrupted(plan, store, stream, progress=None):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rig_nodes.studies.sweep.run.run_sweep", interrupted)
+    monkeypatch.setattr("rig_nodes.studies.run_sweep", interrupted)
     folder = tmp_path / "sweep"
     assert main(["sweep", SHORT, "--vary", "rest=30 ms, 60 ms", "--jobs", "1", "--out", str(folder)]) == 130
     assert f"go on with: ./rig sweep {folder}" in capsys.readouterr().err

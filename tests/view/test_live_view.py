@@ -228,7 +228,7 @@ def test_a_server_that_does_not_start_is_quoted(monkeypatch, tmp_path):
 def test_which_domain_is_meant_must_be_clear(monkeypatch, capsys):
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     for busy, sentence in ((set(), "no ROS domain is in use"), ({3, 5}, "ROS domains 3, 5 are in use")):
-        monkeypatch.setattr("rig_nodes.controllers.ros.domain.busy_domains", lambda: busy)
+        monkeypatch.setattr("rig_nodes.controllers.busy_domains", lambda: busy)
         assert main(["view", "--live"]) == 2
         error = capsys.readouterr().err
         assert sentence in error and "--domain N" in error and len(error.splitlines()) == 1

@@ -57,7 +57,7 @@ class Metric:
     of : function
         of(shift) returns the value of a cut shift, None where it was not found.
     name : str
-        Its name in tables, without unit, with ``{n_in}, {M_in}, {n_out}, {M_out}`` for the signals of both shafts; empty for a
+        Its name in tables, without unit, with ``{speed_in}, {torque_in}, {speed_out}, {torque_out}`` for the signals of both shafts; empty for a
         metric that only files and validation rows have.
     digits : int
         Digits behind the decimal point that are shown.
@@ -104,7 +104,9 @@ class Metric:
 
     def named(self, box: Transmission) -> str:
         """Return its name on a transmission, without unit."""
-        return self.name.format(n_in=box.input.speed, M_in=box.input.torque, n_out=box.output.speed, M_out=box.output.torque)
+        return self.name.format(
+            speed_in=box.input.speed, torque_in=box.input.torque, speed_out=box.output.speed, torque_out=box.output.torque
+        )
 
     def heading(self, box: Transmission) -> str:
         """Return its name on a transmission with the unit in which people read it."""
@@ -147,7 +149,7 @@ OWN = (
         "input_speed_rpm",
         "input speed, mean of 0.2 s before the order",
         lambda shift: shift.before(shift.box.input.speed) * RPM,
-        "{n_in}",
+        "{speed_in}",
         error=lambda basis: basis.speed * RPM,
         places=(TABLE, ANNEX),
         decided_by=(SPEED_BEFORE,),
@@ -162,7 +164,7 @@ OWN = (
         "output_torque_nm",
         "output torque, mean of 0.2 s before the order",
         lambda shift: shift.before(shift.box.output.torque),
-        "{M_out}",
+        "{torque_out}",
         1,
         error=lambda basis: basis.torque,
         places=(TABLE, ANNEX),
@@ -209,7 +211,7 @@ OWN = (
         "input_torque_max_nm",
         "highest input torque during t_d",
         lambda shift: None if shift.window is None else float(shift.smooth[shift.box.input.torque][shift.window].max()),
-        "{M_in} max",
+        "{torque_in} max",
         1,
         error=metric_errors.peak,
         places=(TABLE, ANNEX, SHORT, PLOTS),
@@ -219,7 +221,7 @@ OWN = (
         "output_speed_min_rpm",
         "lowest output speed during t_d",
         lambda shift: None if shift.lowest_speed is None else shift.lowest_speed * RPM,
-        "{n_out} min",
+        "{speed_out} min",
         error=lambda basis: basis.speed * RPM,
         places=(TABLE, ANNEX),
         decided_by=(SPEEDS, PRESSURES),
@@ -285,7 +287,7 @@ OWN = (
         "input_torque_high_nm",
         "highest input torque from the order until it has settled",
         lambda shift: shift.course and shift.course.extremes["high"],
-        "{M_in} high",
+        "{torque_in} high",
         1,
         error=metric_errors.extreme,
         places=(COURSE,),
@@ -304,7 +306,7 @@ OWN = (
         "input_torque_low_nm",
         "lowest input torque from the order until it has settled",
         lambda shift: shift.course and shift.course.extremes["low"],
-        "{M_in} low",
+        "{torque_in} low",
         1,
         error=metric_errors.extreme,
         places=(COURSE,),
@@ -331,7 +333,7 @@ OWN = (
         "output_speed_low_rpm",
         "lowest output speed from the order until the input torque has settled",
         lambda shift: shift.course and shift.course.lowest,
-        "{n_out} low",
+        "{speed_out} low",
         error=lambda basis: basis.speed * RPM,
         places=(COURSE,),
         decided_by=(SPEEDS,),
@@ -390,9 +392,11 @@ def _of_package(point: EntryPoint) -> Metric:
     if not found.key.isidentifier() or not callable(found.of):
         raise ADDED.refused(point, "has no key of letters, digits and _, or no function 'of'")
     try:
-        found.name.format(n_in="", M_in="", n_out="", M_out="")
+        found.name.format(speed_in="", torque_in="", speed_out="", torque_out="")
     except (KeyError, ValueError, IndexError):
-        raise ADDED.refused(point, f"has the name '{found.name}', expected only {{n_in}}, {{M_in}}, {{n_out}}, {{M_out}}") from None
+        raise ADDED.refused(
+            point, f"has the name '{found.name}', expected only {{speed_in}}, {{torque_in}}, {{speed_out}}, {{torque_out}}"
+        ) from None
     return replace(found, package=point.dist.name if point.dist else point.module)
 
 
