@@ -57,8 +57,8 @@ class Metric:
     of : function
         of(shift) returns the value of a cut shift, None where it was not found.
     name : str
-        Its name in tables, without unit, with ``{speed_in}, {torque_in}, {speed_out}, {torque_out}`` for the signals of both shafts; empty for a
-        metric that only files and validation rows have.
+        Its name in tables, without unit, with ``{speed_in}, {torque_in}, {speed_out}, {torque_out}`` for signals of both shafts;
+        empty for a metric that only files and validation rows have.
     digits : int
         Digits behind the decimal point that are shown.
     error : function, optional
