@@ -33,6 +33,8 @@ setup(
         NAME: [
             "base/**/*.yaml",
             "base/*.xml",
+            "bags/interfaces/*/msg/*.msg",
+            "py.typed",
             "rigs/**/*.yaml",
             "rigs/**/*.csv",
             "rigs/**/*.py",

@@ -10,6 +10,7 @@ import struct
 from pathlib import Path
 
 import pytest
+from ament_index_python.packages import get_package_share_directory
 from rosidl_adapter.msg import convert_msg_to_idl
 from rosidl_generator_type_description import generate_type_hash
 
@@ -18,7 +19,8 @@ from rig_nodes.bags import cdr, definitions
 from rig_nodes.bags.definitions import installed, parse
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.base.errors import RigError
+from rig_nodes.base.names import installed as installed_rigs
+from rig_nodes.rig import load_rig
 
 MESSAGES = {"Header": "uint32 stamp\nfloat64 v\n", "S": "# what it is\nHeader own\nHeader[2] two\nfloat64 w\n"}
 
@@ -42,7 +44,7 @@ def my_pkg(tmp_path, monkeypatch):
     monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     yield share
-    for function in (definitions.installed, definitions._kept, definitions.parse, definitions._share, definitions._described):
+    for function in (definitions.installed, definitions._text_of, definitions._kept, definitions.parse):
         function.cache_clear()
 
 
@@ -67,13 +69,29 @@ def test_such_a_bag_is_read_where_the_package_is_not_installed():
     assert dict(parse("my_pkg/msg/Other", other).tree.fields)["header"].name == "std_msgs/msg/Header"
 
 
-def test_a_package_without_rosidls_description_is_refused_in_a_sentence(my_pkg):
-    (my_pkg / "msg" / "S.json").unlink()
-    with pytest.raises(RigError, match=r"the package 'my_pkg' has no description of 'S' \(S.json\); build it with ROS 2 Jazzy"):
-        installed("my_pkg/msg/S")
+def package_of(ros_type):
+    """Where ROS 2 has a message, which the rig's own text of it must equal."""
+    package, _, name = ros_type.split("/")
+    return Path(get_package_share_directory(package)) / "msg" / f"{name}.msg"
 
 
-@pytest.mark.parametrize("ros_type", ["rig_msgs/msg/RigState", "sensor_msgs/msg/JointState", "std_msgs/msg/Empty"])
+OWN = sorted(str(path.relative_to(definitions.INTERFACES).with_suffix("")) for path in definitions.INTERFACES.glob("*/msg/*.msg"))
+
+
+@pytest.mark.parametrize("ros_type", OWN)
+def test_a_type_that_the_rig_brings_along_is_that_of_ros(ros_type):
+    assert package_of(ros_type).read_bytes() == definitions.message_file(ros_type).read_bytes()
+    described = json.loads(package_of(ros_type).with_suffix(".json").read_text())["type_hashes"]
+    assert installed(ros_type).type_hash == next(one["hash_string"] for one in described if one["type_name"] == ros_type)
+
+
+def test_every_type_that_a_run_records_is_brought_along(monkeypatch):
+    monkeypatch.delenv("AMENT_PREFIX_PATH")
+    types = {topic.ros_type for name in installed_rigs("rigs") for topic in load_rig(name).catalogue.topics.values()}
+    assert len(types) > 10 and all(definitions.message_file(one).is_relative_to(definitions.INTERFACES) for one in types)
+
+
+@pytest.mark.parametrize("ros_type", ["std_msgs/msg/Empty", "diagnostic_msgs/msg/DiagnosticArray"])
 def test_the_hash_of_an_installed_type_is_that_of_its_text_too(ros_type):
     found = installed(ros_type)
     assert definitions._parsed(ros_type, found.text)[1] == found.type_hash

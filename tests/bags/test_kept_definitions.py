@@ -3,8 +3,6 @@
 
 """Definitions of installed messages are read once and kept between processes, as long as their files are the same."""
 
-import json
-
 import pytest
 
 import rig_nodes.base.keep
@@ -20,7 +18,7 @@ def another_process(tmp_path, monkeypatch):
     monkeypatch.setattr(rig_nodes.base.keep, "cache_root", lambda: tmp_path / "kernel-cache")
 
     def forget():
-        for function in (definitions.installed, definitions._kept, definitions.parse, definitions._described):
+        for function in (definitions.installed, definitions._text_of, definitions._kept, definitions.parse):
             function.cache_clear()
 
     forget()
@@ -52,16 +50,10 @@ def test_a_bag_with_another_text_is_read_by_its_own(another_process):
 
 
 def test_an_edited_message_is_read_anew(another_process, tmp_path, monkeypatch):
-    share = tmp_path / "share"
-    (share / "msg").mkdir(parents=True)
-    real = definitions.get_package_share_directory
-    monkeypatch.setattr(definitions, "_share", lambda package: str(share) if package == "mine" else real(package))
+    share = tmp_path / "share" / "mine" / "msg"
+    share.mkdir(parents=True)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     for text, names in (("float64 a\n", ["a"]), ("float64 a\nfloat64 bb\n", ["a", "bb"])):
-        (share / "msg" / "Own.msg").write_text(text)
-        fields = [{"name": name, "type": {"nested_type_name": ""}} for name in names]
-        described = {"type_description_msg": {"type_description": {"fields": fields}}}
-        described["type_hashes"] = [{"type_name": "mine/msg/Own", "hash_string": f"RIHS01_{len(names)}"}]
-        (share / "msg" / "Own.json").write_text(json.dumps(described))
-        for function in (definitions.installed, definitions._kept, definitions._described):
-            function.cache_clear()
+        (share / "Own.msg").write_text(text)
+        another_process()
         assert [name for name, _ in installed("mine/msg/Own").tree.fields] == names

@@ -3,13 +3,13 @@
 
 """Message definitions: their source, and the place of each field in an encoded message.
 
-Publishers use the definitions of the installed packages, whose types and hashes are those of rosidl's own description (the .json
-beside a .msg); the reader uses those that a bag carries.
+Publishers use the texts in ``interfaces``, which are those of the rig's messages and of the ROS 2 messages that a run records, and
+for any other type that of the ROS 2 around; the reader uses those that a bag carries.
 """
 
 from __future__ import annotations
 
-import json
+import os
 import re
 import struct
 from dataclasses import dataclass, field
@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -46,6 +45,7 @@ CODES = {
     "float32": "f",
     "float64": "d",
 }
+INTERFACES = Path(__file__).with_name("interfaces")  # <package>/msg/<Name>.msg
 TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _WIDE = re.compile(r"\s*wstring[\s\[<]")
 _TYPE = re.compile(r"[A-Za-z]\w{0,199}(/msg)?/[A-Za-z]\w{0,199}", re.ASCII)
@@ -226,78 +226,70 @@ def _numpy_format(leaf: Leaf) -> str | tuple[str, tuple[int]]:
 def installed(ros_type: str) -> Definition:
     """Return the definition of an installed type, e.g. ``rig_msgs/msg/Measurement``.
 
-    What was read of its files is kept on disk for later processes, because reading those of a run takes a tenth of a second.
+    Raises
+    ------
+    RigError
+        When the package or the message is not installed.
+    """
+    return parse(ros_type, _text_of(ros_type))
+
+
+@cache
+def _text_of(ros_type: str) -> str:
+    """Return the text of an installed type as a bag stores it; RigError when it is not installed."""
+    texts: dict[str, str] = {}
+    _collect(ros_type, texts)
+    separator = "=" * 80
+    text = texts.pop(ros_type).rstrip() + "\n"
+    for name, part in texts.items():
+        text += f"{separator}\nMSG: {_short(name)}\n{part.rstrip()}\n"
+    return text
+
+
+def message_file(ros_type: str) -> Path:
+    """Return the .msg file of an installed type.
+
+    Parameters
+    ----------
+    ros_type : str
+        Message type.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
     RigError
         When the package or the message is not installed.
     """
-    return parse(ros_type, _kept(ros_type)["text"])
-
-
-@cache
-def _kept(ros_type: str) -> dict:
-    """Return text, tree, hash and files of an installed type; RigError when it is not installed."""
-    _file_of(ros_type)  # whatever is kept
-    return kept(
-        kept_folder("message-definitions") / f"{ros_type.replace('/', '-')}.json",
-        _reader() + ros_type.encode(),
-        lambda: _read(ros_type),
-        lambda content: all(_about(name) == about for name, about in content["files"].items()),
-    )
-
-
-@lru_cache(maxsize=1)
-def _reader() -> bytes:
-    """Everything on which the kept content depends besides the files of the messages."""
-    return Path(__file__).read_bytes() + version_of("rosbags").encode()
-
-
-def _read(ros_type: str) -> dict:
-    """Read an installed type from its files."""
-    texts: dict[str, str] = {}
-    _collect(ros_type, texts)
-    separator = "=" * 80
-    text = texts[ros_type].rstrip() + "\n"
-    for name, part in texts.items():
-        if name != ros_type:
-            text += f"{separator}\nMSG: {_short(name)}\n{part.rstrip()}\n"
-    tree, _, _ = _parsed(ros_type, text)
-    type_hash = next(one["hash_string"] for one in _described(ros_type)["type_hashes"] if one["type_name"] == ros_type)
-    return {"files": {name: _about(name) for name in texts}, "text": text, "tree": _as_lists(tree), "hash": type_hash}
-
-
-def _file_of(ros_type: str) -> Path:
-    """Return the file of an installed type; RigError when there is none."""
     package, folder, short = ([*ros_type.split("/"), "", ""])[:3]
     if folder != "msg" or not _TYPE.fullmatch(ros_type):
         raise RigError(f"'{ros_type}' is not a message type; expected package/msg/Name")
-    try:
-        path = Path(_share(package)) / "msg" / f"{short}.msg"
-    except (PackageNotFoundError, ValueError):  # ValueError: no name that a package can have
-        raise RigError(f"the message package '{package}' is not installed; './rig doctor' lists what is") from None
-    if not path.is_file():
+    places = [
+        INTERFACES / package,
+        *(Path(one, "share", package) for one in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if one),
+    ]
+    for place in places:
+        if (path := place / "msg" / f"{short}.msg").is_file():
+            return path
+    if any(place.is_dir() for place in places):
         raise RigError(f"the package '{package}' has no message '{short}'")
-    if not path.with_suffix(".json").is_file():
-        raise RigError(f"the package '{package}' has no description of '{short}' ({short}.json); build it with ROS 2 Jazzy")
-    return path
-
-
-_share = lru_cache(maxsize=64)(get_package_share_directory)
-
-
-def _about(ros_type: str) -> list:
-    """Path, size and time of change of the files of an installed type, by which a changed file is recognised."""
-    path = _file_of(ros_type)
-    files = [one.stat() for one in (path, path.with_suffix(".json"))]
-    return [str(path), *(number for about in files for number in (about.st_size, about.st_mtime_ns))]
+    raise RigError(f"the message package '{package}' is not installed; './rig doctor' lists what is")
 
 
 @lru_cache(maxsize=256)
-def _described(ros_type: str) -> dict:
-    """Return rosidl's description of an installed type: its fields with the full names of their types, and its hash."""
-    return json.loads(_file_of(ros_type).with_suffix(".json").read_text(encoding="utf-8"))
+def _kept(ros_type: str, text: str) -> tuple[Node, str]:
+    """Return tree and hash of an installed type, kept on disk, because parsing those of a run takes a tenth of a second."""
+    place = kept_folder("message-definitions") / f"{ros_type.replace('/', '-')}.json"
+    about = Path(__file__).read_bytes() + version_of("rosbags").encode() + f"{ros_type}\n{text}".encode()
+    tree, type_hash = kept(place, about, lambda: _for_json(*_parsed(ros_type, text)[:2]))
+    return _of_lists(tree), type_hash
+
+
+def _for_json(tree: Node, type_hash: str) -> list:
+    return [_as_lists(tree), type_hash]
 
 
 def _as_lists(node: Node) -> list:
@@ -334,13 +326,10 @@ def parse(ros_type: str, text: str) -> Definition:
         When the text is not a message definition or describes more than bags.limits allows.
     """
     try:
-        known = _kept(ros_type)
+        own = _text_of(ros_type) == text
     except RigError:
-        known = None
-    if known is not None and known["text"] == text:
-        root, type_hash = _of_lists(known["tree"]), known["hash"]
-    else:
-        root, type_hash, _ = _parsed(ros_type, text)
+        own = False
+    root, type_hash = _kept(ros_type, text) if own else _parsed(ros_type, text)[:2]
     leaves, tail, end = _lay_out(root)
     return Definition(ros_type, text, type_hash, root, leaves, tail, 4 + end)
 
@@ -422,10 +411,14 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
     """Put the .msg text of a type and of all types it uses into ``texts``, the type itself first."""
     if ros_type in texts:
         return
-    texts[ros_type] = _file_of(ros_type).read_text(encoding="utf-8")
-    for part in _described(ros_type)["type_description_msg"]["type_description"]["fields"]:
-        if nested := part["type"]["nested_type_name"]:
-            _collect(nested, texts)
+    texts[ros_type] = message_file(ros_type).read_text(encoding="utf-8")
+    for line in texts[ros_type].splitlines():
+        name = re.match(r"\s*([\w/]*)", line)[1]
+        if "/" not in name and name[:1].isupper():
+            name = f"{ros_type.partition('/')[0]}/{name}"
+        if "/" in name:
+            package, *_, short = name.split("/")
+            _collect(f"{package}/msg/{short}", texts)
 
 
 def _qualified(ros_type: str, lines: list[str]) -> list[str]:

@@ -14,11 +14,8 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
-
-from .definitions import installed
+from .definitions import installed, message_file
 
 TOPICS = {f"/alfa46/{name}": f"/controller/{name}" for name in ("command", "events", "signals", "channels")}
 _STAMP = re.compile(r"^builtin_interfaces/Time stamp\b.*$", re.M)
@@ -162,5 +159,5 @@ def record_of_today(record: Mapping) -> Mapping:
 
 def _header_text() -> str:
     """Return the definition of Header that follows a definition with a Header; it brings its own Time when the bag has none."""
-    path = Path(get_package_share_directory("std_msgs")) / "msg" / "Header.msg"
+    path = message_file("std_msgs/msg/Header")
     return f"{_SEPARATOR}\nMSG: std_msgs/Header\n{path.read_text(encoding='utf-8').rstrip()}\n"

@@ -26,7 +26,7 @@ def kept_folder(what: str) -> Path:
     return cache_root().parent / what
 
 
-def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any], bool] = lambda _: True) -> Any:
+def kept(path: Path, about: bytes, make: Callable[[], Any]) -> Any:
     """Return the content that is kept in a file, or make it and keep it.
 
     Parameters
@@ -34,11 +34,9 @@ def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any]
     path : Path
         The file.
     about : bytes
-        Everything on which the content depends except what ``fits`` checks.
+        Everything on which the content depends.
     make : callable
         Returns the content, which JSON can hold.
-    fits : callable, optional
-        Returns whether a content that was kept is still valid.
 
     Returns
     -------
@@ -48,8 +46,8 @@ def kept(path: Path, about: bytes, make: Callable[[], Any], fits: Callable[[Any]
     with suppress(OSError):
         if own_folder(path.parent):
             key, _, body = path.read_bytes().partition(b"\n")
-            if key == _key(about, body) and fits(content := json.loads(body)):  # otherwise it is damaged or outdated
-                return content
+            if key == _key(about, body):  # otherwise it is damaged or outdated
+                return json.loads(body)
     content = make()
     with suppress(OSError):  # without a folder that can be written, it is made each time
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
