@@ -1,10 +1,32 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The HydmAG virtual powertrain test rig as ROS 2 nodes; see docs/background/architecture.md for the walls."""
+"""A virtual powertrain test rig: ``load`` a rig, ``simulate`` a sequence, ``open`` a run, ``sweep`` many.
+
+The names are found in the room api when they are asked for; docs/background/architecture.md describes the rooms.
+"""
+
+from __future__ import annotations
 
 import re
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .api import Rig, Run, Signal, Signals, Table, load, open
+
+__all__ = ["Rig", "Run", "Signal", "Signals", "Table", "load", "open"]
+
+
+def __getattr__(name: str) -> object:
+    if name in __all__:
+        return getattr(import_module(".api", __name__), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
 
 
 def _version() -> str:

@@ -15,9 +15,6 @@ from .run_arguments import add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:
     import argparse
-    import io
-    from collections.abc import Iterator
-    from pathlib import Path
 
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
@@ -27,44 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared_arguments(parser)
 
 
-@contextlib.contextmanager
-def controller_log(folder: Path) -> Iterator[None]:
-    """Write tracebacks of user code to the run's logs; the file is made at the first one."""
-    import logging
-
-    class LateFile(logging.FileHandler):
-        def _open(self) -> io.TextIOWrapper:
-            (folder / "logs").mkdir(exist_ok=True)
-            return super()._open()
-
-    handler = LateFile(folder / "logs" / "controller.log", delay=True, encoding="utf-8")
-    log = logging.getLogger("rig_nodes.controllers")
-    log.addHandler(handler)
-    try:
-        yield
-    finally:
-        log.removeHandler(handler)
-        handler.close()
-
-
 def main(args: argparse.Namespace) -> int:
     """Check, run and report; return 0 only when the sequence was completed."""
-    from ..analysis import build_report, format_report, gather, write_report
+    from ..analysis import format_report, write_report
+    from ..api import simulated
     from ..base import DEFAULT_RIG, interrupted_code, rig_of
     from ..controllers import embedded_line, level_line, load_controller
     from ..rig import load_rig
-    from ..runs import (
-        Ordered,
-        check_controller,
-        check_level,
-        load_sequence,
-        parse_parameters,
-        parse_settings,
-        run_folder,
-        simulate,
-        unless_empty,
-        write_run,
-    )
+    from ..runs import Ordered, check_controller, check_level, load_sequence, parse_parameters, parse_settings, run_folder
 
     args.controller = controller_of(args.controller, args.in_process)
     rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
@@ -93,15 +60,15 @@ def main(args: argparse.Namespace) -> int:
             shown[0] = text
             print(f"{t:8.2f} s  {printable(text)}", flush=True)
 
-    with controller_log(folder), unless_empty(folder), starting:
+    with starting:
         starting.enter_context(waiting(STARTING))
-        write_run(folder, Ordered(config, rig, sequence, args.seed, args.delay, args.controller))
-        run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
-    report = build_report(gather(folder, run), run)
+        ordered = Ordered(config, rig, sequence, args.seed, args.delay, args.controller)
+        report = simulated(folder, ordered, progress, controller)
     print(format_report(report))
     write_report(folder, report)
     print(f"written to {folder}; look at it with: ./rig view {quoted(folder)}", flush=True)
-    state, reason = run["end"]["state"], run["end"]["reason"]
+    end = report["run"]["end"]
+    state, reason = end["state"], end["reason"]
     if state != "ended":
         print(f"rig: {printable(reason)}", file=sys.stderr)
     if state == "interrupted":

@@ -37,6 +37,7 @@ from ..rig import CONTROLLER, OWN, RigConfig, Setting, load_rig
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
 
+KEYS = ("description", "rig", "parameters", "ready", "steps")  # of a sequence's file
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
 LONGEST = 10_000  # steps after unrolling repeats
@@ -176,14 +177,52 @@ def load_sequence(
     """
     path = find_of_rigs("sequences", name, rig, default)
     node = load_yaml(path)
-    check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"), "the sequence")
+    check_keys(path, node, KEYS, ("description", "steps"), "the sequence")
     own = rig is None and "rig" in node
     rig = rig or rig_of(path, default)
     try:
         config = config or _read_rig(str(rig), tuple((str(base), base.stat().st_mtime_ns) for base, _ in with_bases(rig)))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}" if own else str(error)) from None
-    parameters = _parameters(node, path, values or {})
+
+    def refused(nodes: Any, error: RigError) -> RigError:
+        written_for = rig_of(path, default or str(rig))
+        if own or written_for in (str(rig), config.name) or not _suits(nodes, path, written_for):
+            return error
+        return RigError(
+            f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
+            f"--rig, or name one like {written_for}"
+        )
+
+    return checked(node, path, values or {}, config, str(rig), refused)
+
+
+def checked(
+    node: Map, path: Path, values: dict[str, str], config: RigConfig, rig: str, refused: Callable[[Any, RigError], RigError]
+) -> Sequence:
+    """Return the sequence of a map that has only known keys.
+
+    Parameters
+    ----------
+    node : Map
+        The map.
+    path : Path
+        Its file, for the errors; the sequence is called as it is.
+    values : dict of str to str
+        Values of parameters in place of their defaults.
+    config : RigConfig
+        The rig on which it is to run.
+    rig : str
+        Name or file of that rig.
+    refused : callable
+        refused(nodes, error) returns the error to raise when the rig does not take the steps.
+
+    Raises
+    ------
+    RigError
+        When something is not right.
+    """
+    parameters = _parameters(node, path, values)
     nodes = _Filled(path).of(node["steps"], parameters, where_of(path, node, "steps"))
     _check_used(node, path, parameters)
     timeout = DEFAULT_TIMEOUT
@@ -193,20 +232,14 @@ def load_sequence(
     try:
         steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
     except RigError as error:
-        written_for = rig_of(path, default or str(rig))
-        if own or written_for in (str(rig), config.name) or not _suits(nodes, path, written_for):
-            raise
-        raise RigError(
-            f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
-            f"--rig, or name one like {written_for}"
-        ) from None
+        raise refused(nodes, error) from None
     least = sum((step.value if step.condition is None else step.hold) for step in steps if step.kind == "wait")
     if least > LONGEST_TIME:
         raise RigError(
             f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
             f"most {LONGEST_TIME:.6g} s, which is a day"
         )
-    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, str(rig))
+    return Sequence(path.stem, str(node["description"]), timeout, steps, parameters, rig)
 
 
 def _suits(nodes: Any, path: Path, rig: str) -> bool:

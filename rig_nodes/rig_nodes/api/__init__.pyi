@@ -1,0 +1,11 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+# The names of this room that others use; __init__.py finds each in its module when it is asked for.
+
+from .opened import open as open
+from .rig import Rig as Rig, load as load
+from .run import Run as Run
+from .signals import Signal as Signal, Signals as Signals
+from .simulated import simulated as simulated
+from .table import Table as Table

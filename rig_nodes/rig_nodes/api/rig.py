@@ -1,0 +1,204 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A rig from Python: loaded by its name, with settings, simulated; users begin with ``rig_nodes.load``."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..analysis import write_report
+from ..base import RigError, brief, shown_in
+from ..controllers import IN_PROCESS, load_controller
+from ..rig import POINT, RigConfig, load_rig, with_overrides
+from ..runs import Ordered, check_controller, check_level, load_sequence, sequence_of
+from .run import Run
+from .simulated import simulated
+
+if TYPE_CHECKING:
+    from ..controllers import Plug
+
+
+def load(name: str | Path, /, **settings: Any) -> Rig:
+    """Load a rig.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of an installed rig, a rig's folder, or its file.
+    **settings
+        Values of the rig in place of its own, named as after ``--set``: texts with a unit, or numbers in SI. A name with a dot
+        is given as a dict of its part, or by ``**{"alfa46.t12": "200 ms"}``.
+
+    Returns
+    -------
+    Rig
+        The rig.
+
+    Raises
+    ------
+    RigError
+        When there is no such rig or setting, or a value does not fit.
+
+    Examples
+    --------
+    >>> rig = rig_nodes.load("hydmag", alfa46={"t12": -0.2, "output_1": {"P1": "200 ms 160 mA"}})
+    >>> rig.name, rig.config.alfa46.values.t12
+    ('hydmag', -0.2)
+    >>> rig_nodes.load("hydmag", **{"alfa46.t21": "5 bar"})
+    Traceback (most recent call last):
+    rig_nodes.base.errors.RigError: setting alfa46.t21=5 bar: the value: '5 bar' is a pressure, expected a time (s, ms, us, min)
+    """
+    rig = Rig(str(name), load_rig(name), {})
+    texts = rig.texts_of(settings)
+    return Rig(str(name), with_overrides(rig.config, texts), texts)
+
+
+class Rig:
+    """A rig with its settings; :func:`load` makes it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the rig.
+    source : str
+        Name, folder or file that it was loaded from.
+    config : RigConfig
+        Its checked configuration.
+    settings : dict of str to str
+        The settings that were given, as after ``--set``.
+    """
+
+    def __init__(self, source: str, config: RigConfig, settings: dict[str, str]) -> None:
+        self.name, self.source, self.config, self.settings = config.name, source, config, settings
+
+    def texts_of(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """Return settings as ``--set`` takes them.
+
+        Parameters
+        ----------
+        settings : mapping
+            Values by name, as :func:`load` takes them.
+
+        Returns
+        -------
+        dict of str to str
+            Texts by the whole name of each setting.
+
+        Raises
+        ------
+        RigError
+            When a value is no text, number, truth value or, of a point, pair of numbers.
+        """
+        return {name: self._text(name, value) for name, value in _flat(settings).items()}
+
+    def simulate(
+        self,
+        sequence: str | Path | Sequence[Mapping] | Mapping = "demo",
+        *,
+        seed: int = 1,
+        controller: str | type | None = None,
+        level: str | None = None,
+        delay: int = 1,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> Run:
+        """Run a sequence, as fast as it goes.
+
+        Parameters
+        ----------
+        sequence : str, Path, list of dict or dict
+            Name of a sequence, its file, or its steps as in a sequence's file, alone or in a dict with ``ready`` and
+            ``parameters``.
+        seed : int
+            Seed of the transducers' noise and errors.
+        controller : str or type, optional
+            A controller in place of the rig's own, as after ``--controller``, or a class with ``initialize``, ``step`` and
+            ``terminate``, which then runs in this process.
+        level : str, optional
+            What the controller returns, ``"duty"`` or ``"current"``, where it can return both.
+        delay : int
+            Samples of 1 ms until the controller's answers act.
+        parameters : mapping, optional
+            Values of the sequence's parameters, as after ``--with``.
+
+        Returns
+        -------
+        Run
+            The run; how it ended is in its ``end``. It is kept in a temporary folder until it is saved.
+
+        Raises
+        ------
+        RigError
+            When the sequence or the controller cannot be read or does not fit the rig.
+        KeyboardInterrupt
+            After Ctrl-C.
+
+        Examples
+        --------
+        >>> rig = rig_nodes.load("hydmag")
+        >>> steps = [
+        ...     {"oil": {"pressure": "4 MPa"}},
+        ...     {"wait": {"until": {"signal": "p_p", "above": "3.9 MPa"}}},
+        ...     {"shift": {"to": "I"}},
+        ...     {"motor": {"speed": "800 rpm"}},
+        ...     {"wait": {"for": "1 s"}},
+        ... ]
+        >>> run = rig.simulate(steps, seed=7)
+        >>> bool(run.signals["n_wej"].to("rpm")[-100:].mean() > 700)
+        True
+        >>> rig.simulate([{"motor": {"speed": "80000 rpm"}}])
+        Traceback (most recent call last):
+        rig_nodes.base.errors.RigError: step:1: motor.speed is 80000 rpm; the rig takes 0 to 3000 rpm
+        """
+        given = {name: str(value) for name, value in (parameters or {}).items()}
+        if isinstance(sequence, str | Path):
+            read = load_sequence(sequence, given, self.source, None, self.config)
+        else:
+            read = sequence_of(sequence, given, self.config, self.source)
+        read.check_rig(self.config)
+        plug, spec = self._plug(controller, level, delay)
+        folder = Path(tempfile.mkdtemp(prefix="rig-run-"))
+        report = simulated(folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
+        write_report(folder, report)
+        run = Run(folder, report, temporary=True)
+        if run.end["state"] == "interrupted":
+            raise KeyboardInterrupt(run.end["reason"])
+        return run
+
+    def _plug(self, controller: str | type | None, level: str | None, delay: int) -> tuple[Plug | None, str | None]:
+        """Return the plug of a controller and its specification; None twice for the rig's own."""
+        if controller is None and level is None and delay == 1:
+            return None, None
+        own = isinstance(controller, type)
+        spec = f"python:{controller.__module__}:{controller.__qualname__}{IN_PROCESS}" if own else controller
+        check_controller(self.config)
+        plug = load_controller(spec, self.config, level)
+        check_level(self.config, plug.level)
+        return plug, spec
+
+    def _text(self, name: str, value: Any) -> str:
+        """Return the value of a setting as text; a number is in SI."""
+        if isinstance(value, bool):
+            return "on" if value else "off"
+        if isinstance(value, str):
+            return value
+        setting = self.config.settings.find(name)
+        if setting.dimension == POINT and isinstance(value, Sequence) and len(value) == 2:
+            return f"{float(value[0])!r} s {float(value[1])!r} A"
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise RigError(f"setting {name} is {brief(value)}; expected a text with a unit or a number in SI") from None
+        unit, factor = shown_in(setting.dimension) if setting.is_number else ("-", 1.0)
+        return f"{number / factor!r} {unit}"
+
+
+def _flat(settings: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
+    """Return nested settings by their names with dots."""
+    out: dict[str, Any] = {}
+    for name, value in settings.items():
+        out |= _flat(value, f"{owner}{name}.") if isinstance(value, Mapping) else {f"{owner}{name}": value}
+    return out

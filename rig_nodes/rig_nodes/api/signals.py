@@ -1,0 +1,160 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The signals of a run as numpy arrays that know their times and their unit; ``run.signals`` is a Signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..bags import Bag, Logger
+from ..bags import Signals as Groups
+from ..base import UNITS, RigError, brief, unknown
+
+
+class Signal(np.ndarray):
+    """Values (n,) of a signal with their times.
+
+    It is an array like any other: what is computed of it is a plain array. A slice or a selection of it keeps its times.
+
+    Attributes
+    ----------
+    time : (n,) array of float
+        Time of each value [s].
+    name : str
+        Name of the signal.
+    unit : str
+        Unit of the values; that of SI unless :meth:`to` made the signal.
+    text : str
+        One sentence about the signal; empty for a signal of a controller's own.
+
+    Examples
+    --------
+    >>> run = rig_nodes.load("hydmag").simulate("demo")
+    >>> p1 = run.signals["p1"]
+    >>> p1.unit, p1.to("MPa").unit
+    ('Pa', 'MPa')
+    >>> bool((p1[p1.time > 5.0].time > 5.0).all())
+    True
+    """
+
+    time: np.ndarray | None = None  # as of an array of another shape that is made of a signal
+    name = unit = text = ""
+
+    def __new__(cls, values: np.ndarray, time: np.ndarray, name: str, unit: str, text: str = "") -> Signal:
+        """Make a signal of values (n,) and times (n,) [s]."""
+        signal = np.asarray(values, float).view(cls)
+        signal.time, signal.name, signal.unit, signal.text = time, name, unit, text
+        return signal
+
+    def __array_finalize__(self, obj: object) -> None:
+        if isinstance(obj, Signal) and obj.shape == self.shape:
+            self.time, self.name, self.unit, self.text = obj.time, obj.name, obj.unit, obj.text
+
+    def __array_wrap__(self, array: np.ndarray, context: object = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar or array.ndim == 0 else np.asarray(array)
+
+    def __getitem__(self, key: Any) -> Any:
+        values = self.view(np.ndarray)[key]
+        if np.ndim(values) != 1 or self.time is None or isinstance(key, tuple):
+            return values
+        return Signal(values, self.time[key], self.name, self.unit, self.text)
+
+    def __reduce__(self) -> tuple:
+        return Signal, (np.asarray(self), self.time, self.name, self.unit, self.text)
+
+    def to(self, unit: str) -> Signal:
+        """Return the signal in another unit.
+
+        Parameters
+        ----------
+        unit : str
+            A unit of the same dimension, e.g. ``"MPa"`` for a pressure.
+
+        Returns
+        -------
+        Signal
+            The converted values, with the same times.
+
+        Raises
+        ------
+        RigError
+            When there is no such unit, or it is one of another dimension.
+        """
+        dimension, factor = UNITS.get(self.unit, ("", 1.0))
+        if unit not in UNITS or UNITS[unit][0] != dimension:
+            known = ", ".join(one for one, (of, _) in UNITS.items() if of == dimension)
+            raise RigError(
+                f"{self.name} is in {self.unit} and not to be had in {brief(unit)}; expected one of {known or self.unit}"
+            )
+        return Signal(np.asarray(self) * (factor / UNITS[unit][1]), self.time, self.name, unit, self.text)
+
+    def __repr__(self) -> str:
+        if self.time is None:
+            return repr(np.asarray(self))
+        if not len(self):
+            return f"{self.name} [{self.unit}], no values"
+        low, high = (f"{value:.4g}" for value in (np.nanmin(self), np.nanmax(self)))
+        ends = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"
+        return f"{self.name} [{self.unit}], {len(self)} values, {low} to {high}, {ends}"
+
+
+class Signals(Mapping[str, Signal]):
+    """The signals of a run by their names, in SI; each is decoded when it is asked for.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the run, or its bag.
+
+    Examples
+    --------
+    >>> run = rig_nodes.load("hydmag").simulate("demo")
+    >>> "M_wyj" in run.signals, run.signals["M_wyj"].unit
+    (True, 'Nm')
+    >>> run.signals["M_wjy"]
+    Traceback (most recent call last):
+    rig_nodes.base.errors.RigError: there is no signal 'M_wjy' in the run; did you mean 'M_wyj' or 'M_wej'?
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._groups = Groups(path).groups
+        self._places = {column.name: (group, column) for group in self._groups for column in group.columns}
+        self._bag: Bag | None = None
+        self._loggers: dict[str, Logger] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places
+
+    def __getitem__(self, name: str) -> Signal:
+        if name not in self._places:
+            sentence = unknown("signal", name, self._places)
+            raise RigError(sentence.replace(";", " in the run;", 1))
+        group, column = self._places[name]
+        if self._bag is None:
+            self._bag = Bag(self._path)
+        if group.logger or column.signal is None:
+            if group.topic not in self._loggers:
+                self._loggers[group.topic] = self._bag.logger(group.topic, fill=True)
+            rows = self._loggers[group.topic]
+            return Signal(rows.channels[name], rows.time(), name, column.unit, column.text)
+        times, values = self._bag.series(column.signal)
+        return Signal(values, times, name, column.unit, column.text)
+
+    def __repr__(self) -> str:
+        lines = [f"{len(self)} signals"]
+        for group in self._groups:
+            names = ", ".join(f"{column.name} [{column.unit}]" for column in group.columns)
+            lines.append(f"{group.topic}: {names}")
+        return "\n".join(lines)

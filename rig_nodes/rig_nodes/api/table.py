@@ -1,0 +1,120 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A small table whose columns have units: shifts, events and sweeps from Python are such tables.
+
+It needs no other package; ``to_pandas`` gives a DataFrame where pandas is installed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+
+from ..base import RigError, brief, optional, unknown
+
+if TYPE_CHECKING:
+    import pandas
+
+MOST_ROWS = 40  # that a repr shows
+
+
+class Table:
+    """Rows of numbers and words under named columns.
+
+    ``table["name"]`` is a column as an array (rows,): numbers in the column's unit, NaN where there is none, or words.
+    ``table[0]`` is a row as a dict, and iteration gives one row after the other.
+
+    Parameters
+    ----------
+    units : mapping of str to str
+        The unit of each column by its name; "" for words and numbers without a unit.
+    rows : sequence of mapping
+        The cells of each row by column; what is missing or None has no value.
+
+    Examples
+    --------
+    >>> table = Table({"gear": "", "t_c_s": "s"}, [{"gear": "II", "t_c_s": 0.67}, {"gear": "I"}])
+    >>> table
+    gear  t_c_s [s]
+    II         0.67
+    I             -
+    >>> table["t_c_s"]
+    array([0.67,  nan])
+    >>> table[0]["gear"], len(table), table.units["t_c_s"]
+    ('II', 2, 's')
+    """
+
+    def __init__(self, units: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> None:
+        self.units = dict(units)
+        self._rows = [{name: row.get(name) for name in self.units} for row in rows]
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return list(self.units)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return iter([dict(row) for row in self._rows])
+
+    @overload
+    def __getitem__(self, key: int) -> dict[str, Any]: ...
+    @overload
+    def __getitem__(self, key: str) -> np.ndarray: ...
+    def __getitem__(self, key: int | str) -> dict[str, Any] | np.ndarray:
+        if not isinstance(key, str):
+            if not isinstance(key, int) or not -len(self) <= key < len(self):
+                raise RigError(f"there is no row {brief(key)}; the table has {len(self)} rows, the first is 0")
+            return dict(self._rows[key])
+        if key not in self.units:
+            raise RigError(unknown("column", key, self.units))
+        cells = [row[key] for row in self._rows]
+        if all(cell is None or (isinstance(cell, (int, float)) and not isinstance(cell, bool)) for cell in cells):
+            whole = cells and all(isinstance(cell, int) for cell in cells)
+            return np.array(cells, dtype=int if whole else float)
+        return np.array(cells, dtype=bool if all(isinstance(cell, bool) for cell in cells) else object)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the table as a DataFrame; the units are in its ``attrs["units"]``.
+
+        Raises
+        ------
+        RigError
+            When pandas is not installed.
+        """
+        frame = optional("pandas", "view").DataFrame({name: self[name] for name in self.units})
+        frame.attrs["units"] = dict(self.units)
+        return frame
+
+    def _cells(self) -> list[list[str]]:
+        """Return the head and the rows as text, the first and the last ones of many."""
+        rows = [[_text(cell) for cell in row.values()] for row in self._rows]
+        if len(rows) > MOST_ROWS:
+            rows = [*rows[: MOST_ROWS // 2], ["..."] * len(self.units), *rows[-MOST_ROWS // 2 :]]
+        return [[f"{name} [{unit}]" if unit else name for name, unit in self.units.items()], *rows]
+
+    def __repr__(self) -> str:
+        if not self._rows:
+            return f"no rows of {', '.join(self.units)}"
+        head, *rows = self._cells()
+        words = [any(isinstance(row[name], str) for row in self._rows) for name in self.units]
+        widths = [max(map(len, column)) for column in zip(head, *rows)]
+        lines = [[cell.ljust(w) if left else cell.rjust(w) for cell, w, left in zip(row, widths, words)] for row in (head, *rows)]
+        return "\n".join("  ".join(line).rstrip() for line in lines)
+
+    def _repr_html_(self) -> str:
+        head, *rows = ([escape(cell) for cell in row] for row in self._cells())
+        body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+        return f"<table><thead><tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _text(cell: object) -> str:
+    if cell is None or cell != cell:
+        return "-"
+    return f"{cell:.4g}" if isinstance(cell, float) else "yes" if cell is True else "no" if cell is False else str(cell)
