@@ -21,6 +21,16 @@ def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[st
     return list(entries.items())
 
 
+EXTRAS = {
+    "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-common-interfaces"],
+    "view": ["rerun-sdk", "matplotlib"],
+    "plugs": ["python-can", "cantools", "pymodbus"],
+    "mdf": ["asammdf", "openpyxl", "npTDMS", "h5py"],
+    "learn": ["gymnasium"],
+    "sweep": ["dask", "distributed", "optuna"],
+    "test": ["pytest", "mcap-ros2-support"],
+}
+
 setup(
     name=NAME,
     version=VERSION,
@@ -60,7 +70,6 @@ setup(
         *share_files("launch", "launch", "*.py"),
     ],
     python_requires=">=3.11",
-    # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
     install_requires=[
         "setuptools",
         "numpy>=1.26",
@@ -73,14 +82,13 @@ setup(
         "ruamel.yaml",
         "tqdm",
         "lazy-loader",
+        "pandas",
+        "pyarrow",
+        "cmaes",
+        "fmpy<0.3.26",
     ],
-    extras_require={
-        "view": ["rerun-sdk"],
-        "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
-        "sweep": ["pyarrow", "dask", "distributed", "cmaes", "optuna"],
-        "files": ["asammdf", "openpyxl", "npTDMS", "h5py"],
-        "test": ["pytest", "mcap-ros2-support"],
-    },
+    # rig_msgs is not among them: it is built for ROS 2 from msgs/, by colcon or by the launcher of a checkout.
+    extras_require={**EXTRAS, "all": sorted({name for names in EXTRAS.values() for name in names})},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -52,6 +52,7 @@ def small_checkout(tmp_path, launcher) -> Path:
             "recipe": launcher.RECIPE,
             "root": str(root),
             "lock": launcher.file_hash(str(root / "requirements.lock")),
+            "later": ["ros"],
             "messages": launcher.tree_hash(str(root / "msgs")),
             "python": launcher.base_python(str(venv)),
             "series": "%d.%d" % sys.version_info[:2],

@@ -42,8 +42,8 @@ def test_half_made_environment(launcher, small_checkout, content):
         ("lib/python3.11/site-packages/numpy", "packages"),
         ("lib/python3.11/site-packages/numpy-2.4.6.dist-info", "packages"),
         ("bin/python", "packages"),
-        ("lib/python3.11/site-packages/rig_msgs", "messages"),
-        ("lib/librig_msgs.so", "messages"),
+        ("lib/python3.11/site-packages/rig_msgs", "ros"),
+        ("lib/librig_msgs.so", "ros"),
     ],
 )
 def test_lost_part(launcher, small_checkout, lost, stale):
@@ -54,9 +54,38 @@ def test_lost_part(launcher, small_checkout, lost, stale):
 
 def test_set_up_killed_while_messages_were_built(launcher, small_checkout):
     venv = str(small_checkout / ".venv")
-    launcher.write_stamp(venv, dict(launcher.read_stamp(venv), messages=None))
+    launcher.write_stamp(venv, dict(launcher.read_stamp(venv), later=["view"]))
     (small_checkout / ".venv/lib/librig_msgs.so").unlink()
-    assert launcher.find_stale(str(small_checkout)) == ("messages", "rig_msgs is not built yet")
+    assert launcher.find_stale(str(small_checkout)) == (None, None), "who does not ask for ROS does not wait for it"
+    assert launcher.find_stale(str(small_checkout), ["ros"]) == ("ros", "rig_msgs is not built yet")
+
+
+def test_what_is_asked_for_is_added_once(launcher, small_checkout):
+    venv = str(small_checkout / ".venv")
+    assert launcher.find_stale(str(small_checkout), ["view", "ros"]) == ("view", "the viewer is not installed yet")
+    launcher.write_stamp(venv, dict(launcher.read_stamp(venv), later=["ros", "view"]))
+    assert launcher.find_stale(str(small_checkout), ["view", "ros"]) == (None, None)
+
+
+def test_uv_is_told_what_the_configuration_of_pip_says(launcher, tmp_path):
+    python = tmp_path / "python"
+    lines = [
+        "global.index-url='https://one.example/simple'",
+        "global.extra-index-url='https://two.example/simple https://three.example/simple'",
+        "site.find-links='/some/where'",
+        "user.timeout='60'",
+        ":env:.index-url='https://four.example/simple'",
+    ]
+    python.write_text("#!/bin/sh\ncat <<END\n" + "\n".join(lines) + "\nEND\n")
+    python.chmod(0o755)
+    options = launcher.as_pip_does(str(python), dict(os.environ))
+    pairs = list(zip(options[::2], options[1::2]))
+    assert pairs[1:] == [
+        ("--default-index", "https://four.example/simple"),
+        ("--index", "https://two.example/simple"),
+        ("--index", "https://three.example/simple"),
+        ("--find-links", "/some/where"),
+    ]
 
 
 def test_moved_checkout(launcher, small_checkout):
@@ -80,7 +109,7 @@ def test_changed_lock(launcher, small_checkout):
 )
 def test_changed_messages_cost_only_the_messages(launcher, small_checkout, change):
     change(small_checkout / "msgs")
-    assert launcher.find_stale(str(small_checkout)) == ("messages", "msgs/ changed")
+    assert launcher.find_stale(str(small_checkout)) == ("ros", "msgs/ changed")
 
 
 def test_other_python_below_the_environment(launcher, small_checkout, tmp_path):
@@ -151,22 +180,3 @@ def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_ch
         fifo.write("end\n")
     fcntl.flock(folder, fcntl.LOCK_EX)
     os.close(folder)
-
-
-def test_a_shell_without_stored_bytecode_gets_it_from_the_launcher_once_for_each_change(launcher, small_checkout, monkeypatch):
-    package, venv = small_checkout / "rig_nodes" / "rig_nodes", str(small_checkout / ".venv")
-    package.mkdir(parents=True)
-    (package / "plant.py").write_text("SPEED = 1\n")
-    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
-    launcher.keep_bytecode(str(small_checkout), venv)
-    assert not (package / "__pycache__").exists(), "Python stores it by itself"
-
-    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
-    launcher.keep_bytecode(str(small_checkout), venv)
-    (stored,) = (package / "__pycache__").iterdir()
-    stored.unlink()
-    launcher.keep_bytecode(str(small_checkout), venv)
-    assert not stored.exists(), "nothing has changed"
-    os.utime(package / "plant.py", (2e9, 2e9))
-    launcher.keep_bytecode(str(small_checkout), venv)
-    assert stored.exists()

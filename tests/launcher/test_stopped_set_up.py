@@ -21,7 +21,7 @@ sys.dont_write_bytecode = True
 loader = SourceFileLoader("rig_launcher", sys.argv[1])
 rig = module_from_spec(spec_from_loader("rig_launcher", loader))
 loader.exec_module(rig)
-rig.ROOT, rig.find_missing = sys.argv[2], lambda root: None
+rig.ROOT, rig.find_missing = sys.argv[2], lambda root, builds: None
 
 
 def install(root, venv, steps, env):

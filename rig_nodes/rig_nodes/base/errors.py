@@ -96,25 +96,6 @@ class DiskFull(RigError):
     exit_code = 1
 
 
-def no_pyarrow(what: str, error: ImportError) -> RigError:
-    """Return the error on what needs pyarrow, where it is missing or was made for a later numpy than the one here.
-
-    Parameters
-    ----------
-    what : str
-        What is done with pyarrow.
-    error : ImportError
-        Why it cannot be loaded.
-
-    Returns
-    -------
-    RigError
-        The error.
-    """
-    get = "install the extra 'rig_nodes[sweep]', and with numpy 1.26 'pyarrow<26', the last one for it"
-    return RigError(f"{what} with pyarrow, which cannot be loaded ({error}); {get}")
-
-
 def not_written(what: str | Path, error: OSError, kept: str = "") -> RigError:
     """Return the error on a file that cannot be written.
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from .errors import RigError
@@ -13,8 +14,18 @@ from .errors import RigError
 if TYPE_CHECKING:
     from types import ModuleType
 
+ROS = ("rclpy", "rig_msgs")  # packages without which no node runs
 
-def optional(module: str, extra: str) -> ModuleType:
+
+class Lacking(RigError):
+    """A package of an extra is missing: ``extra`` is its name, by which the launcher of a checkout can add it."""
+
+    def __init__(self, text: str, extra: str) -> None:
+        super().__init__(text)
+        self.extra = extra
+
+
+def optional(module: str, extra: str = "") -> ModuleType:
     """Load a module of an optional package.
 
     Parameters
@@ -22,7 +33,7 @@ def optional(module: str, extra: str) -> ModuleType:
     module : str
         Its name in Python, e.g. ``"matplotlib.figure"``.
     extra : str
-        The extra of rig_nodes that installs its package.
+        The extra of rig_nodes that installs its package; empty for one that always comes with it, except beside a system ROS 2.
 
     Returns
     -------
@@ -31,13 +42,43 @@ def optional(module: str, extra: str) -> ModuleType:
 
     Raises
     ------
-    RigError
-        When it cannot be loaded; the sentence names the extra.
+    Lacking
+        When it cannot be loaded; the sentence says what installs it.
     """
     try:
         return import_module(module)
-    except ImportError as error:
+    except (ImportError, AttributeError) as error:  # AttributeError: rerun with a numpy that is too old for it
         package = module.partition(".")[0]
         missing = isinstance(error, ModuleNotFoundError) and (error.name or module).partition(".")[0] == package
         why = "is not installed" if missing else f"cannot be loaded ({error})"
-        raise RigError(f"{package} {why}; pip install 'rig_nodes[{extra}]'") from None
+        name = f"'rig_nodes[{extra}]'" if extra else package
+        raise Lacking(f"the Python package {package} {why}; pip install {name}{_old_numpy()}", extra) from None
+
+
+def need_ros(what: str) -> None:
+    """Refuse what takes ROS 2 where it is missing.
+
+    Parameters
+    ----------
+    what : str
+        What needs it, as the beginning of the sentence.
+
+    Raises
+    ------
+    Lacking
+        When rclpy or the rig's messages are missing.
+    """
+    missing = [name for name in ROS if find_spec(name) is None]
+    if missing:
+        raise Lacking(
+            f"{what} needs ROS 2 Jazzy with the rig's messages, and this Python has no {' and no '.join(missing)}; "
+            "a checkout's ./rig sets both up, and docs/how_to/ros2.md shows the way beside an installed ROS 2",
+            "ros",
+        )
+
+
+def _old_numpy() -> str:
+    """What pip must be told where numpy 1 has to stay, as beside a system ROS 2."""
+    import numpy
+
+    return " 'numpy<2'" if numpy.__version__.startswith("1.") else ""

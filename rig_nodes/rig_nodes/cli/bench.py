@@ -89,8 +89,10 @@ def _measure(part: str, repeats: int, show: Callable[[str], None]) -> dict | lis
 
         return bench_demo(repeats, show)
     if part == "graph":
+        from ..base import need_ros
         from ..studies import bench_graph
 
+        need_ros("rig bench graph")
         return bench_graph(min(repeats, 3), show)
     if part == "controllers":
         from ..rig import load_rig

@@ -26,6 +26,7 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 def running_rig(args: argparse.Namespace) -> RunningRig:
     """Return the rig of --domain, a context manager; RigError when there is none."""
+    from ..base import need_ros
     from ..controllers import environment, of_running_rig
 
     domain = of_running_rig(args.domain)
@@ -33,6 +34,7 @@ def running_rig(args: argparse.Namespace) -> RunningRig:
     for name in set(os.environ) - set(wanted):
         del os.environ[name]
     os.environ.update(wanted)
+    need_ros("a rig that runs")
     # ROS reads the environment above when it is loaded or started.
     from ..nodes import RunningRig
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import argparse
 
 HELP = "start a device of its own, for a rig with source: topic"
+NEEDS = ("ros",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

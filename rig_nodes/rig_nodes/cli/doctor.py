@@ -168,6 +168,8 @@ def check_numba_cache() -> Finding:
 
 def check_rclpy() -> Finding:
     """Check that the ROS 2 client library can be loaded."""
+    if importlib.util.find_spec("rclpy") is None:
+        return Finding("rclpy", WARN, "ROS 2 is not installed", "'rig simulate' does without; 'rig run' needs ROS 2 Jazzy")
     import rclpy
 
     try:
@@ -179,6 +181,8 @@ def check_rclpy() -> Finding:
 
 def check_messages() -> Finding:
     """Serialise and deserialise every message type of rig_msgs once."""
+    if importlib.util.find_spec("rig_msgs") is None:
+        return Finding("rig_msgs", WARN, "not built yet", "the first ./rig run builds it; 'rig simulate' does without")
     import rig_msgs.action
     import rig_msgs.msg
     from rclpy.serialization import deserialize_message, serialize_message
@@ -195,6 +199,8 @@ def check_dds() -> Finding:
     """Check DDS with two nodes in two separate processes, so that a crash of the middleware becomes a finding."""
     from ..controllers import allocate, environment
 
+    if importlib.util.find_spec("rclpy") is None:
+        return Finding("DDS loopback", WARN, "not tried", "it needs ROS 2")
     with allocate() as domain:
         env = environment(domain)
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.dds_probe"]
@@ -255,7 +261,7 @@ def is_left(lock_file: str) -> bool:
 def check_viewer() -> Finding:
     """Check the viewer and what it needs to draw."""
     if importlib.util.find_spec("rerun") is None:
-        return Finding("viewer", WARN, "rerun is not installed", "runs work, 'rig view' does not")
+        return Finding("viewer", WARN, "rerun is not installed yet", "in a checkout the first ./rig view installs it")
     import rerun
 
     detail = f"rerun-sdk {rerun.__version__}"

@@ -7,7 +7,8 @@ A verb is a module of this package, or one that another package adds by an entry
 add_arguments(parser) and main(args) -> exit code. Modules are imported only when their verb is called, so that help and
 mistakes need no numerics, ROS or viewer. A verb
 with PASSES_ON = True gets its arguments unchanged in args.passed_on; one with INTERMIXED = True accepts lists of files
-before and behind options.
+before and behind options. NEEDS = ("ros", "view") names extras without which it does nothing. Where one is missing that the
+launcher of a checkout adds when it is asked for, the command becomes the launcher, which adds it and starts the command anew.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import sys
 from pathlib import Path
 
 from rig_nodes import __version__
-from rig_nodes.base import Group, Parser, RigError, Terminated, ended_by, printable
+from rig_nodes.base import Group, Lacking, Parser, RigError, Terminated, ended_by, need_ros, optional, printable
 from rig_nodes.cli.output_files import check_outputs
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from typing import Any, TextIO
 
 VERBS = Group("verbs", "verb", __package__, "HELP")
+IN_CHECKOUT = (Path(__file__).parents[3] / "rig").is_file()  # where the command is ./rig; elsewhere it is on the path
+EXTRAS = {"ros": lambda verb: need_ros(f"rig {verb}"), "view": lambda _: optional("rerun", "view")}
 
 
 def on_sigterm(_number: int, _frame: object) -> None:
@@ -49,6 +52,8 @@ class Shown:
 
     def write(self, text: str) -> int:
         """Write a text with its control characters made visible, and return its length."""
+        if not IN_CHECKOUT:
+            text = text.replace("./rig ", "rig ")
         inner = text.strip("\r")
         before, _, after = text.partition(inner) if inner else (text, "", "")
         self._stream.write(before + printable(inner, "\n\t") + after)
@@ -122,6 +127,7 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     parser = Parser(prog=f"rig {verb}", description=module.HELP, allow_abbrev=False)
     module.add_arguments(parser)
     if getattr(module, "PASSES_ON", False) and arguments[:1] not in (["-h"], ["--help"]):
+        check_extras(verb, module)
         return module.main(argparse.Namespace(passed_on=arguments))
     refuse_empty(verb, arguments)
     if "--ros-args" in arguments:
@@ -132,11 +138,28 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     parse = parser.parse_intermixed_args if getattr(module, "INTERMIXED", False) else parser.parse_args
     args = parse(arguments)
     check_outputs(parser, args)
+    check_extras(verb, module)
     return module.main(args)
+
+
+def check_extras(verb: str, module: Any) -> None:
+    """Raise Lacking when an extra that a verb needs is not there."""
+    for name in getattr(module, "NEEDS", ()):
+        EXTRAS[name](verb)
+
+
+def add_extra(name: str) -> None:
+    """Become the launcher, which adds an extra and starts this command once more; return where it cannot."""
+    python, _, launcher = os.environ.get("RIG_LAUNCHER", "").partition("\n")
+    if launcher and name in os.environ.get("RIG_LATER", "").split():
+        sys.stdout.flush()
+        env = {key: value for key, value in os.environ.items() if key != "LD_LIBRARY_PATH"}
+        os.execve(python, [python, launcher, *sys.argv[1:]], dict(env, RIG_WANTS=name))
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
+    started = arguments is None
     if arguments is None:
         arguments = sys.argv[1:]
         signal.signal(signal.SIGTERM, on_sigterm)
@@ -145,10 +168,10 @@ def main(arguments: list[str] | None = None) -> int:
 
             own_folder()
     with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)):
-        return _answer(arguments)
+        return _answer(arguments, started)
 
 
-def _answer(arguments: list[str]) -> int:
+def _answer(arguments: list[str], started: bool) -> int:
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launcher had blocked it
         if not arguments or arguments[0] in ("-h", "--help", "help"):
@@ -161,6 +184,8 @@ def _answer(arguments: list[str]) -> int:
         sys.stdout.flush()
         return code
     except RigError as error:
+        if started and isinstance(error, Lacking):
+            add_extra(error.extra)
         sys.stdout.flush()  # so that earlier output precedes the error in a log of both streams
         print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..nodes import Outcome
 
 HELP = "publish a recorded bag again, with /clock"
+NEEDS = ("ros",)
 LOST = 3  # exit code: replayed, but not everything that was recorded
 KEYS = "space: pause and go on, right arrow: next message, up and down: rate 10 % higher or lower, q: end"
 

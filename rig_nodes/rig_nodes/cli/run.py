@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base import BagError, RigError, ended_by, printable, quoted
+from ..base import BagError, RigError, ended_by, optional, printable, quoted
 from .progress import STARTING, waiting
 from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..nodes import End
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
+NEEDS = ("ros",)
 LIVE_VIEW_END = 2.0  # s within which the live view must end after the run
 
 
@@ -52,6 +53,8 @@ def speed(text: str) -> float:
 
 def main(args: argparse.Namespace) -> int:
     """Check, warm up, run and report; return 0 only when the sequence was completed."""
+    if args.view:
+        optional("rerun", "view")  # before anything is written
     try:
         return run(args)
     except KeyboardInterrupt as stop:

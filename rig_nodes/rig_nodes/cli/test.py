@@ -26,6 +26,7 @@ from rig_nodes.base import DEFAULT_RIG, RigError, ended_by
 from rig_nodes.runs import RIGS_PRELOADED
 
 HELP = "run the tests"
+NEEDS = ("ros", "view")
 PASSES_ON = True
 # The mark of tests of processes in real time: on a machine that stalls for a tenth of a second, the rig under test
 # rightly goes to its safe state. They run one after the other, and files that fail get further chances, in a process of

@@ -107,7 +107,6 @@ def main(args: argparse.Namespace) -> int:
         TUNING,
         TUNING_JOURNAL,
         begun,
-        load_cmaes,
         load_optuna,
         open_journal,
         parquet,
@@ -126,7 +125,6 @@ def main(args: argparse.Namespace) -> int:
     page = tuning_page() if args.write_docs else None
     parquet()
     load_optuna()
-    load_cmaes()
     folder = free_folder("tune") if args.out is None else Path(args.out)
     problem = _problem(args)
     # what open_journal would refuse is refused before the spreads are determined, which takes some seconds

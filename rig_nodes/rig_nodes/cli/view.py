@@ -190,6 +190,7 @@ def _draw_close(args: argparse.Namespace) -> View | None:
 
 def _live(args: argparse.Namespace) -> int:
     """Show a running rig until the verb is ended, then return 0, because this is its normal end."""
+    from ..base import need_ros
     from ..controllers import environment
     from ..view import import_rerun
 
@@ -199,6 +200,7 @@ def _live(args: argparse.Namespace) -> int:
         if os.getppid() != args.parent:
             return 0
     import_rerun()
+    need_ros("rig view without a run")
     domain = _find_domain(args.domain)
     wanted = environment(domain)
     for name in set(os.environ) - set(wanted):

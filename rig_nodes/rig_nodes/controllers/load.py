@@ -13,7 +13,7 @@ import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..base import RigError, printable, unknown
+from ..base import RigError, need_ros, printable, unknown
 from .plug import DECLARED, DEFAULT, GIVEN, BuiltIn, Plug
 from .seam import LEVELS
 
@@ -163,5 +163,7 @@ def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
     _, sign, other = rest.rpartition("@")
     if sign and other.isidentifier() and not Path(rest).exists():
         raise RigError(f"controller {text}: there is no level '{other}'; expected {' or '.join(LEVELS)} behind the @")
+    if kind.module.startswith("ros."):
+        need_ros(f"controller {text}")
     module = importlib.import_module(f".{kind.module}", __package__)
     return getattr(module, kind.maker)(rest, config, level)

@@ -20,7 +20,6 @@ from .tune.document import tuning_page as tuning_page, write_tuning as write_tun
 from .tune.folder import TUNING as TUNING, TUNING_JOURNAL as TUNING_JOURNAL
 from .tune.problem import OBJECTIVES as OBJECTIVES, Range as Range
 from .tune.run import Problem as Problem, run_tuning as run_tuning, tuning_text as tuning_text
-from .tune.scout import load_cmaes as load_cmaes
 from .tune.search import load_optuna as load_optuna
 from .tune.space import delay_of as delay_of
 from .tune.uncertainty import calibration_for as calibration_for, read_spreads as read_spreads, spreads_of as spreads_of

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from .. import __version__
 from ..analysis import REPORT_FILE, SMALL, build_report, gather, gathering, is_of, read_report, with_ends
 from ..bags import CUT_OFF, NO_REPORT, PIECE, UNREADABLE, Bag, Numbers, OpenedBags, orders_in, recovered
-from ..base import RigError, unknown
+from ..base import RigError, optional, unknown
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import event_row, report_document
@@ -187,16 +187,9 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
 
 def import_rerun() -> ModuleType:
     """Return the rerun module; RigError with the remedy when this environment does not have it."""
-    try:
-        import rerun
-        import rerun.blueprint
-        import rerun.chunk
-    except (ImportError, AttributeError) as error:
-        raise RigError(
-            f"the view needs rerun-sdk (with numpy 2), which this Python lacks ({error}); use "
-            f"the environment that ./rig makes, or 'pip install rerun-sdk' in another"
-        ) from None
-    return rerun
+    for part in ("blueprint", "chunk"):
+        optional(f"rerun.{part}", "view")
+    return optional("rerun", "view")
 
 
 def _key(bag: OpenedBags, window: tuple[float, float] | None, wanted: Sequence[int] | str | None) -> str:

@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base import RigError, atomic_write, no_pyarrow, not_written
+from ...base import RigError, atomic_write, not_written, optional
 from .groups import Column, Group, Rows, Signals, on_one_clock, on_own_clocks
-from .packages import needed
 from .provenance import KEY, csvw_path, lines_of, provenance_of, text_of
 
 if TYPE_CHECKING:
@@ -48,12 +47,7 @@ _NO_FIELD = re.compile(r"\W")
 
 def pyarrow() -> tuple[Any, Any]:
     """Return pyarrow and pyarrow.parquet; RigError, with the remedy, when they cannot be loaded."""
-    try:
-        import pyarrow as package
-        import pyarrow.parquet as parquet
-    except ImportError as error:
-        raise no_pyarrow("Parquet is written", error) from None
-    return package, parquet
+    return optional("pyarrow"), optional("pyarrow.parquet")
 
 
 @dataclass(frozen=True)
@@ -154,7 +148,7 @@ def _parquet(order: Order) -> None:
 
 
 def _mf4(order: Order) -> None:
-    package = needed("asammdf", "MDF4")
+    package = optional("asammdf", "mdf")
     groups, provenance = order.signals.groups, provenance_of(order.signals.small)
     place: dict[int, int] = {}
     with whole(order.target) as part, package.MDF(version="4.10") as file:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ...base import RigError
+from ...base import RigError, optional
 from ..record import ControllerRecord
 from ..wire import Wire, commands, currents, measured
 from . import j1939
@@ -56,27 +56,13 @@ def split(name: str, wires: list[Wire]) -> list[tuple[str, list[Wire]]]:
 
 def need_can() -> ModuleType:
     """Return the module can of python-can; RigError when it or cantools is not installed."""
-    try:
-        import can
-    except ImportError:
-        raise RigError(
-            "CAN needs python-can, which is not installed here; install it into the rig's environment "
-            "(pip install python-can cantools)"
-        ) from None
     need_cantools()
-    return can
+    return optional("can", "plugs")
 
 
 def need_cantools() -> ModuleType:
     """Return the module cantools; RigError when it is not installed."""
-    try:
-        import cantools
-    except ImportError:
-        raise RigError(
-            "CAN needs cantools, which is not installed here; install it into the rig's environment "
-            "(pip install cantools python-can)"
-        ) from None
-    return cantools
+    return optional("cantools", "plugs")
 
 
 def database(record: ControllerRecord) -> Database:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...base import RigError, no_file, printable
+from ...base import RigError, no_file, optional, printable
 from .archive import unpack
 from .log_text import SIGNATURE, formatted, text_at
 
@@ -83,15 +83,11 @@ class Fmu:
     def __init__(
         self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None, folder: str | None = None
     ) -> None:
-        try:
-            import fmpy
-            from fmpy.fmi1 import FMICallException
-            from fmpy.fmi2 import FMU2Slave
-            from fmpy.fmi3 import FMU3Slave
-        except ImportError:
-            raise RigError(
-                "FMUs need FMPy, which is not installed here; install it into the rig's environment (pip install fmpy)"
-            ) from None
+        fmpy = optional("fmpy")
+        from fmpy.fmi1 import FMICallException
+        from fmpy.fmi2 import FMU2Slave
+        from fmpy.fmi3 import FMU3Slave
+
         self._error = FMICallException
         self._instance = self._folder = None
         self.path, self._keep = Path(path), keep

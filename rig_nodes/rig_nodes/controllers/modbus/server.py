@@ -16,7 +16,7 @@ import time
 from collections import Counter, deque
 from typing import TYPE_CHECKING
 
-from ...base import RigError
+from ...base import RigError, optional
 from ..free_running import FreeRunning, split_options, timeout_of
 from ..plug import error_text
 from ..seam import ControllerInputs
@@ -68,16 +68,12 @@ class Modbus(FreeRunning):
 
     def _maker(self, host: str, port: int, name: str) -> Callable[[], ModbusTcpServer]:
         """Return what makes the server when it is called in the server's event loop; RigError without pymodbus."""
-        try:
-            from pymodbus.pdu import ExceptionResponse
-            from pymodbus.server import ModbusTcpServer
-            from pymodbus.server.requesthandler import ServerRequestHandler
-            from pymodbus.simulator import DataType, SimData, SimDevice
-        except ImportError:
-            raise RigError(
-                f"controller {name}: Modbus needs pymodbus, which is not installed here; install it into the "
-                "rig's environment (pip install pymodbus)"
-            ) from None
+        optional("pymodbus", "plugs")
+        from pymodbus.pdu import ExceptionResponse
+        from pymodbus.server import ModbusTcpServer
+        from pymodbus.server.requesthandler import ServerRequestHandler
+        from pymodbus.simulator import DataType, SimData, SimDevice
+
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         device = SimDevice(
             0,

@@ -23,7 +23,19 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ... import __version__
-from ...base import CONFIG_DIR, RIG_FILE, RIGS_DIR, RigError, atomic_write, beside, find_config, no_file, printable, with_bases
+from ...base import (
+    CONFIG_DIR,
+    RIG_FILE,
+    RIGS_DIR,
+    RigError,
+    atomic_write,
+    beside,
+    find_config,
+    no_file,
+    optional,
+    printable,
+    with_bases,
+)
 from ...controllers import COMPILERS, INCLUDE, LEVEL_BITS, NAME, CLibrary, ControllerRecord, flat_parameters, header_text, record_of
 from ...rig import RigConfig, load_rig
 from .description import Variable, c_header, model_description, token_of
@@ -38,13 +50,7 @@ STAMP = (1980, 1, 1, 0, 0, 0)  # date of every file in the FMU, so that the same
 
 def fmpy_headers() -> Path:
     """Return the folder of the FMI headers; RigError when FMPy is not installed."""
-    try:
-        import fmpy
-    except ImportError:
-        raise RigError(
-            "FMUs need FMPy, which is not installed here; install it into the rig's environment (pip install fmpy)"
-        ) from None
-    return Path(fmpy.__file__).parent / "c-code"
+    return Path(optional("fmpy").__file__).parent / "c-code"
 
 
 def compiler(suffix: str) -> list[str]:

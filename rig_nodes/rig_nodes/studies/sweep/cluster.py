@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from ...base import RigError
+from ...base import RigError, optional
 
 if TYPE_CHECKING:
     from dask.distributed import Client, Future
@@ -37,13 +37,9 @@ def dask_stream(address: str) -> Iterator[Callable]:
     RigError
         When Dask is not installed, the number is not right, or no scheduler answers at the address.
     """
-    try:
-        from dask.distributed import Client, LocalCluster
-    except ImportError:
-        raise RigError(
-            "--dask needs the package 'distributed', which is not installed; install the extra "
-            "'rig_nodes[sweep]', or leave --dask out"
-        ) from None
+    optional("distributed", "sweep")
+    from dask.distributed import Client, LocalCluster
+
     if address.startswith(LOCAL):
         count = address.removeprefix(LOCAL)
         if not count.isdigit() or int(count) < 1:

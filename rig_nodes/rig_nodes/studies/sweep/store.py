@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...analysis import every_metric, flat, metric_keys, unit_of
-from ...base import RigError, atomic_write, no_pyarrow
+from ...base import RigError, atomic_write, optional
 from .plan import Plan, Varied
 
 if TYPE_CHECKING:
@@ -224,12 +224,7 @@ def differs(one: dict, other: dict) -> str | None:
 
 def parquet() -> tuple[ModuleType, ModuleType]:
     """Return (pyarrow, pyarrow.parquet); RigError when they cannot be loaded."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise no_pyarrow("sweeps write Parquet", error) from None
-    return pyarrow, pyarrow.parquet
+    return optional("pyarrow"), optional("pyarrow.parquet")
 
 
 def write_table(path: Path, columns: Mapping[str, list], schema: pyarrow.Schema) -> Path:

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...base import RigError
+from ...base import optional
 from ...rig import Alfa46Config
 from ...runs import Workers
 from .problem import INVALID, REFUSED, Ground, Task, excess, hardest_first, sought
 from .space import BOUNDS, refused, settings
 
 if TYPE_CHECKING:
-    from types import ModuleType
+    pass
 
 POPULATION = 16
 SIGMA, DONE = 0.03, 0.004  # standard deviation of the first and of the last generation, as shares of the bounds
@@ -94,7 +94,7 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
     low, high = (np.array(column, dtype=float) for column in zip(*BOUNDS.values()))
     shares = np.array([scout.start[name] for name in BOUNDS] - low) / (high - low)
     within = np.tile([0.0, 1.0], (len(BOUNDS), 1))
-    cma = load_cmaes().CMA(shares, SIGMA, bounds=within, seed=scout.seed % 2**32, population_size=POPULATION)
+    cma = optional("cmaes").CMA(shares, SIGMA, bounds=within, seed=scout.seed % 2**32, population_size=POPULATION)
     known = list(scout.entries)
     spread = SIGMA
     while spread > DONE and (known or not until()):
@@ -111,15 +111,6 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
             scout.entries += entries
             note(entries, cpu)
         cma.tell([(one, entry["value"]) for one, entry in zip(asked, entries)])
-
-
-def load_cmaes() -> ModuleType:
-    """Return cmaes; RigError when it is not installed."""
-    try:
-        import cmaes
-    except ImportError:
-        raise RigError("rig tune searches with cmaes, which is not installed; install the extra 'rig_nodes[sweep]'") from None
-    return cmaes
 
 
 def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: list[int], values: dict[str, int]) -> dict:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...base import RigError
+from ...base import optional
 from ...rig import Alfa46Config, RigConfig
 from ...runs import Workers
 from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, hardest_first, sought
@@ -264,9 +264,6 @@ def evaluate(
 
 def load_optuna() -> ModuleType:
     """Return optuna, with its messages switched off below warnings; RigError when it is not installed."""
-    try:
-        import optuna
-    except ImportError:
-        raise RigError("rig tune searches with optuna, which is not installed; install the extra 'rig_nodes[sweep]'") from None
+    optuna = optional("optuna", "sweep")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

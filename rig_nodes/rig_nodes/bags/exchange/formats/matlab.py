@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ....base import RigError
+from ....base import RigError, optional
 from ..foreign import Foreign, Form
-from ..packages import needed
 from ..provenance import KEY, read_provenance
 from .format import Format
 from .heads import apart
@@ -150,7 +149,7 @@ def _part(value: Any, name: str) -> str:
 
 
 def _version_73(path: Path) -> dict[str, Any]:
-    h5py = needed("h5py", "MAT 7.3")
+    h5py = optional("h5py", "mdf")
     with h5py.File(path, "r") as file:
         return {name: _of_hdf5(h5py, file, value) for name, value in file.items() if not name.startswith("#")}
 

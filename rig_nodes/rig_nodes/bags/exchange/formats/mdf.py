@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base import UNITS, RigError
+from ....base import UNITS, RigError, optional
 from ..cells import text_cells
 from ..foreign import Channel, Foreign, Form
-from ..packages import needed
 from ..provenance import KEY, read_provenance
 from ..units import unit_of
 from .format import Format, damaged
@@ -57,7 +56,7 @@ def read_mdf(path: Path, _form: Form) -> Foreign:
     RigError
         When the file cannot be used; the error is one sentence.
     """
-    package = needed("asammdf", "MDF")
+    package = optional("asammdf", "mdf")
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it has to say is said here
     found: list[tuple[list[str], Channel]] = []
     provenance, has_frames, start, refusal = None, False, None, None

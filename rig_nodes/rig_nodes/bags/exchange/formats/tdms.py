@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base import UNITS, RigError
+from ....base import UNITS, RigError, optional
 from ..cells import text_cells
 from ..foreign import CUT, Channel, Foreign, Form
-from ..packages import needed
 from ..units import split_head, unit_of
 from .format import Format
 from .heads import apart
@@ -49,7 +48,7 @@ def read_tdms(path: Path, _form: Form) -> Foreign:
     RigError
         When the file cannot be used; the error is one sentence.
     """
-    package = needed("nptdms", "TDMS")
+    package = optional("nptdms", "mdf")
     package.log.log_manager.set_level(logging.CRITICAL)  # what it has to say is said here
     file = package.TdmsFile.read(path)
     is_cut = file.file_status.incomplete_final_segment

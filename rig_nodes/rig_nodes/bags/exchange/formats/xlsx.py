@@ -17,10 +17,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ....base import RigError, unknown
+from ....base import RigError, optional, unknown
 from ..cells import OBVIOUS, Cells, Signs, signs_of
 from ..foreign import Channel, Foreign, Form
-from ..packages import needed
 from ..units import split_head, unit_of
 from .format import ARCHIVE, Format, in_archive
 from .heads import apart
@@ -54,7 +53,7 @@ def read_xlsx(path: Path, form: Form) -> Foreign:
     RigError
         When the file cannot be used; the error is one sentence.
     """
-    package = needed("openpyxl", "xlsx")
+    package = optional("openpyxl", "mdf")
     # by its path, openpyxl would judge it by its ending
     book = package.load_workbook(io.BytesIO(path.read_bytes()), read_only=True, data_only=True)
     sheets = {sheet.title: sheet for sheet in book.worksheets if sheet.title == form.sheet or sheet.sheet_state == "visible"}
