@@ -5,7 +5,6 @@ Run `.venv/bin/python docs/pictures/friction_models.py`; it wants matplotlib, wh
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,11 +55,9 @@ def surface_curves() -> dict:
 
 
 def draw() -> None:
-    """Write both pictures; SystemExit with one sentence when matplotlib is missing."""
-    try:
-        import matplotlib
-    except ImportError:
-        sys.exit("friction_models.py draws with matplotlib, which is not here: .venv/bin/python -m pip install matplotlib")
+    """Write both pictures."""
+    import matplotlib
+
     matplotlib.use("Agg")
     from matplotlib import pyplot
 

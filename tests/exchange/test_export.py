@@ -148,7 +148,9 @@ def test_what_cannot_be_exported_is_told_in_one_sentence_and_leaves_nothing(word
 def test_without_asammdf_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, "asammdf", None)
     assert main(["export", "mf4", str(SAMPLE), "--out", str(tmp_path / "a.mf4")]) == 2
-    assert "'python -m pip install asammdf' installs it" in capsys.readouterr().err and not list(tmp_path.iterdir())
+    assert "the Python package asammdf is not installed; pip install 'rig_nodes[mdf]'" in capsys.readouterr().err and not list(
+        tmp_path.iterdir()
+    )
 
 
 def test_a_pyarrow_for_another_numpy_is_said_with_the_one_that_fits(monkeypatch, tmp_path, capsys):

@@ -261,4 +261,8 @@ def test_without_pyarrow_one_sentence_says_how_to_get_it(monkeypatch, tmp_path, 
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["sweep", SHORT, "--vary", "alfa46.t12=-200 ms, -100 ms", "--jobs", "1"]) == 2
     error = capsys.readouterr().err
-    assert "install the extra 'rig_nodes[sweep]'" in error and error.count("\n") == 1 and not list(tmp_path.iterdir())
+    assert (
+        "the Python package pyarrow is not installed; pip install pyarrow" in error
+        and error.count("\n") == 1
+        and not list(tmp_path.iterdir())
+    )
