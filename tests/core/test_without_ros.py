@@ -50,8 +50,8 @@ def core(tmp_path_factory):
     pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(site), str(wheel)]
     subprocess.run(pip, check=True, capture_output=True)
     metadata = next(site.glob("rig_nodes-*.dist-info")) / "METADATA"
-    core_of = [PLAIN.match(line.partition(": ")[2])[0] for line in metadata.read_text().splitlines() if line.startswith("Requires-Dist")
-               and "extra ==" not in line]  # fmt: skip
+    lines = [line for line in metadata.read_text().splitlines() if line.startswith("Requires-Dist") and "extra ==" not in line]
+    core_of = [PLAIN.match(line.partition(": ")[2])[0] for line in lines]
     seen = {"rig_nodes"}
     for entry in set().union(*(files_of(name, seen) for name in core_of)) - {"__pycache__"}:
         if not (site / entry).exists():

@@ -158,7 +158,8 @@ def test_a_pyarrow_for_another_numpy_is_said_with_the_one_that_fits(monkeypatch,
         monkeypatch.delitem(sys.modules, name)
     (tmp_path / "pyarrow.py").write_text('raise ImportError("pyarrow requires NumPy 2.0 or newer, found 1.26.4")')
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("numpy.__version__", "1.26.4")
     assert main(["export", "parquet", str(SAMPLE), "--out", str(tmp_path / "a.parquet")]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert "requires NumPy 2.0 or newer" in lines[-1] and "with numpy 1.26 'pyarrow<26'" in lines[-1]
+    assert "requires NumPy 2.0 or newer" in lines[-1] and "pip install pyarrow 'numpy<2' 'pyarrow<26'" in lines[-1]
     assert not (tmp_path / "a.parquet").exists()

@@ -52,7 +52,7 @@ def optional(module: str, extra: str = "") -> ModuleType:
         missing = isinstance(error, ModuleNotFoundError) and (error.name or module).partition(".")[0] == package
         why = "is not installed" if missing else f"cannot be loaded ({error})"
         name = f"'rig_nodes[{extra}]'" if extra else package
-        raise Lacking(f"the Python package {package} {why}; pip install {name}{_old_numpy()}", extra) from None
+        raise Lacking(f"the Python package {package} {why}; pip install {name}{_old_numpy(package)}", extra) from None
 
 
 def need_ros(what: str) -> None:
@@ -77,8 +77,10 @@ def need_ros(what: str) -> None:
         )
 
 
-def _old_numpy() -> str:
+def _old_numpy(package: str) -> str:
     """What pip must be told where numpy 1 has to stay, as beside a system ROS 2."""
     import numpy
 
-    return " 'numpy<2'" if numpy.__version__.startswith("1.") else ""
+    if not numpy.__version__.startswith("1."):
+        return ""
+    return " 'numpy<2'" + " 'pyarrow<26'" * (package == "pyarrow")  # which does not tell pip the numpy that it was built for
