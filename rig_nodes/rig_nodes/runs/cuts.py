@@ -167,6 +167,19 @@ class Cuts:
                 return f"{device}: no answer on {topic_of(device, 'answer')} for {COMMAND_TIMEOUT * 1e3:.0f} ms"
         return None
 
+    # ---- saved and restored
+
+    def snapshot(self) -> tuple:
+        """Return the answers and the states of the other sides inside the rig, for :meth:`restore`."""
+        return dict(self._newest), self._since, {device: side.snapshot() for device, side in self._sides.items()}
+
+    def restore(self, snapshot: tuple) -> None:
+        """Return to what :meth:`snapshot` gave."""
+        newest, self._since, sides = snapshot
+        self._newest = dict(newest)
+        for device, side in sides.items():
+            self._sides[device].restore(side)
+
     def _is_silent(self, device: str) -> bool:
         return self._rig.sample - max(self._newest[device][0], self._since) > round(COMMAND_TIMEOUT / SAMPLE)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass, field
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,11 @@ from .sequence import Sequence
 from .sequence_runner import SequenceFailed
 from .simulation import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Readings, States
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from .sequence_runner import SequenceRunner
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
 FIRST_ROWS = 300_000  # for which there is room at first: 30 s at 10 kHz; memory that is not written costs nothing
@@ -132,6 +138,13 @@ class Listener:
         if topic in self._states.measured and self.rig.sample:
             newest = (self.rig.sample - 1) // SCALAR_SAMPLES * SCALAR_SAMPLES
             self._readings.fields[topic] = (self.rig.row_of(newest)[self._states.measured[topic]],)
+        return self._readings.reading(name)
+
+    def present(self, name: str) -> float:
+        """Return the true value of a signal of a state topic, or of the controller's commands, at this moment [SI]."""
+        topic = self._readings.topic(name)
+        self._states.refresh()
+        self._readings.fields[topic] = self._states.command() if topic == CONTROLLER_COMMAND else self._states.topics[topic]()
         return self._readings.reading(name)
 
     def advance(self, samples: int) -> None:
@@ -317,11 +330,8 @@ def _record(
     end = {"state": "ended", "reason": "the sequence ended"}
     listener.advance(TICK_SAMPLES)
     try:
-        while rig.status != RigStatus.TRIPPED and not runner.poll(rig.time):
-            upto = next_poll(runner, rig, listener.period, listener.controller)
-            while rig.sample < upto and rig.status != RigStatus.TRIPPED:
-                rows.keep_up(rig.sample)
-                listener.advance(min(upto - rig.sample, CHUNK))
+        for _ in played(rig, listener, runner):
+            rows.keep_up(rig.sample)
         if rig.status == RigStatus.TRIPPED:
             end = {"state": "tripped", "reason": rig.reason}
             rows.take(rig.sample)
@@ -339,6 +349,35 @@ def _record(
     )
     on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
     return Run(recording, end, listener.events, on_rows, listener.at_orders)
+
+
+def played(rig: Rig, listener: Listener, runner: SequenceRunner) -> Iterator[None]:
+    """Move a rig through a sequence, to its end or until the rig trips.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    listener : Listener
+        Moves the rig and receives what is sent.
+    runner : SequenceRunner
+        The runner of the sequence.
+
+    Yields
+    ------
+    None
+        Before each part of at most CHUNK samples; the orders that are due have been given.
+
+    Raises
+    ------
+    SequenceFailed
+        When a step does not end in time.
+    """
+    while rig.status != RigStatus.TRIPPED and not runner.poll(rig.time):
+        upto = next_poll(runner, rig, listener.period, listener.controller)
+        while rig.sample < upto and rig.status != RigStatus.TRIPPED:
+            yield
+            listener.advance(min(upto - rig.sample, CHUNK))
 
 
 def signals_of(sequence: Sequence) -> list[str]:

@@ -10,6 +10,7 @@ clutches. ``simulate``, the rig container and the tests use it; time passes only
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +28,16 @@ from .gauges import Gauges
 from .plan import plan_of
 from .rig_base import RigStatus
 from .shown_state import ShownState, facts_of
+from .snapshot import Snapshot
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+# plain values of a rig's state
+VALUES = (
+    *("sample", "config", "level", "reason", "stopped_by_person", "idle_command"),
+    *("_by", "_gear", "_shifting", "_flags", "_silent", "_trouble", "_last_command", "_held_open", "_ordered"),
+)
 
 
 def _channel(setting: Setting) -> str:
@@ -85,7 +93,8 @@ class Rig(CommandedRig, ShownState):
         self.shifts = config.structure.shifts  # there is a shift controller, in it or outside
         if controller == "external" and self.shifts:
             check_level(config, level)
-        self.config, self.seed, self.level = config, int(seed), level if self.shifts else None
+        self._first = self.config = config
+        self.seed, self.level = int(seed), level if self.shifts else None
         self.settings = config.settings
         self.embedded = controller == "embedded" and self.shifts
         if self.embedded and (why := beyond_alfa46(config.transmission)):
@@ -397,43 +406,57 @@ class Rig(CommandedRig, ShownState):
 
     # ---- the state, saved and restored
 
-    def _state(self) -> tuple:
-        """Everything that a step reads and changes, without the ring of rows."""
-        return (
-            self.world.record,
-            self._law_outputs,
-            self._law_state,
-            self._duty,
-            self._setpoint,
-            self.gauges.state,
-            self.gauges.counts,
+    @property
+    def _made(self) -> dict[str, Any]:
+        """What the rig was made from, besides its configuration."""
+        devices, controller = ("embedded" if inside else "external" for inside in (self.cuts.embedded, self.embedded))
+        return {"seed": self.seed, "controller": controller, "devices": devices, "delay": self.delay}
+
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        """Everything that a step or a setting changes, without the rings and the transducers."""
+        law_of = (self._law_config, self._law_profiles, self._law_outputs, self._law_state)
+        return (self.world.record, *law_of, self._duty, self._setpoint)
+
+    def _places(self) -> list[int]:
+        """Places in the ring of the rows that the next step reads: of this sample and of that before it."""
+        return [sample * self._steps_per_sample % len(self._log) for sample in (self.sample, max(0, self.sample - 1))]
+
+    def snapshot(self) -> Snapshot:
+        """Return the present state, for :meth:`restore`."""
+        return Snapshot(
+            self._first,
+            self._made,
+            {name: getattr(self, name) for name in VALUES},
+            tuple((boundary, act.__name__, *values) for boundary, act, *values in self._to_come),
+            tuple(one.copy() for one in self._arrays()),
+            self._log[self._places()],
+            self.gauges.snapshot(),
+            self.cuts.snapshot(),
         )
 
-    def snapshot(self) -> tuple:
-        """Return the present state, for :meth:`restore`.
-
-        Raises
-        ------
-        RigError
-            When the rig has devices outside, or when an order of a gear is waiting.
-        """
-        if self.config.cut_out or self._ordered is not None:
-            raise RigError("only a rig without devices outside, and without an order that waits, can be put aside")
-        return self.sample, self.row().copy(), tuple(part.copy() for part in self._state())
-
-    def restore(self, snapshot: tuple) -> None:
+    def restore(self, snapshot: Snapshot) -> None:
         """Return to a state in which a rig of the same configuration and seed was; older rows are lost.
 
         Parameters
         ----------
-        snapshot : tuple
+        snapshot : Snapshot
             A result of :meth:`snapshot`.
+
+        Raises
+        ------
+        RigError
+            When the snapshot is of a rig that was made from something else.
         """
-        self.sample, row, parts = snapshot[0], snapshot[1], snapshot[2]
-        for part, value in zip(self._state(), parts):
-            part[...] = value
-        self._log[(self.sample * self._steps_per_sample) % len(self._log)] = row
-        self._ordered, self._drained = None, 0
+        snapshot.check_fits(self._first, self._made)
+        for name, value in snapshot.values.items():
+            setattr(self, name, value)
+        self._to_come = deque((boundary, getattr(self, act), *values) for boundary, act, *values in snapshot.to_come)
+        for one, value in zip(self._arrays(), snapshot.arrays):
+            one[...] = value
+        self._log[self._places()] = snapshot.rows
+        self.gauges.restore(snapshot.gauges)
+        self.cuts.restore(snapshot.cuts)
+        self._drained = 0
 
     def set_controller(self, settings: Alfa46Config) -> None:
         """Give the embedded controller other settings from the next sample on; a profile that is running takes its new points."""

@@ -8,6 +8,7 @@ runs.rig derives from it; only this module calls the engine.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from enum import IntEnum
 
@@ -168,6 +169,10 @@ class RigBase(ABC):
         """Return a true number of the plant by its name in the rig's plan: "M_wej", "wk.speed", "clutch_s1.pressure"."""
         return float(self.world.numbers[self.world.number(what)])
 
+    def shown_truly(self, channel: str) -> float:
+        """Return the true number that a channel shows [SI]."""
+        return float(self.world.numbers[self.world.source[self.channels.index(channel)]])
+
     @property
     def safe(self) -> bool:
         """True in the safe state."""
@@ -232,10 +237,15 @@ class RigBase(ABC):
 
     def advance(self, seconds: float) -> None:
         """Advance by a time [s] that is a whole number of controller samples (1 ms); RigError for any other time."""
+        self.advance_samples(self.samples_in(seconds))
+
+    @staticmethod
+    def samples_in(seconds: float) -> int:
+        """Return the number of controller samples in a time [s]; RigError for one that is not a whole number of them."""
         samples = seconds / SAMPLE
-        if abs(samples - round(samples)) > 1e-6 or samples < 0:
+        if not (math.isfinite(samples) and abs(samples - round(samples)) <= 1e-6 and samples >= 0):
             raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
-        self.advance_samples(round(samples))
+        return round(samples)
 
     def row(self) -> np.ndarray:
         """Return the newest logger row (channels,), with the columns of ``channels`` [SI]."""

@@ -233,6 +233,16 @@ class OtherSide:
         self._side, self._ahead = np.zeros(1, kind)[0], np.zeros(1, kind)
         self._last: Port | None = None
 
+    def snapshot(self) -> tuple:
+        """Return the present state, for :meth:`restore`."""
+        return self._side.copy(), self._last
+
+    def restore(self, snapshot: tuple) -> None:
+        """Return to a state that :meth:`snapshot` gave."""
+        side, self._last = snapshot
+        for name in self._side.dtype.names:
+            self._side[name] = side[name]
+
     def step(self, port: Port, ticks: int = 1) -> Answer:
         """Return the answer to a port.
 

@@ -20,7 +20,7 @@ from ...base import ROW, SAMPLE, RigError
 from ...plant import part as parts
 from ...plant import relief_setting_for
 from ...rig import NEUTRAL, Alfa46Config, RigConfig, Transmission
-from ...runs import Rig, Tripped, moment_of
+from ...runs import Rig, Snapshot, Tripped, moment_of
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
@@ -134,7 +134,7 @@ class Bench:
         self.gears = self.transmission.ways()
         self._rig = Rig(self.config)
         self._new = self._rig.snapshot()
-        self._standing: dict[int, tuple] = {}  # gear -> snapshot at standstill with the oil on
+        self._standing: dict[int, Snapshot] = {}  # gear -> snapshot at standstill with the oil on
         self._points: dict[Point, tuple | NotHeld | Tripped] = {}
         self._starts: dict[Point, Moment] = {}
 
@@ -183,7 +183,7 @@ class Bench:
         except Tripped as trip:
             return no_shift(trip)
 
-    def _shift(self, point: Point, settings: Alfa46Config, snapshot: tuple, before: np.ndarray) -> Shift:
+    def _shift(self, point: Point, settings: Alfa46Config, snapshot: Snapshot, before: np.ndarray) -> Shift:
         rig = self._rig
         rig.restore(snapshot)
         rig.set_controller(settings)
@@ -219,7 +219,7 @@ class Bench:
                 self._points[point] = why
         return self._points[point]
 
-    def _standing_in(self, gear: int) -> tuple:
+    def _standing_in(self, gear: int) -> Snapshot:
         """Return the rig at standstill in a gear, motor off; its pistons have moved before, as in the measuring procedures."""
         if gear not in self._standing:
             rig = self._rig

@@ -1,0 +1,78 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The state of a rig at a moment, as runs.rig.Rig gives and takes it: plain data that can be pickled, for branches of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ..base import RigError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..rig import RigConfig
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The whole state of a rig at a moment.
+
+    Parameters
+    ----------
+    first : RigConfig
+        The configuration that the rig was made from.
+    made : mapping of str to object
+        What else it was made from: seed, controller, devices and delay.
+    values : mapping of str to object
+        Plain values by the names of the rig's attributes.
+    to_come : tuple
+        Commands that do not act yet: boundary, name of the function, values.
+    arrays : tuple of array
+        Plant, and settings, outputs and state of the controller.
+    rows : (2, channels) array of float
+        Rows of this sample and of that before it [SI].
+    gauges, cuts : tuple
+        What the transducers and the cuts give of themselves.
+    """
+
+    first: RigConfig = field(repr=False)
+    made: dict[str, Any]
+    values: dict[str, Any]
+    to_come: tuple = field(repr=False)
+    arrays: tuple[np.ndarray, ...] = field(repr=False)
+    rows: np.ndarray = field(repr=False)
+    gauges: tuple = field(repr=False)
+    cuts: tuple = field(repr=False)
+
+    def check_fits(self, first: RigConfig, made: dict[str, Any]) -> None:
+        """Check that a rig can go on from here.
+
+        Parameters
+        ----------
+        first : RigConfig
+            The configuration that the rig was made from.
+        made : dict of str to object
+            What else it was made from.
+
+        Raises
+        ------
+        RigError
+            When the rig was made from something else; the sentence names the first difference.
+        """
+        for name, value in made.items():
+            if self.made[name] != value:
+                raise RigError(f"the snapshot is of a run with {name} {self.made[name]}, and this one has {name} {value}")
+        if first is self.first:
+            return
+        if first.name != self.first.name:
+            raise RigError(f"the snapshot is of the rig '{self.first.name}', and this one is '{first.name}'")
+        ours, theirs = first.as_dict(), self.first.as_dict()
+        other = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
+        if other:
+            raise RigError(
+                f"the snapshot is of a rig '{first.name}' with another configuration ({', '.join(other)} differ); "
+                "make the session with the same settings"
+            )
