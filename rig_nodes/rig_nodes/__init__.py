@@ -14,14 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .api import Rig, Run, Signal, Signals, Table, load, open
+    from .api import Compared, Rig, Run, Signal, Signals, Table, load, open, sweep
+    from .base import RigError
+    from .runs import Session
 
-__all__ = ["Rig", "Run", "Signal", "Signals", "Table", "load", "open"]
+__all__ = ["Compared", "Rig", "RigError", "Run", "Session", "Signal", "Signals", "Table", "load", "open", "sweep"]
+ROOMS = {"RigError": ".base", "Session": ".runs"}  # of names that are not api's
 
 
 def __getattr__(name: str) -> object:
     if name in __all__:
-        return getattr(import_module(".api", __name__), name)
+        return getattr(import_module(ROOMS.get(name, ".api"), __name__), name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 

@@ -3,9 +3,11 @@
 
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
-from .opened import open as open
+from .compared import Compared as Compared
+from .opened import imported as imported, open as open
 from .rig import Rig as Rig, load as load
 from .run import Run as Run
 from .signals import Signal as Signal, Signals as Signals
-from .simulated import simulated as simulated
+from .simulated import controller_log as controller_log, simulated as simulated
+from .swept import sweep as sweep
 from .table import Table as Table

@@ -1,34 +1,123 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs, bags and loggers' files opened from Python; it is ``rig_nodes.open``."""
+"""Runs, bags and loggers' files opened from Python; it is ``rig_nodes.open``. `rig import` makes its runs of files here too."""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..bags import OpenedBags
+from ..analysis import build_report, gather, info_of, write_report
+from ..bags import OpenedBags, Profile, is_loggers_file, read_measurement, read_profile, sequence_name, write_bag
+from ..base import RigError, quantity
+from .rig import Rig, load
 from .run import Run
 
+if TYPE_CHECKING:
+    from ..bags import Measurement
 
-def open(path: str | Path) -> Run:
-    """Open a run.
+
+def open(
+    path: str | Path,
+    *,
+    rig: Rig | str | None = None,
+    profile: str | Path | None = None,
+    orders: str | None = None,
+    period: str | None = None,
+) -> Run:
+    """Open a run, a bag or the file of a logger.
 
     Parameters
     ----------
     path : str or Path
-        Folder of a run, or a bag's file.
+        Folder of a run, a bag's file (.mcap, .db3), or a logger's file (csv, parquet, mf4, dat, mat, xlsx, tdms).
+    rig : Rig or str, optional
+        The rig whose inertias, ratios and instrument errors hold for a logger's file; an exported run has its own.
+    profile : str or Path, optional
+        Profile that assigns the columns of a logger's file, where they are not named as the rig's signals.
+    orders : str, optional
+        When which gear was ordered in a logger's file, ``"TIME:FROM-TO, ..."`` with times in s.
+    period : str, optional
+        Time between the rows of a logger's file without times, e.g. ``"0.1 ms"``.
 
     Returns
     -------
     Run
-        The run.
+        The run. That of a logger's file is temporary until it is saved.
 
     Raises
     ------
     RigError
-        When there is no such file, or it cannot be read.
+        When there is no such file, it cannot be read, or something that it does not hold is not given.
+
+    Examples
+    --------
+    >>> run = rig_nodes.load("hydmag").simulate("demo")
+    >>> run.to_pandas(["M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2"]).to_csv("log.csv")
+    >>> rig_nodes.open("log.csv")
+    Traceback (most recent call last):
+    rig_nodes.base.errors.RigError: log.csv: its rig is not given, and the results depend on this rig's inertias, ratios and
+    instrument errors; name it by --rig NAME, in Python by rig=NAME, or in a profile
     """
+    if is_loggers_file(str(path)):
+        return _imported(Path(path), rig, profile, orders, period)
+    if given := [name for name, one in (("rig", rig), ("profile", profile), ("orders", orders), ("period", period)) if one]:
+        raise RigError(f"{path}: {given[0]} is for loggers' files; a run has its own")
     with OpenedBags([path]) as bags:
         bags.check_began()
     return Run(Path(path))
+
+
+def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, orders: str | None, period: str | None) -> Run:
+    """Return the run of a logger's file."""
+    read = read_profile(profile) if profile else None
+    if period is not None:
+        read = replace(read or Profile(), period=quantity(period, "time", "period"), time=None)
+    if rig is None and read is not None and read.rig:
+        rig = load(read.rig, **read.settings)
+    elif isinstance(rig, str):
+        rig = load(rig, **(read.settings if read else {}))
+    found = read_measurement(path, read, rig.config.as_dict() if rig else None, "rig=" if rig else "", orders)
+    if found is None:
+        raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which ./rig import {path} proposes")
+    folder = Path(tempfile.mkdtemp(prefix="rig-run-"))
+    try:
+        report = imported(found, folder, path)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return Run(folder, report, temporary=True)
+
+
+def imported(found: Measurement, folder: Path, path: Path) -> dict:
+    """Write a measurement as a run into a folder.
+
+    Parameters
+    ----------
+    found : Measurement
+        The measurement.
+    folder : Path
+        The run's folder.
+    path : Path
+        The file that was measured.
+
+    Returns
+    -------
+    dict
+        Its report, which is written beside the bag.
+
+    Raises
+    ------
+    RigError
+        When the folder cannot be written.
+    """
+    write_bag(found, folder, sequence_name(path))
+    bag = gather(folder)
+    run = {**info_of(bag), "mode": "import", "end": {"state": "ended", "reason": f"the file {path.name} ended"}}
+    report = build_report(bag, run)
+    write_report(folder, report)
+    return report

@@ -7,19 +7,22 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import write_report
 from ..base import RigError, brief, shown_in
 from ..controllers import IN_PROCESS, load_controller
-from ..rig import POINT, RigConfig, load_rig, with_overrides
-from ..runs import Ordered, check_controller, check_level, load_sequence, sequence_of
+from ..rig import POINT, RigConfig, driveline_svg, load_rig, with_overrides
+from ..runs import Ordered, Session, check_controller, check_level, load_sequence, sequence_of
 from .run import Run
 from .simulated import simulated
 
 if TYPE_CHECKING:
     from ..controllers import Plug
+
+EXTERNAL = "external"  # controller of a session whose commands are set by hand
 
 
 def load(name: str | Path, /, **settings: Any) -> Rig:
@@ -45,6 +48,11 @@ def load(name: str | Path, /, **settings: Any) -> Rig:
 
     Examples
     --------
+    >>> rig_nodes.load("hydmag", alfa46={"t12": "-200 ms"})
+    rig hydmag: HydmAG two-speed powershift gearbox, DC motor, load pump, valves ZR-P1 and ZR-P2, controller Alfa46
+    gears: I 1.382, II 1.025
+    devices: ...
+    setting: alfa46.t12 = -200 ms
     >>> rig = rig_nodes.load("hydmag", alfa46={"t12": -0.2, "output_1": {"P1": "200 ms 160 mA"}})
     >>> rig.name, rig.config.alfa46.values.t12
     ('hydmag', -0.2)
@@ -167,6 +175,68 @@ class Rig:
         if run.end["state"] == "interrupted":
             raise KeyboardInterrupt(run.end["reason"])
         return run
+
+    def session(self, *, seed: int = 1, controller: str | type | None = None, level: str | None = None, delay: int = 1) -> Session:
+        """Return a session, in which one steps the rig by hand.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of the transducers' noise and errors.
+        controller : str or type, optional
+            As of :meth:`simulate`, or ``"external"`` for currents or duties that are set by hand.
+        level : str, optional
+            What the controller returns, ``"duty"`` or ``"current"``.
+        delay : int
+            Samples of 1 ms until the controller's answers act.
+
+        Returns
+        -------
+        Session
+            The session at time 0, with ``advance``, ``set``, ``read``, ``snapshot`` and ``restore``.
+
+        Raises
+        ------
+        RigError
+            When the controller does not fit the rig.
+
+        Examples
+        --------
+        >>> session = rig_nodes.load("hydmag").session(seed=1)
+        >>> session.set("oil", "4 MPa")
+        >>> session.set("shift", "I")
+        >>> session.advance(0.5)
+        >>> start, ends = session.snapshot(), []
+        >>> for speed in (50.0, 100.0):
+        ...     session.restore(start)
+        ...     session.set("motor", speed)
+        ...     session.advance(2.0)
+        ...     ends.append(round(session.read("n_wej"), -1))
+        >>> ends
+        [50.0, 100.0]
+        """
+        if controller == EXTERNAL:
+            return Session(self.config, seed, EXTERNAL, level, delay)
+        plug, _ = self._plug(controller, level, delay)
+        return Session(self.config, seed) if plug is None else Session(self.config, seed, plug, level, delay)
+
+    @property
+    def gears(self) -> dict[str, float]:
+        """Ratio of each gear by its name, speed of the input over that of the output; empty for a rig without gears."""
+        box = self.config.transmission if self.config.structure.gears else None
+        return {box.names[number]: ratio for number, ratio in box.ratios.items()} if box else {}
+
+    def __repr__(self) -> str:
+        lines = [f"rig {self.name}: {self.config.description}"]
+        if self.gears:
+            lines.append("gears: " + ", ".join(f"{name} {ratio:.4g}" for name, ratio in self.gears.items()))
+        lines.append("devices: " + ", ".join(f"{one.name} ({one.part})" for one in self.config.structure.devices))
+        lines += [f"setting: {name} = {text}" for name, text in self.settings.items()]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        lines = "".join(f"<p>{escape(line)}</p>" for line in repr(self).splitlines())
+        return f'<div>{lines}<div style="max-width:640px">{driveline_svg(self.config)}</div></div>'
 
     def _plug(self, controller: str | type | None, level: str | None, delay: int) -> tuple[Plug | None, str | None]:
         """Return the plug of a controller and its specification; None twice for the rig's own."""

@@ -7,18 +7,45 @@ from __future__ import annotations
 
 import shutil
 import weakref
+from base64 import b64encode
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..analysis import build_report, every_metric, gather, info_of, is_of, read_report, shown_transmission, verdicts_in
-from ..bags import NO_REPORT, Bag, with_end
-from ..base import RigError, not_written
+import numpy as np
+
+from ..analysis import (
+    SHORT,
+    Source,
+    build_report,
+    flat,
+    gather,
+    info_of,
+    is_of,
+    metric_keys,
+    named_metrics,
+    read_report,
+    shifts_report,
+    shown_transmission,
+    verdicts_in,
+)
+from ..bags import NO_REPORT, Bag, Rows, arrow_schema, arrow_table, on_one_clock, on_own_clocks, with_end
+from ..bags import Signals as Groups
+from ..base import RigError, not_written, optional, quantity
+from .compared import Compared
 from .signals import Signals
-from .table import Table
+from .table import Table, column_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
+
+    import pandas
+    import pyarrow
+    from matplotlib.figure import Figure
+
+MOST_ROWS = 1_000_000  # of a recording that is compared, 100 s at 10 kHz
+BESIDE = ("why", "undefined")  # keys of a shift in the report that hold no value
 
 
 class Run:
@@ -44,7 +71,7 @@ class Run:
 
     def __init__(self, folder: Path, report: dict | None = None, temporary: bool = False) -> None:
         """Take a run's folder or bag; ``report`` is its report where it is known, and a temporary folder is removed at the end."""
-        self.folder = folder
+        self.folder, self._temporary = folder, temporary
         if report is not None:
             self.report = report
         if temporary:
@@ -76,24 +103,28 @@ class Run:
         return self.report["run"]["end"]
 
     @cached_property
-    def shifts(self) -> Table:
-        """One row for each shift: gears, time of the order, metrics, ``valid`` and ``quality``.
+    def record(self) -> Mapping[str, Any]:
+        """The rig of the run as its bag records it: structure and values."""
+        return Bag(self.folder).record
 
-        Columns are named as in report.json; `rig list metrics` describes them.
+    @cached_property
+    def shifts(self) -> Table:
+        """One row for each shift: gears, time of the order, values of the loops around it, metrics, ``valid`` and ``quality``.
+
+        Columns are named as in report.json, and `rig list metrics` describes them; printing shows the most asked for.
         """
         report = self.report
-        box, metrics = shown_transmission(report), every_metric()
-        units = {"from_gear": "", "to_gear": "", "t_order_s": "s", **{one.key: one.unit.strip("-") for one in metrics}}
-        rows = [
-            {
-                **row,
-                "from_gear": box.short(row["from_gear"]),
-                "to_gear": box.short(row["to_gear"]),
-                "quality": (verdict or {}).get("grade"),
-            }
-            for row, verdict in zip(report["shifts"], verdicts_in(report))
-        ]
-        return Table({**units, "valid": "", "quality": ""}, rows)
+        box, keys = shown_transmission(report), [key for key in metric_keys() if key not in BESIDE]
+        rows, units = [], {}
+        for row, verdict in zip(report["shifts"], verdicts_in(report)):
+            gears = {name: box.short(row[name]) for name in ("from_gear", "to_gear")}
+            metrics = {key: row.get(key) for key in keys}
+            rows.append({**metrics, **gears, "quality": (verdict or {}).get("grade"), **flat(row)})
+        names = dict.fromkeys(name for row in rows for name in row) or dict.fromkeys([*keys, "quality"])
+        ends = ("valid", "quality")
+        order = ["from_gear", "to_gear", "t_order_s", *units, *(name for name in names if name not in ends), *ends]
+        shown = [*order[: 3 + len(units)], *(one.key for one in named_metrics(SHORT)), *ends]
+        return Table({name: units.get(name, column_unit(name)) for name in dict.fromkeys(order)}, rows, shown)
 
     @cached_property
     def events(self) -> Table:
@@ -140,3 +171,172 @@ class Run:
         except OSError as error:
             raise not_written(target, error) from None
         return target
+
+    def to_pandas(
+        self, signals: Sequence[str] | None = None, *, period: float | str | None = None, units: str = "si"
+    ) -> pandas.DataFrame:
+        """Return signals as a DataFrame over the time of the run.
+
+        The rows are those of the logger (10 kHz unless the rig says otherwise), which are not resampled. A signal that comes less
+        often keeps its last value until the next one, and is NaN before its first.
+
+        Parameters
+        ----------
+        signals : sequence of str, optional
+            Names, or patterns such as ``p*``; all by default.
+        period : float or str, optional
+            Time between rows [s], or as text with its unit; each row then has the last value of each signal.
+        units : str
+            ``"si"``, or ``"shown"`` for the units that people read (rpm, MPa, mA).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A column for each signal; the index is the time [s], and ``attrs["units"]`` has the units.
+
+        Raises
+        ------
+        RigError
+            When there is no such signal, or pandas is not installed.
+
+        Examples
+        --------
+        >>> frame = rig_nodes.load("hydmag").simulate("demo").to_pandas(["n_wej", "s2_slip"], period="1 ms", units="shown")
+        >>> float(frame.loc[5.0:6.0, "n_wej"].mean().round(-2)), frame.attrs["units"]["s2_slip"]
+        (1500.0, 'rpm')
+        """
+        pandas = optional("pandas", "view")
+        chosen, rows = self._rows(signals, period, units)
+        columns = [column for group in chosen.groups for column in group.columns]
+        found = list(rows)
+        values = np.vstack([one.values for one in found]) if found else np.empty((0, len(columns)))
+        times = np.concatenate([one.times for one in found]) / 1e9 if found else np.empty(0)
+        frame = pandas.DataFrame(values, pandas.Index(times, name="time"), [column.name for column in columns])
+        frame.attrs["units"] = {column.name: column.unit for column in columns}
+        return frame
+
+    def to_arrow(
+        self, signals: Sequence[str] | None = None, *, period: float | str | None = None, units: str = "si"
+    ) -> pyarrow.Table:
+        """Return signals as a table of Arrow, from which polars and others make theirs; the arguments are as of :meth:`to_pandas`.
+
+        Returns
+        -------
+        pyarrow.Table
+            The time ``t`` [s] and a column for each signal, null where it has no value; unit and description are in the fields'
+            metadata.
+
+        Raises
+        ------
+        RigError
+            When there is no such signal, or pyarrow is not installed.
+
+        Examples
+        --------
+        >>> table = rig_nodes.load("hydmag").simulate("demo").to_arrow(["p1"], period=0.01)
+        >>> table.column_names, table.field("p1").metadata[b"unit"]
+        (['t', 'p1'], b'Pa')
+        """
+        chosen, rows = self._rows(signals, period, units)
+        schema = arrow_schema(chosen)
+        return optional("pyarrow", "view").concat_tables([schema.empty_table(), *(arrow_table(one, schema) for one in rows)])
+
+    def _rows(self, names: Sequence[str] | None, period: float | str | None, units: str) -> tuple[Groups, Iterator[Rows]]:
+        """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""
+        if isinstance(names, str) or units not in ("si", "shown"):
+            raise RigError(f"signals is {names!r} and units {units!r}; expected a list of names, and 'si' or 'shown'")
+        chosen = Groups(self.folder, list(names or ()), units)
+        seconds = quantity(period, "time", "period") if isinstance(period, str) else period or self.signals.period
+        if seconds is None:
+            return chosen, on_own_clocks(chosen.groups, chosen.parts())
+        if not seconds >= 1e-6:
+            raise RigError(f"period is {seconds:g} s, expected at least 1 us")
+        return chosen, on_one_clock(chosen.groups, chosen.parts(), round(seconds * 1e9))
+
+    def plot(self, shift: int | None = None) -> Figure:
+        """Draw the run, or one of its shifts: speeds with slip, torques, pressures and currents, with phases and orders.
+
+        Parameters
+        ----------
+        shift : int, optional
+            Number of a shift from 1 on; the whole run by default.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, of which a notebook shows the picture; ``savefig`` writes it to a file.
+
+        Raises
+        ------
+        RigError
+            When there is no such shift, or matplotlib is not installed.
+
+        Examples
+        --------
+        >>> run = rig_nodes.load("hydmag").simulate("demo")
+        >>> run.plot(shift=1).savefig("shift.png")
+        """
+        optional("matplotlib", "view")
+        from .figure import figure_of
+
+        count = len(self.report["shifts"])
+        if shift is not None and not 1 <= shift <= count:
+            raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
+        return figure_of(self, shift)
+
+    def compare(self, *others: Run, by: str | None = None) -> Compared:
+        """Compare with other runs, as `rig compare`.
+
+        Parameters
+        ----------
+        *others : Run
+            The other runs.
+        by : str, optional
+            How they are aligned, ``"events"`` or ``"correlation"``; by default by events where all hold the same orders.
+
+        Returns
+        -------
+        Compared
+            Clocks, and metrics and signals with their differences in measuring errors.
+
+        Raises
+        ------
+        RigError
+            When a run is of a rig without gears, or cannot be aligned.
+        """
+        if not others:
+            raise RigError("compare takes one or more other runs, e.g. run.compare(other)")
+        return Compared([one.source() for one in (self, *others)], by)
+
+    def source(self) -> Source:
+        """Return the run as a comparison takes it; RigError for a rig without gears."""
+        bag = gather(self.folder, most_rows=MOST_ROWS)
+        bag.check_began()
+        if not bag.structure.gears:
+            raise RigError(f"{self.folder}: is of a rig without gears; runs with shifts can be compared")
+        run = self.report["run"]
+        name = f"{run.get('sequence')} seed {run.get('seed')}" if self._temporary else str(self.folder)
+        return Source(name, bag.thinned(), bag.record, shifts_report(bag))
+
+    def __repr__(self) -> str:
+        return f"{self._head}\n{self.shifts!r}"
+
+    @property
+    def _head(self) -> str:
+        """One line on rig, sequence, length and end."""
+        run = self.report["run"]
+        how = {"simulate": "simulated", "import": "imported"}.get(run.get("mode", ""), run.get("mode") or "recorded")
+        seed = "" if run.get("seed") is None else f", seed {run['seed']}"
+        end = f"{self.end.get('state', 'end')}: {self.end.get('reason') or 'unknown'}"
+        name, rig = run.get("sequence") or self.folder.name, self.record.get("name", "a rig")
+        return f"run {name} of {rig}, {how}, {self.signals.span[1]:.1f} s{seed}; {end}"
+
+    def _repr_html_(self) -> str:
+        picture = ""
+        try:
+            drawn = self.plot(1 if len(self.shifts) else None)
+            drawn.set_size_inches(0.7 * drawn.get_size_inches())
+            picture = f'<img src="data:image/png;base64,{b64encode(drawn._repr_png_()).decode()}">'
+        except RigError:
+            pass  # without matplotlib there is no picture
+        return f"<p>{escape(self._head)}</p>{self.shifts._repr_html_()}{picture}"

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -125,7 +126,6 @@ class Signals(Mapping[str, Signal]):
         self._path = path
         self._groups = Groups(path).groups
         self._places = {column.name: (group, column) for group in self._groups for column in group.columns}
-        self._bag: Bag | None = None
         self._loggers: dict[str, Logger] = {}
 
     def __iter__(self) -> Iterator[str]:
@@ -142,15 +142,31 @@ class Signals(Mapping[str, Signal]):
             sentence = unknown("signal", name, self._places)
             raise RigError(sentence.replace(";", " in the run;", 1))
         group, column = self._places[name]
-        if self._bag is None:
-            self._bag = Bag(self._path)
         if group.logger or column.signal is None:
-            if group.topic not in self._loggers:
-                self._loggers[group.topic] = self._bag.logger(group.topic, fill=True)
-            rows = self._loggers[group.topic]
+            rows = self._rows(group.topic)
             return Signal(rows.channels[name], rows.time(), name, column.unit, column.text)
-        times, values = self._bag.series(column.signal)
+        times, values = self._held.series(column.signal)
         return Signal(values, times, name, column.unit, column.text)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Times of the first and of the last message of the bag [s]."""
+        return 0.0, self._held.last / 1e9
+
+    @property
+    def period(self) -> float | None:
+        """Time between the rows of the fastest logger [s]; None for a run without one."""
+        return min((self._rows(group.topic).period for group in self._groups if group.logger), default=None)
+
+    @cached_property
+    def _held(self) -> Bag:
+        return Bag(self._path)
+
+    def _rows(self, topic: str) -> Logger:
+        """Return all rows of a logger; NaN where some are missing."""
+        if topic not in self._loggers:
+            self._loggers[topic] = self._held.logger(topic, fill=True)
+        return self._loggers[topic]
 
     def __repr__(self) -> str:
         lines = [f"{len(self)} signals"]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from ..analysis import every_metric, unit_of
 from ..base import RigError, brief, optional, unknown
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ class Table:
         The unit of each column by its name; "" for words and numbers without a unit.
     rows : sequence of mapping
         The cells of each row by column; what is missing or None has no value.
+    shown : sequence of str, optional
+        The columns that printing shows; all by default.
 
     Examples
     --------
@@ -48,8 +51,9 @@ class Table:
     ('II', 2, 's')
     """
 
-    def __init__(self, units: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, units: Mapping[str, str], rows: Sequence[Mapping[str, Any]], shown: Sequence[str] | None = None) -> None:
         self.units = dict(units)
+        self._shown = [name for name in units if shown is None or name in shown]
         self._rows = [{name: row.get(name) for name in self.units} for row in rows]
 
     @property
@@ -94,24 +98,37 @@ class Table:
 
     def _cells(self) -> list[list[str]]:
         """Return the head and the rows as text, the first and the last ones of many."""
-        rows = [[_text(cell) for cell in row.values()] for row in self._rows]
+        rows = [[_text(row[name]) for name in self._shown] for row in self._rows]
         if len(rows) > MOST_ROWS:
-            rows = [*rows[: MOST_ROWS // 2], ["..."] * len(self.units), *rows[-MOST_ROWS // 2 :]]
-        return [[f"{name} [{unit}]" if unit else name for name, unit in self.units.items()], *rows]
+            rows = [*rows[: MOST_ROWS // 2], ["..."] * len(self._shown), *rows[-MOST_ROWS // 2 :]]
+        return [[f"{name} [{self.units[name]}]" if self.units[name] else name for name in self._shown], *rows]
+
+    @property
+    def _more(self) -> str:
+        """A line on what is not shown."""
+        left = len(self.units) - len(self._shown)
+        return f"{len(self)} rows; {left} more columns are in .columns" if left else ""
 
     def __repr__(self) -> str:
         if not self._rows:
             return f"no rows of {', '.join(self.units)}"
         head, *rows = self._cells()
-        words = [any(isinstance(row[name], str) for row in self._rows) for name in self.units]
+        words = [any(isinstance(row[name], str) for row in self._rows) for name in self._shown]
         widths = [max(map(len, column)) for column in zip(head, *rows)]
         lines = [[cell.ljust(w) if left else cell.rjust(w) for cell, w, left in zip(row, widths, words)] for row in (head, *rows)]
-        return "\n".join("  ".join(line).rstrip() for line in lines)
+        return "\n".join(["  ".join(line).rstrip() for line in lines] + [self._more] * bool(self._more))
 
     def _repr_html_(self) -> str:
         head, *rows = ([escape(cell) for cell in row] for row in self._cells())
         body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-        return f"<table><thead><tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr></thead><tbody>{body}</tbody></table>"
+        heads = "".join(f"<th>{cell}</th>" for cell in head)
+        return f"<table><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>{f'<p>{self._more}</p>' * bool(self._more)}"
+
+
+def column_unit(name: str) -> str:
+    """Return the unit of a column of a table of shifts: a metric, the time of the order or a state at it; "" where it has none."""
+    metrics = {one.key: one.unit.strip("-") for one in every_metric()} | {"t_order_s": "s"}
+    return metrics[name] if name in metrics else unit_of(name) or ""
 
 
 def _text(cell: object) -> str:

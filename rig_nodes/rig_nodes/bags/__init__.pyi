@@ -9,11 +9,11 @@ from .cdr import Fields as Fields, Form as Form, encoder as encoder, stamp as st
 from .copy import AsSent as AsSent, Kept as Kept, check as check, content_hash as content_hash, count as count, left_out as left_out, write as write
 from .definitions import installed as installed, parse as parse
 from .exchange.cells import CellError as CellError
-from .exchange.files import FILE_KINDS as FILE_KINDS, Order as Order, export as export, started as started, whole as whole
+from .exchange.files import FILE_KINDS as FILE_KINDS, Order as Order, arrow_schema as arrow_schema, arrow_table as arrow_table, export as export, started as started, whole as whole
 from .exchange.foreign import read_foreign as read_foreign
 from .exchange.formats.format import is_loggers_file as is_loggers_file
-from .exchange.groups import DESCRIBING as DESCRIBING, IN_MEMORY as IN_MEMORY, Signals as Signals
-from .exchange.imported import NO_RIG as NO_RIG, read_measurement as read_measurement, sequence_name as sequence_name, write_bag as write_bag
+from .exchange.groups import DESCRIBING as DESCRIBING, IN_MEMORY as IN_MEMORY, Rows as Rows, Signals as Signals, on_one_clock as on_one_clock, on_own_clocks as on_own_clocks
+from .exchange.imported import Measurement as Measurement, NO_RIG as NO_RIG, read_measurement as read_measurement, sequence_name as sequence_name, write_bag as write_bag
 from .exchange.orders import example_of_orders as example_of_orders
 from .exchange.profile import Profile as Profile, read_profile as read_profile
 from .exchange.propose import proposed as proposed

@@ -13,10 +13,8 @@ from .output_files import OutputFile
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
 
-    from ..analysis import Comparison, Source
-    from ..rig import Signal, Transmission
+    from ..analysis import Source
 
 HELP = "lay runs, bags and loggers' files over each other, with differences in measuring errors"
 
@@ -39,29 +37,27 @@ MOST_ROWS = 2_000_000  # of all recordings together, 200 s at 10 kHz, that are l
 
 def main(args: argparse.Namespace) -> int:
     """Compare, print, and write what was asked for."""
-    from ..analysis import compare
+    from ..api import Compared
     from ..base import RigError, atomic_write, printable
-    from ..rig import catalogue
     from .json_output import write_json
 
     if len(args.runs) < 2:
         raise RigError(f"{args.runs[0]} alone cannot be compared; name two or more runs, bags or loggers' files")
     faults: list[str] = []
     sources = _sources(args, faults)
-    found = compare(sources, args.align)
-    box = sources[0].recording.transmission
-    signals = catalogue(sources[0].record).signals
-    print("\n".join(_lines(found, box, signals)))
+    compared = Compared(sources, args.align)
+    found = compared.found
+    print(compared)
     if args.json:
         write_json(args.json, found.as_dict())
     if args.html:
         from ..view import compare_page
 
-        atomic_write(args.html, compare_page(found, signals, box))
+        atomic_write(args.html, compare_page(found, compared.catalogue, compared.box))
     if args.rrd:
         from ..view import write_compare_file
 
-        write_compare_file(found, signals, args.rrd)
+        write_compare_file(found, compared.catalogue, args.rrd)
     for fault in faults:
         print(f"rig: {printable(fault)}", file=sys.stderr)
     return LOST if faults else 0
@@ -115,15 +111,3 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
         rig = rig_record(found.record)
         sources.append(Source(run, found.recording(transmission_of(rig)), rig))
     return sources
-
-
-def _lines(found: Comparison, box: Transmission, signals: Mapping[str, Signal]) -> list[str]:
-    from ..analysis import aligned, clock_lines, metric_tables, reasons, signal_tables
-    from ..base import printable
-
-    lines = clock_lines(found)
-    for head, rows in (*metric_tables(found, box), *signal_tables(found, signals)):
-        lines += ["", *aligned([head, *rows])] if rows else []
-    if why := reasons(found, box):
-        lines += ["", *(f"-: {one}" for one in why)]
-    return [printable(line) for line in lines]

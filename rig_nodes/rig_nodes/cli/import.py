@@ -58,8 +58,9 @@ def main(args: argparse.Namespace) -> int:
     import os
     import shutil
 
-    from ..analysis import build_report, format_report, gather, info_of, write_report
-    from ..bags import CellError, read_measurement, sequence_name, write_bag
+    from ..analysis import format_report
+    from ..api import imported
+    from ..bags import CellError, read_measurement, sequence_name
     from ..base import DEFAULT_RIG, RigError, quoted
     from ..rig import load_rig
     from ..runs import parse_settings, run_folder, unless_empty
@@ -82,20 +83,15 @@ def main(args: argparse.Namespace) -> int:
         raise RigError(f"{error}; {target} is written for it, which --profile takes") from None
     if found is None:
         return _propose(args, rig)
-    name = sequence_name(Path(args.file))
-    folder = run_folder(args.out, name)
+    folder = run_folder(args.out, sequence_name(Path(args.file)))
     part = folder.with_name(f".{folder.name}.part")
     with unless_empty(folder):
         try:
-            write_bag(found, part, name)
-            bag = gather(part)
-            run = {**info_of(bag), "mode": "import", "end": {"state": "ended", "reason": f"the file {Path(args.file).name} ended"}}
-            report = build_report(bag, run)
-            write_report(part, report)
+            report = imported(found, part, Path(args.file))
             os.replace(part, folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)
-    if bag.structure.gears:
+    if "bench" not in report:
         print(format_report(report))
     for note in found.notes:
         print(f"note: {note}")

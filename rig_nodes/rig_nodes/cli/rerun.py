@@ -105,10 +105,10 @@ def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
 
 
 def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
+    from ..api import controller_log
     from ..base import printable
     from ..controllers import level_line, load_controller
     from ..runs import check_controller, rerun_controller
-    from .simulate import controller_log
 
     check_controller(config)
     controller = load_controller(spec, config, level)

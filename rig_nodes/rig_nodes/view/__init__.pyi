@@ -13,5 +13,5 @@ from .page_of_report import Facts as Facts, campaign_page as campaign_page, repo
 from .pages import Pages as Pages
 from .pdf import browser as browser, pdf_of as pdf_of
 from .picture import require_driver as require_driver, take_picture as take_picture
-from .report_plots import plots_of_bag as plots_of_bag
+from .report_plots import PHASES as PHASES, heading_of as heading_of, plots_of_bag as plots_of_bag, styles_of as styles_of, window_of as window_of
 from .viewer import command_for as command_for, has_display as has_display, open_window as open_window

@@ -61,7 +61,7 @@ class Plots:
         self.left_out = max(0, len(rows) - MOST_SHIFTS)
         self._whole = (first, max(last, first + 1e-3))
         later = [row["t_order_s"] for row in rows[1:]] + [np.inf]
-        self._windows = [_window(row, self._whole, after) for row, after in zip(self._rows, later)]
+        self._windows = [window_of(row, self._whole, after) for row, after in zip(self._rows, later)]
         self._envelopes: dict[tuple[int, str], Envelope] = {}  # by the number of the window, -1 for the whole run, and signal
         self._shift_names = {name for _, names in pages.shift_plots for name in names}
         self._run_plots = pages.run_left + pages.run_right
@@ -139,14 +139,8 @@ class Plots:
 
     def _curves(self, number: int, names: Sequence[str]) -> list[Curve]:
         """Return the curves of a plot, in the colours of the view unless two of them would be alike."""
-        curves, used = [], set()
-        for name in names:
-            own = self._pages.colour(name)
-            colour, dashed = on_white(own), own in PALE
-            if own == OTHER or (colour, dashed) in used:
-                colour = next((one for one in SPARE if (one, dashed) not in used), SPARE[0])
-            used.add((colour, dashed))
-            curves.append(Curve(name, colour, self._envelopes[number, name], dashed))
+        styles = styles_of(self._pages, names)
+        curves = [Curve(name, colour, self._envelopes[number, name], dashed) for name, (colour, dashed) in styles.items()]
         return sorted(curves, key=lambda one: not one.dashed)
 
 
@@ -156,7 +150,22 @@ def heading_of(number: int, row: Mapping, box: Transmission) -> str:
     return name[0].upper() + name[1:]
 
 
-def _window(row: Mapping, whole: tuple[float, float], next_order: float) -> tuple[float, float]:
+def styles_of(pages: Pages, names: Sequence[str]) -> dict[str, tuple[str, bool]]:
+    """Return by signal the colour of its curve in a plot on white, and True where the curve is dashed.
+
+    The colours are those of the view unless two of them would be alike.
+    """
+    found: dict[str, tuple[str, bool]] = {}
+    for name in names:
+        own = pages.colour(name)
+        style = on_white(own), own in PALE
+        if own == OTHER or style in found.values():
+            style = next((one for one in SPARE if (one, style[1]) not in found.values()), SPARE[0]), style[1]
+        found[name] = style
+    return found
+
+
+def window_of(row: Mapping, whole: tuple[float, float], next_order: float) -> tuple[float, float]:
     """Return the times between which a shift is shown [s]."""
     order, times = row["t_order_s"], times_of(row)
     end = max((one.end for one in times), default=order + UNKNOWN - AFTER) + AFTER

@@ -134,17 +134,30 @@ def _csvw(order: Order) -> dict:
     }
 
 
-def _parquet(order: Order) -> None:
-    pa, parquet = pyarrow()
-    provenance, columns = provenance_of(order.signals.small), [Column(TIME, "s", "Time of the run."), *order.columns]
-    schema = pa.schema(
+def arrow_schema(signals: Signals) -> Any:
+    """Return the columns of a pyarrow.Table of signals, with their units, and the run's provenance as its metadata."""
+    pa, _ = pyarrow()
+    provenance = provenance_of(signals.small)
+    columns = [Column(TIME, "s", "Time of the run."), *(column for group in signals.groups for column in group.columns)]
+    return pa.schema(
         [pa.field(one.name, pa.float64(), metadata={"unit": one.unit, "description": one.text}) for one in columns],
         metadata={KEY: text_of(provenance), **dict(lines_of(provenance))},
     )
+
+
+def arrow_table(rows: Rows, schema: Any) -> Any:
+    """Return rows as a pyarrow.Table; what has no value is null."""
+    pa, _ = pyarrow()
+    arrays = [pa.array(rows.times / 1e9), *(pa.array(column, from_pandas=True) for column in rows.values.T)]
+    return pa.table(arrays, schema=schema)
+
+
+def _parquet(order: Order) -> None:
+    _, parquet = pyarrow()
+    schema = arrow_schema(order.signals)
     with whole(order.target) as part, parquet.ParquetWriter(part, schema, compression="zstd") as writer:
         for rows in order.rows():
-            arrays = [pa.array(rows.times / 1e9), *(pa.array(column, from_pandas=True) for column in rows.values.T)]
-            writer.write_table(pa.table(arrays, schema=schema))
+            writer.write_table(arrow_table(rows, schema))
 
 
 def _mf4(order: Order) -> None:

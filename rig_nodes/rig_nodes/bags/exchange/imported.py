@@ -42,8 +42,8 @@ BLOCK, CHANNELS, RUN_INFO = "/instruments/hmg4000", "/instruments/channels", "/r
 ROWS = 50  # largest number of rows in a block
 LATEST = 24 * 3600.0  # s; the times of a file that begins later are taken as dates, and its run begins at 0
 NO_RIG = (
-    "its rig is not given, and the results depend on this rig's inertias, ratios and instrument errors; name it by --rig NAME or "
-    "in a profile"
+    "its rig is not given, and the results depend on this rig's inertias, ratios and instrument errors; name it by --rig NAME, "
+    "in Python by rig=NAME, or in a profile"
 )
 MOST_BLOCKS_IN = 5e-3  # s; largest span of the rows in a block
 
@@ -439,7 +439,7 @@ def _blocks(measurement: Measurement) -> list[tuple[int, str, tuple]]:
 
 
 def read_measurement(
-    path: str | Path, profile: Profile | None, record: Mapping, named_by: str, orders: str | None = None
+    path: str | Path, profile: Profile | None, record: Mapping | None, named_by: str, orders: str | None = None
 ) -> Measurement | None:
     """Read a file by a profile, or by its heads when these are the rig's own names.
 
@@ -449,8 +449,8 @@ def read_measurement(
         The file.
     profile : Profile, optional
         The profile by which the file is read.
-    record : mapping
-        Record of the rig.
+    record : mapping or None
+        Record of the rig; None where only the exported run in the file can give it.
     named_by : str
         Where the rig was named. When it is empty, the rig is that of the exported run in the file, and for a file without one the
         record only gives the names that its heads may be.
@@ -470,6 +470,8 @@ def read_measurement(
     foreign = read_foreign(path, profile.form if profile else None)
     if foreign.provenance and not named_by:
         record, named_by = rig_record(foreign.provenance["run"]["configuration"]), "the exported run"
+    if record is None:
+        raise RigError(f"{path}: {NO_RIG}")
     if profile is None or not profile.columns:
         found = own_profile(foreign, record)
         if found is None:

@@ -1,0 +1,94 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A sweep from Python: what `rig sweep` runs, as one table; it is ``rig_nodes.sweep``."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..analysis import SHORT, named_metrics
+from ..base import RigError
+from ..runs import Workers
+from ..studies import Plan, Store, make_plan, manifest_of, rows_of, run_sweep
+from .rig import Rig, load
+from .table import Table, column_unit
+
+
+def sweep(
+    rig: Rig | str,
+    sequence: str | Path,
+    vary: Mapping[str, str | Sequence],
+    *,
+    samples: int | None = None,
+    repeats: int = 1,
+    seed: int = 1,
+    jobs: int = 1,
+    folder: str | Path | None = None,
+) -> Table:
+    """Run a sequence for many values of its parameters or of the rig's settings.
+
+    Parameters
+    ----------
+    rig : Rig or str
+        The rig, whose settings all members share.
+    sequence : str or Path
+        Name of a sequence, or its file.
+    vary : mapping
+        By the name of a parameter or setting the values that it takes: a list of texts with units, or a text as after
+        ``--vary``: ``"20 Nm .. 100 Nm in 5"``, ``"-250 ms .. -150 ms step 10 ms"``.
+    samples : int, optional
+        Members that a Latin hypercube draws from the ranges; by default every value is run with every other.
+    repeats : int
+        Runs of each point, with other noise.
+    seed : int
+        Seed of the first member; those of the others follow.
+    jobs : int
+        Processes; with one the members run in this process.
+    folder : str or Path, optional
+        Folder of the sweep, as `rig sweep --out`, in which one that was interrupted goes on; by default it is not kept.
+
+    Returns
+    -------
+    Table
+        A row for each shift: ``member``, what was varied, ``end`` and the metrics, as results.parquet has them.
+
+    Raises
+    ------
+    RigError
+        When a name, a unit or a value does not fit the rig or the sequence.
+
+    Examples
+    --------
+    >>> table = rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": ["-240 ms", "-180 ms"]})
+    >>> table["alfa46.t12"], table.units["alfa46.t12"], table["t_c_s"].shape
+    (array([-240., -240., -180., -180.]), 'ms', (4,))
+    """
+    if jobs < 1:
+        raise RigError(f"jobs is {jobs}, expected at least 1")
+    rig = rig if isinstance(rig, Rig) else load(rig)
+    given = {name: spec if isinstance(spec, str) else list(spec) for name, spec in vary.items()}
+    draft = Plan(str(sequence), rig.source, samples=samples, repeats=repeats, seed=seed, fixed=rig.settings)
+    plan = make_plan(draft, given, {name: f"vary {name}" for name in given})
+    with contextlib.ExitStack() as stack:
+        place = Path(folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))
+        store = stack.enter_context(Store(place, manifest_of(plan, False)))
+        run_sweep(plan, store, _one_by_one if jobs == 1 else stack.enter_context(Workers(jobs)).stream)
+        entries = sorted(store.entries(), key=lambda entry: entry["member"])
+    rows = [row for entry in entries for row in rows_of(plan, entry)]
+    units = {one.name: one.unit or "" for one in plan.varied}
+    varied = [one.name for one in plan.varied]
+    shown = ["member", *varied, "shift", "from_gear", "to_gear", *(one.key for one in named_metrics(SHORT)), "valid", "end"]
+    return Table(
+        {name: units.get(name, column_unit(name)) for name in dict.fromkeys(key for row in rows for key in row)}, rows, shown
+    )
+
+
+def _one_by_one(function: Callable[[Any], Any], items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
+    """Run the members in this process, in the form of Workers.stream."""
+    for place, item in enumerate(items):
+        yield place, function(item), None
