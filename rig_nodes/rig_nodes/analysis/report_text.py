@@ -18,6 +18,7 @@ from .comparison import annex_lines, truth_lines
 from .definitions import RPM, undefined_lines
 from .display import aligned
 from .energy import clutch_heat
+from .loops import loops_text
 from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
 from .quality import sentence_of
@@ -81,7 +82,7 @@ def no_shift(report: dict) -> str:
 
 
 def shift_name(number: int, row: Mapping, box: Transmission, arrow: str = " -> ") -> str:
-    """Return what a shift is called wherever one is named, e.g. ``shift 1, I -> II at 3.85 s``.
+    """Return what a shift is called wherever one is named, e.g. ``shift 1, I -> II at 3.85 s``, with the values of its loops.
 
     Parameters
     ----------
@@ -94,12 +95,12 @@ def shift_name(number: int, row: Mapping, box: Transmission, arrow: str = " -> "
     arrow : str
         What stands between its gears.
     """
-    return f"shift {number}, {box.way(row['from_gear'], row['to_gear'], arrow)} at {row['t_order_s']:.2f} s"
+    return f"shift {number}, {box.way(row['from_gear'], row['to_gear'], arrow)} at {row['t_order_s']:.2f} s{loops_text(row)}"
 
 
 def numbered_way(number: int, row: Mapping, box: Transmission, arrow: str = " -> ") -> str:
-    """Return number and gears of a shift for a table's head or first column, e.g. ``1: I -> II``."""
-    return f"{number}: {box.way(row['from_gear'], row['to_gear'], arrow)}"
+    """Return number, gears and loops of a shift for a table's head or first column, e.g. ``1: I -> II, load 80 Nm``."""
+    return f"{number}: {box.way(row['from_gear'], row['to_gear'], arrow)}{loops_text(row)}"
 
 
 def _shift_tables(rows: list[dict], errors: list[dict], verdicts: list[dict | None], box: Transmission) -> list[str]:

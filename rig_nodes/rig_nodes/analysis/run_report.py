@@ -26,6 +26,7 @@ from .clutch_torques import put_torques
 from .definitions import reasons_in
 from .energy import Series, balance, energies_of
 from .gathered import Gathered
+from .loops import STEP, put_loops
 from .measured_error import Instrument, instruments_of, uncertainty
 from .no_change import measured
 from .plant_states import metrics_of_states, states_of
@@ -96,6 +97,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     if not imported:
         put_torques(bag, rows, box)
         put_states(bag, record, box, rows)
+        put_loops(rows, info_of(bag).get("loops"), ((t, value) for t, _, name, _, value in bag.events() if name == STEP))
     gathered = bag if isinstance(bag, Gathered) else None
     metrics = _metrics(recording, rows, instruments, annex_a, problems, None if imported else bag, gathered)
     metrics["basis"] = basis_of(record, box, instruments)

@@ -23,6 +23,7 @@ from ..analysis import (
     gather,
     info_of,
     is_of,
+    loop_columns,
     metric_keys,
     named_metrics,
     read_report,
@@ -118,7 +119,9 @@ class Run:
         rows, units = [], {}
         for row, verdict in zip(report["shifts"], verdicts_in(report)):
             gears = {name: box.short(row[name]) for name in ("from_gear", "to_gear")}
-            metrics = {key: row.get(key) for key in keys}
+            loops = loop_columns(row)
+            units |= {name: unit for name, (_, unit) in loops.items()}
+            metrics = {key: row.get(key) for key in keys} | {name: value for name, (value, _) in loops.items()}
             rows.append({**metrics, **gears, "quality": (verdict or {}).get("grade"), **flat(row)})
         names = dict.fromkeys(name for row in rows for name in row) or dict.fromkeys([*keys, "quality"])
         ends = ("valid", "quality")

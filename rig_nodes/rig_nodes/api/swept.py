@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..analysis import SHORT, named_metrics
+from ..analysis import SHORT, loop_columns, named_metrics
 from ..base import RigError
 from ..runs import Workers
 from ..studies import Plan, Store, make_plan, manifest_of, rows_of, run_sweep
@@ -81,7 +81,9 @@ def sweep(
         entries = sorted(store.entries(), key=lambda entry: entry["member"])
     rows = [row for entry in entries for row in rows_of(plan, entry)]
     units = {one.name: one.unit or "" for one in plan.varied}
-    varied = [one.name for one in plan.varied]
+    for entry in entries:
+        units |= {name: unit for row in entry["shifts"] for name, (_, unit) in loop_columns(row).items() if name not in units}
+    varied = list(units)
     shown = ["member", *varied, "shift", "from_gear", "to_gear", *(one.key for one in named_metrics(SHORT)), "valid", "end"]
     return Table(
         {name: units.get(name, column_unit(name)) for name in dict.fromkeys(key for row in rows for key in row)}, rows, shown

@@ -32,8 +32,9 @@ from ..base import (
     where_of,
 )
 from ..rig import RigConfig, load_rig, with_overrides
+from .filled import filled
 from .recorded import Run, record
-from .sequence import Sequence, filled, load_sequence
+from .sequence import Sequence, load_sequence
 
 if TYPE_CHECKING:
     from ..base import Map

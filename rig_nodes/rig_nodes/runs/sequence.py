@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base import (
-    List,
     Map,
     RigError,
     brief,
@@ -33,6 +33,7 @@ from ..base import (
 )
 from ..plant import most_torque
 from ..rig import CONTROLLER, OWN, RigConfig, Setting, load_rig
+from .filled import LONGEST, Filled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
 KEYS = ("description", "rig", "parameters", "ready", "steps")  # of a sequence's file
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
-LONGEST = 10_000  # steps after unrolling repeats
-MOST_FILLED = 200_000  # values after unrolling repeats
-_NAMED = re.compile(r"\$(?:\{([^}]*)(\}?)|(\w+))")
 # name of a quantity in the catalogue -> name of its dimension in base.units
 DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
 
@@ -58,7 +56,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Step:
-    """One step: its kind, its SI values, the text for people, and its place in the file."""
+    """One step: its kind, its SI values, the text for people, its place in the file, and the values of the loops around it."""
 
     kind: str
     text: str
@@ -70,6 +68,7 @@ class Step:
     timeout: float = DEFAULT_TIMEOUT
     condition: Condition | None = None
     setting: str = ""
+    loops: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,6 +97,14 @@ class Sequence:
     steps: list[Step] = field(default_factory=list)
     parameters: dict[str, str | int] = field(default_factory=dict)
     rig: str = ""
+
+    def loops(self) -> list[dict]:
+        """Return ``first`` and ``last`` number (from 1) of steps in the same turn of the loops around them, with its ``values``."""
+        found = []
+        for values, steps in groupby(enumerate(self.steps, 1), key=lambda one: one[1].loops):
+            numbers = [number for number, _ in steps]
+            found += [{"first": numbers[0], "last": numbers[-1], "values": values}] if values else []
+        return found
 
     def check_rig(self, config: RigConfig) -> None:
         """Refuse a rig that lacks something that the sequence asks for, or that the sequence loads too much.
@@ -223,7 +230,7 @@ def checked(
         When something is not right.
     """
     parameters = _parameters(node, path, values)
-    nodes = _Filled(path).of(node["steps"], parameters, where_of(path, node, "steps"))
+    nodes = Filled(path).of(node["steps"], parameters, where_of(path, node, "steps"))
     _check_used(node, path, parameters)
     timeout = DEFAULT_TIMEOUT
     if "ready" in node:
@@ -299,117 +306,6 @@ def _like(default: str | int, text: str, where: str) -> str | int:
     return text
 
 
-def filled(text: str, values: dict, where: str, what: str) -> str:
-    """Return a text in which the values of names replace their ${names}.
-
-    Parameters
-    ----------
-    text : str
-        The text with ${names}.
-    values : dict
-        Values by name.
-    where : str
-        Place of the text, for the errors.
-    what : str
-        What the names are called in the errors, e.g. "parameter".
-
-    Returns
-    -------
-    str
-        The text with all names replaced.
-
-    Raises
-    ------
-    RigError
-        When a name is unknown, is not a name, or lacks one of its braces.
-    """
-
-    def value(match: re.Match[str]) -> str:
-        inner, closed, bare = match.groups()
-        if bare is not None:
-            if bare in values:
-                raise RigError(f"{where}: '${bare}' has no braces; write ${{{bare}}}")
-            return match[0]
-        if not closed:
-            raise RigError(f"{where}: the brace of {brief(match[0])} is not closed; write e.g. ${{{next(iter(values), 'name')}}}")
-        if inner in values:
-            return str(values[inner])
-        if not re.fullmatch(r"\w+", inner):
-            raise RigError(
-                f"{where}: between the braces of {brief(match[0])} there is no name; nothing is computed there, "
-                f"so give the {what} the value that is wanted"
-            )
-        raise RigError(f"{where}: {unknown(what, f'${{{inner}}}', [f'${{{name}}}' for name in values])}")
-
-    return _NAMED.sub(value, text)
-
-
-class _Filled:
-    """Steps in which values replace the ${names} of parameters, and in which ``each`` is written out once for each value.
-
-    What is read is not changed. What is made is counted, so that nested loops that make too much end with an error.
-    """
-
-    def __init__(self, path: str | Path) -> None:
-        self.path, self.made = path, 0
-
-    def of(self, node: Any, parameters: dict, where: str) -> Any:
-        """Return the node with all names replaced; maps and lists keep their lines."""
-        self.made += 1
-        if self.made > MOST_FILLED:
-            raise RigError(f"{where}: repeats make more than {MOST_FILLED} values of the steps")
-        if isinstance(node, str):
-            names = _NAMED.fullmatch(node)
-            if names and names[2] and names[1] in parameters:
-                return parameters[names[1]]  # a whole number stays a whole number
-            return filled(node, parameters, where, "parameter")
-        if isinstance(node, Map):
-            out = Map(node.line)
-            for key, value in node.items():
-                at = where_of(self.path, node, key)
-                is_each = key == "repeat" and isinstance(value, Map) and "each" in value
-                out[key] = self.each(value, parameters, at) if is_each else self.of(value, parameters, at)
-        elif isinstance(node, List):
-            out = List(node.line)
-            out.extend(self.of(item, parameters, where_of(self.path, node, k)) for k, item in enumerate(node))
-        else:
-            return node
-        out.lines = node.lines
-        return out
-
-    def each(self, node: Map, parameters: dict, where: str) -> Map:
-        """Write out a repeat over the values of a name: its steps once for each value."""
-        path = self.path
-        check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
-        each = node["each"]
-        if not isinstance(each, Map) or len(each) != 1 or not re.fullmatch(r"\w+", str(next(iter(each)))):
-            raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found {brief(each)}")
-        name, values = next(iter(each.items()))
-        at = f"{where_of(path, each, name)}: repeat.each.{name}"
-        values = self.of(values, parameters, where_of(path, each, name))
-        if isinstance(values, str):
-            values = [part.strip() for part in values.split(",")]
-        if (
-            not isinstance(values, list)
-            or not values
-            or any(isinstance(value, (bool, list, dict)) or value in (None, "") for value in values)
-        ):
-            raise RigError(f"{at} must be a list of values, found {brief(values)}")
-        if not isinstance(node["steps"], list):
-            raise RigError(f"{where_of(path, node, 'steps')}: repeat.steps must be a list with at least one step")
-        steps = List(node["steps"].line)
-        for value in values:
-            more = self.of(node["steps"], {**parameters, name: value}, where)
-            steps.extend(more)
-            steps.lines += more.lines
-            if len(steps) > LONGEST:
-                raise RigError(f"{at} makes more than {LONGEST} steps")
-        out = Map(node.line)
-        out.update(times=1, steps=steps)
-        out.lines = {"times": node.line, "steps": node.lines["steps"]}
-        return out
-
-
 def _steps(nodes: Any, path: str | Path, what: str, config: RigConfig, where: str) -> list[Step]:
     readers = _readers(config)
     if not isinstance(nodes, list) or not nodes:
@@ -426,7 +322,8 @@ def _steps(nodes: Any, path: str | Path, what: str, config: RigConfig, where: st
             )
         kind = next(iter(node))
         body, where = node[kind], where_of(path, node, kind)
-        steps += readers[kind](body, path, where, config)
+        found = readers[kind](body, path, where, config)
+        steps += [replace(step, loops=node.loops) if node.loops and not step.loops else step for step in found]
         if len(steps) > LONGEST:
             raise RigError(f"{where}: the sequence is longer than {LONGEST} steps")
     return steps

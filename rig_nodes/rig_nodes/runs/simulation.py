@@ -50,7 +50,9 @@ def run_record(config: RigConfig, sequence: Sequence, seed: int, delay: int = 1)
     dict
         Configuration, sequence, seed and version; no time of a clock and no name of a host.
     """
-    chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
+    chosen: dict = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
+    if loops := sequence.loops():
+        chosen["loops"] = loops
     return {
         "configuration": config.as_dict(),
         "sequence": sequence.name,

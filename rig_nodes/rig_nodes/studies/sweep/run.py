@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ... import __version__
-from ...analysis import build_report, gather, plain, put_known, shifts, write_report
+from ...analysis import STEP, build_report, gather, plain, put_known, put_loops, shifts, write_report
 from ...bags import Bag, Recording
 from ...base import RigError, find_of_rigs, sources_key
 from ...controllers import Plug
@@ -159,6 +159,7 @@ def run_member(setup: bytes, member: Member) -> dict:
             end = run.end
             metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
             if metrics:
+                put_loops(metrics, sequence.loops(), ((t, value) for t, name, _, value in run.events if name == STEP))
                 put_known(config.as_dict(), config.transmission, metrics, run.at_orders)
     except RigError as error:
         if plug is not None:

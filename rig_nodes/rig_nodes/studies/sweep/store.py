@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...analysis import every_metric, flat, metric_keys, unit_of
+from ...analysis import every_metric, flat, loop_columns, metric_keys, unit_of
 from ...base import RigError, atomic_write, optional
 from .plan import Plan, Varied
 
@@ -85,7 +85,8 @@ class Store:
         entries = sorted(self.entries(), key=lambda entry: entry["member"])
         table = next((one["table"]["columns"] for one in entries if "table" in one), {})
         states = dict.fromkeys(name for one in entries for row in one["shifts"] for name in flat(row))
-        schema = schema_of(plan, self.manifest, table, sorted(states))
+        loops = {name: cell for one in entries for row in one["shifts"] for name, cell in loop_columns(row).items()}
+        schema = schema_of(plan, self.manifest, table, sorted(states), loops)
         rows = [dict.fromkeys(schema.names) | row for entry in entries for row in rows_of(plan, entry)]
         columns = {name: [row[name] for row in rows] for name in schema.names}
         return write_table(self.folder / RESULTS, columns, schema)
@@ -257,7 +258,8 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
         for key in metric_keys():
             value = None if found is None else found.get(key)
             row[key] = _text_of(value) if KINDS.get(key) == "string" else value
-        out.append(row | flat(found or {}))
+        loops = {name: value for name, (value, _) in loop_columns(found or {}).items()}
+        out.append(loops | row | flat(found or {}))
     return out
 
 
@@ -273,8 +275,10 @@ def column_of(name: str) -> str:
     return f"table.{name}"
 
 
-def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str], states: Iterable[str]) -> pyarrow.Schema:
-    """Return the columns with their units, also of the calculation's table and of states, and the manifest as metadata."""
+def schema_of(
+    plan: Plan, manifest: dict, table: Mapping[str, str], states: Iterable[str], loops: Mapping[str, tuple[float | str, str]]
+) -> pyarrow.Schema:
+    """Return the columns with their units, also of the calculation's table, states and loops, and the manifest as metadata."""
     pa, _ = parquet()
 
     def column(name: str, kind: pyarrow.DataType, unit: str | None = None, about: str | None = None) -> pyarrow.Field:
@@ -288,6 +292,11 @@ def schema_of(plan: Plan, manifest: dict, table: Mapping[str, str], states: Iter
     ]
     if not plan.calculation:
         columns.append(column("shift", pa.int32(), about="number of the shift in its run, from 1; empty where there was none"))
+        taken = {one.name for one in plan.varied}
+        for name, (value, unit) in loops.items():
+            if name not in taken:
+                kind = pa.string() if isinstance(value, str) else pa.float64()
+                columns.append(column(name, kind, unit, "of a loop of the sequence"))
     for name, unit in table.items():
         columns.append(
             column(column_of(name), pa.float64() if unit else pa.string(), unit, f"of the calculation {plan.calculation}")
