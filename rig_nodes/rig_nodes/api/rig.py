@@ -255,7 +255,9 @@ class Rig:
             return "on" if value else "off"
         if isinstance(value, str):
             return value
-        setting = self.config.settings.find(name)
+        setting = self.config.settings.get(name)
+        if setting is None:
+            return str(value)  # which with_overrides refuses
         if setting.dimension == POINT and isinstance(value, Sequence) and len(value) == 2:
             return f"{float(value[0])!r} s {float(value[1])!r} A"
         try:

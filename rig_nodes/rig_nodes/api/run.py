@@ -318,7 +318,8 @@ class Run:
         if not bag.structure.gears:
             raise RigError(f"{self.folder}: is of a rig without gears; runs with shifts can be compared")
         run = self.report["run"]
-        name = f"{run.get('sequence')} seed {run.get('seed')}" if self._temporary else str(self.folder)
+        facts = (run.get("sequence"), f"seed {run.get('seed')}", (run.get("controller") or {}).get("name"))
+        name = ", ".join(filter(None, facts)) if self._temporary else str(self.folder)
         return Source(name, bag.thinned(), bag.record, shifts_report(bag))
 
     def __repr__(self) -> str:

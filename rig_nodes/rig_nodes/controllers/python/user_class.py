@@ -172,7 +172,10 @@ class UserClass:
             self.user = self._class()
             self.user.initialize(info)
 
-        self._file = inspect.getsourcefile(self._class)
+        try:
+            self._file = inspect.getsourcefile(self._class)
+        except (OSError, TypeError):
+            self._file = None  # a class of a notebook stands in no file
         self._call("initialize", begin)
 
     def step(self, inputs: ControllerInputs) -> Any:

@@ -1,0 +1,209 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The Python API as a user meets it: values in SI, tables with units, files of any kind, and one clear sentence for bad input."""
+
+import math
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import rig_nodes
+from rig_nodes.bags import canonical_hash
+from rig_nodes.cli.main import main
+from rig_nodes.controllers import ControllerOutputs
+
+FIRST = [  # gear I at standstill, then the motor: the shortest run with something to see
+    {"oil": {"pressure": "4 MPa"}},
+    {"wait": {"until": {"signal": "p_p", "above": "3.9 MPa"}}},
+    {"shift": {"to": "I"}},
+    {"motor": {"speed": "1500 rpm"}},
+    {"wait": {"until": {"signal": "n_wej", "near": "1500 rpm", "within": "8 rpm"}, "hold": "200 ms"}},
+]
+UP = [{"load": {"torque": "${load}"}}, {"wait": {"for": "500 ms"}}, {"shift": {"to": "II"}}, {"wait": {"for": "800 ms"}}]
+BACK = [{"shift": {"to": "I"}}, {"wait": {"for": "800 ms"}}]
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return rig_nodes.load("hydmag")
+
+
+@pytest.fixture(scope="module")
+def run(rig):
+    return rig.simulate("demo", seed=1)
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    code = "import rig_nodes, sys; print(sorted({'numpy', 'numba', 'pandas', 'matplotlib', 'scipy'} & sys.modules.keys()))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+def test_a_run_is_that_of_the_command_line(run, tmp_path):
+    assert main(["simulate", "demo", "--out", str(tmp_path / "line")]) == 0
+    saved = run.save(tmp_path / "saved")
+    assert sorted(one.name for one in saved.iterdir()) == sorted(one.name for one in (tmp_path / "line").iterdir())
+    assert canonical_hash(str(saved))["all"] == canonical_hash(str(tmp_path / "line"))["all"]
+    assert (saved / "report.json").read_text() == (tmp_path / "line" / "report.json").read_text()
+
+
+def test_settings_are_texts_or_si_numbers_nested_or_with_dots(rig):
+    ways = [
+        rig_nodes.load("hydmag", alfa46={"t12": "-190 ms", "output_1": {"P1": "100 ms 160 mA"}}),
+        rig_nodes.load("hydmag", **{"alfa46.t12": -0.19, "alfa46.output_1.P1": (0.1, 0.16)}),
+    ]
+    assert ways[0].config.as_dict() == ways[1].config.as_dict() != rig.config.as_dict()
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: rig_nodes.load("hydmagg"), "there is no rig 'hydmagg'; did you mean 'hydmag'"),
+        (
+            lambda: rig_nodes.load("hydmag", alfa46={"t13": 1.0}),
+            "setting alfa46.t13=1.0: there is no value of alfa46 't13'; did you mean",
+        ),
+        (
+            lambda: rig_nodes.load("hydmag", **{"alfa46.t12": [1]}),
+            "setting alfa46.t12 is [1]; expected a text with a unit or a number",
+        ),
+        (lambda: rig_nodes.load("hydmag", **{"alfa46.t12": 99.0}), "setting alfa46.t12=99.0 s: the value is 99.0 s, outside"),
+        (lambda: rig_nodes.load("hydmag").simulate("demmo"), "there is no sequence 'demmo'; did you mean 'demo'"),
+        (lambda: rig_nodes.load("hydmag").simulate([]), "steps must be a list with at least one step"),
+        (lambda: rig_nodes.load("hydmag").simulate([*FIRST, {"wait": {"four": "1 s"}}]), "step:6: unknown key 'four' in wait"),
+        (lambda: rig_nodes.load("hydmag").simulate(FIRST, parameters={"load": 1}), "there is no parameter 'load'"),
+        (lambda: rig_nodes.load("hydmag").simulate("demo", controller="python:none.py:A"), "none.py"),
+        (lambda: rig_nodes.load("ural2").simulate([{"shift": {"to": "I"}}]), "step:1: unknown key 'shift' in a step"),
+        (lambda: rig_nodes.open("nowhere"), "nowhere: there is no such file or folder"),
+        (lambda: rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": "1 MPa, 2 MPa"}), "vary alfa46.t12"),
+    ],
+)
+def test_bad_input_gets_one_sentence(call, sentence):
+    with pytest.raises(rig_nodes.RigError) as refusal:
+        call()
+    assert sentence in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_a_signal_is_an_array_with_times_and_a_unit(run):
+    p2 = run.signals["p2"]
+    assert isinstance(p2, np.ndarray) and p2.unit == "Pa" and len(p2.time) == len(p2)
+    assert math.isclose(p2.to("MPa").max(), p2.max() / 1e6) and math.isclose(p2.to("bar").to("Pa").max(), p2.max())
+    late = p2[p2.time > 9.0]
+    assert late.time[0] > 9.0 and len(late.time) == len(late) < len(p2)
+    assert type(p2 - p2.mean()) is np.ndarray and type(np.diff(p2)) is np.ndarray
+    again = pickle.loads(pickle.dumps(late))
+    assert again.unit == "Pa" and np.array_equal(again.time, late.time)
+    with pytest.raises(rig_nodes.RigError, match="p2 is in Pa and not to be had in 'rpm'; expected one of Pa, kPa, MPa, bar"):
+        p2.to("rpm")
+    with pytest.raises(rig_nodes.RigError, match="there is no signal 'p3' in the run"):
+        run.signals["p3"]
+
+
+def test_tables_name_what_they_do_not_have(run):
+    assert list(run.shifts["from_gear"]) == ["I", "II"] and run.shifts.units["t_c_s"] == "s" and run.shifts.units["k"] == ""
+    assert run.shifts[0]["quality"] == "fair" and len(list(run.shifts)) == 2
+    with pytest.raises(rig_nodes.RigError, match="there is no column 't_c'; did you mean 't_c_s'"):
+        run.shifts["t_c"]
+    with pytest.raises(rig_nodes.RigError, match="there is no row 7; the table has 2 rows"):
+        run.shifts[7]
+    frame = run.shifts.to_pandas()
+    assert frame.loc[0, "k"] == run.shifts["k"][0] and frame.attrs["units"]["e_loss_j"] == "J"
+
+
+def test_a_data_frame_has_the_rows_of_the_logger_and_the_last_value_of_slower_signals(run):
+    frame = run.to_pandas(["p1", "p_p", "gear"])
+    fast, slow = run.signals["p1"], run.signals["p_p"]
+    assert np.array_equal(frame["p1"][: len(fast)], fast) and np.allclose(frame.index[: len(fast)], fast.time)
+    held = frame["p_p"].loc[slow.time[500] : slow.time[501] - 1e-6]
+    assert held.unique().tolist() == [slow[500]] and len(held) > 50
+    assert run.to_pandas(["n_wej"], period="10 ms", units="shown")["n_wej"].max() == pytest.approx(1500, abs=25)
+    arrow = run.to_arrow(["p1"], period=0.01)
+    assert arrow.column("t").to_pylist()[:2] == [0.0, 0.01] and arrow.field("p1").metadata[b"unit"] == b"Pa"
+
+
+def test_values_of_loops_are_columns_of_each_shift_and_in_the_names_of_the_report(rig, tmp_path, capsys):
+    loop = {"repeat": {"each": {"load": ["40 Nm", "80 Nm"]}, "steps": [*UP, *BACK]}}
+    run = rig.simulate([*FIRST, loop])
+    assert list(run.shifts["load"]) == [40.0, 40.0, 80.0, 80.0] and run.shifts.units["load"] == "Nm"
+    assert np.allclose(run.shifts["output_torque_nm"][::2], [40.0, 80.0], atol=3.0)
+    assert main(["report", str(run.save(tmp_path / "loop"))]) == 0
+    said = capsys.readouterr().out
+    assert "1: I -> II, load 40 Nm" in said and "shift 4, II -> I at" in said and ", load 80 Nm, is" in said
+    assert rig_nodes.open(tmp_path / "loop").shifts["load"][2] == 80.0
+
+
+def test_an_exported_run_and_a_loggers_csv_are_opened(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run.save("run")
+    assert main(["export", "mf4", "run", "-o", "run.mf4"]) == 0
+    exported = rig_nodes.open("run.mf4")
+    assert exported.shifts["t_c_s"] == pytest.approx(run.shifts["t_c_s"], abs=1e-3) and exported.report["run"]["mode"] == "import"
+    shown = run.to_pandas(["M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2"])
+    shown.columns = [f"{name} [{shown.attrs['units'][name]}]" for name in shown.columns]
+    shown.rename_axis("time [s]").to_csv("log.csv")
+    logged = rig_nodes.open("log.csv", rig="hydmag", orders="0.195:0-1, 3.845:1-2, 8.32:2-1")
+    assert logged.shifts["k"] == pytest.approx(run.shifts["k"], abs=1e-3)
+    with pytest.raises(rig_nodes.RigError, match="its rig is not given"):
+        rig_nodes.open("log.csv")
+    with pytest.raises(rig_nodes.RigError, match="run: rig is for loggers' files; a run has its own"):
+        rig_nodes.open("run", rig="hydmag")
+    with pytest.raises(rig_nodes.RigError, match="run: is there already and is not an empty folder"):
+        run.save("run")
+
+
+def test_the_figure_has_the_plots_of_the_page_and_shades_the_phases(run):
+    whole, shift = run.plot(), run.plot(shift=2)
+    titles = [ax.get_title(loc="left") for ax in whole.axes]
+    assert titles == ["Coil current", "Clutch pressure", "Shaft torque", "Clutch torque", "Speed"]
+    assert [line.get_label() for line in whole.axes[2].lines[:2]] == ["M_wej", "M_wyj"]
+    assert len(shift.axes[0].patches) == 3 and shift.get_suptitle() == "Shift 2, II → I at 8.32 s"
+    low, high = shift.axes[0].get_xlim()
+    assert low < 8.32 < high < 9.5
+    with pytest.raises(rig_nodes.RigError, match="there is no shift 3; the run has 2 shifts"):
+        run.plot(shift=3)
+
+
+def test_what_a_notebook_shows(rig, run):
+    assert "<svg" in rig._repr_html_() and "gears: I 1.382, II 1.025" in repr(rig)
+    assert "run demo of hydmag, simulated, 13.3 s, seed 1; ended: the sequence ended" in repr(run)
+    assert "<table>" in run._repr_html_() and "data:image/png;base64" in run._repr_html_()
+
+
+def test_a_missing_package_is_named_with_its_extra(run, monkeypatch):
+    for package, call in (("matplotlib", run.plot), ("pandas", run.to_pandas)):
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, package, None)
+            with pytest.raises(rig_nodes.RigError, match=rf"^{package} is not installed; pip install 'rig_nodes\[view\]'$"):
+                call()
+            assert "<table>" in run._repr_html_()
+
+
+class Deaf:
+    """A controller that keeps all valves off and never says that a shift has ended."""
+
+    levels = ("duty",)
+
+    def initialize(self, info):
+        self.outputs = len(info.outputs)
+
+    def step(self, inputs):
+        return ControllerOutputs([0.0] * self.outputs, gear=0, shifting=True)
+
+    def terminate(self):
+        pass
+
+
+def test_a_class_of_ones_own_is_the_controller_and_a_failed_run_says_why(rig):
+    run = rig.simulate([*FIRST[:2], {"shift": {"to": "I", "timeout": "500 ms"}}], controller=Deaf)
+    assert run.end["state"] == "failed", run.end
+    assert "step:3: shift refused" in run.end["reason"]
+    assert run.report["run"]["controller"]["name"].endswith(":Deaf") and "failed: " in repr(run)
+
+
+def test_a_rig_without_gears_is_run_and_drawn_too():
+    run = rig_nodes.load("chain_saw").simulate(seed=2)
+    assert run.end["state"] == "ended" and len(run.shifts) == 0 and len(run.plot().axes) > 1
+    assert "no rows" in repr(run)
