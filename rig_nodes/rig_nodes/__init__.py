@@ -13,6 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .environments import register
+
 if TYPE_CHECKING:
     from .api import Compared, Rig, Run, Signal, Signals, Table, load, open, sweep
     from .base import RigError
@@ -43,3 +45,4 @@ def _version() -> str:
 
 
 __version__ = _version()
+register()

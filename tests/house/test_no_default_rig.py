@@ -13,7 +13,8 @@ NAME, RIG = "DEFAULT_RIG", "hydmag"
 COMMAND_LINES = ("cli/", "nodes/process.py")
 ALLOWED = {
     NAME: (*COMMAND_LINES, "base/names.py"),  # where it is defined
-    RIG: (*COMMAND_LINES, "base/names.py", "rigs/", "bags/old_form.py"),  # the old form of a bag was that rig's only
+    # the old form of a bag was that rig's only, and so is the environment that gymnasium knows by a name
+    RIG: (*COMMAND_LINES, "base/names.py", "rigs/", "bags/old_form.py", "environments.py"),
 }
 
 

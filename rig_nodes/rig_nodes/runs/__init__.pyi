@@ -25,7 +25,7 @@ from .run_file import Ordered as Ordered, read_run as read_run, write_run as wri
 from .sequence import BY_HAND as BY_HAND, DIMENSIONS as DIMENSIONS, Sequence as Sequence, load_sequence as load_sequence
 from .sequence_runner import SequenceFailed as SequenceFailed, SequenceRunner as SequenceRunner
 from .simulation import check_controller as check_controller, check_delay as check_delay, give_answer as give_answer, run_record as run_record, simulate as simulate
-from .session import Session as Session
+from .session import ORDER as ORDER, Session as Session
 from .snapshot import Snapshot as Snapshot
 from .trips import Tripped as Tripped
 from .workers import RIGS_PRELOADED as RIGS_PRELOADED, Workers as Workers, start_server as start_server

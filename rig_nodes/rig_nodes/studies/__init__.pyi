@@ -21,7 +21,7 @@ from .tune.folder import TUNING as TUNING, TUNING_JOURNAL as TUNING_JOURNAL
 from .tune.problem import OBJECTIVES as OBJECTIVES, Range as Range
 from .tune.run import Problem as Problem, run_tuning as run_tuning, tuning_text as tuning_text
 from .tune.search import load_optuna as load_optuna
-from .tune.space import delay_of as delay_of
+from .tune.space import BOUNDS as BOUNDS, delay_of as delay_of, settings as settings, values_of as values_of
 from .tune.uncertainty import calibration_for as calibration_for, read_spreads as read_spreads, spreads_of as spreads_of
 from .validation.calibrate import Calibration as Calibration, Found as Found, Miss as Miss, Parameter as Parameter, UNSHIFTED as UNSHIFTED, at_shares as at_shares, calibrate as calibrate, load_stages as load_stages, nearby as nearby, shares_of as shares_of, write_values as write_values
 from .validation.figures import Band as Band, Figure as Figure, HEIGHT as HEIGHT, Series as Series, WIDTH as WIDTH, ticks as ticks, write_pictures as write_pictures

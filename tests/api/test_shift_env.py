@@ -1,0 +1,175 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The environment of gymnasium: its rules, its bits, its rewards, and what ends an episode."""
+
+import doctest
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import rig_nodes
+from rig_nodes.api import shift_env as module
+from rig_nodes.base import RigError
+from rig_nodes.rig import load_rig
+from rig_nodes.runs import load_sequence, record
+
+NAME = "rig_nodes/Shift-v0"
+
+
+@pytest.fixture(scope="module")
+def profiles():
+    return gymnasium.make(NAME, actions="profile")
+
+
+@pytest.fixture(scope="module")
+def currents():
+    return gymnasium.make(NAME)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Runs of the demo by seed, as simulate records them."""
+    config = load_rig("hydmag")
+    sequence = load_sequence("demo", config=config, rig="hydmag")
+    return {seed: record(config, sequence, seed).recording for seed in (5, 6)}
+
+
+def test_the_example_is_true():
+    assert doctest.testmod(module).failed == 0
+
+
+@pytest.mark.parametrize("first", ["import rig_nodes, gymnasium", "import gymnasium, rig_nodes"])
+def test_gymnasium_knows_it_in_whichever_order_both_are_imported(first):
+    code = f"{first}\nprint(gymnasium.spec('{NAME}').entry_point)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["rig_nodes.api.shift_env:ShiftEnv"]
+
+
+@pytest.mark.parametrize("actions", ["currents", "profile"])
+def test_it_keeps_the_rules_of_gymnasium(actions):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*symmetric and normalized")  # they are amperes and seconds
+        check_env(gymnasium.make(NAME, actions=actions).unwrapped, skip_render_check=True)
+
+
+def assert_same_rows(env, recording):
+    """The rows from the order to the end of the episode are those of the run, bit for bit."""
+    rig = env.session.rig
+    end = rig.sample * rig.rows_per_sample
+    first = end - 15_000 + 1
+    rows = rig.rows_at(rig.row_period, first, 15_000)
+    for name in recording.channels:
+        assert np.array_equal(rows[:, rig.channels.index(name)], recording.channels[name][first : end + 1]), name
+
+
+def test_a_vector_of_them_with_seed_k_is_simulate_with_seed_k_and_the_next(runs):
+    several = gymnasium.make_vec(NAME, num_envs=2, vectorization_mode="sync", actions="profile")
+    seen, info = several.reset(seed=5)
+    assert info["seed"].tolist() == [5, 6]
+    members = [one.unwrapped for one in several.envs]
+    for member, row, (seed, recording) in zip(members, seen, runs.items()):
+        at = round(member.session.time * 1e4)
+        assert row.tolist()[:4] == [recording.channels[name][at] for name in member.transducers[:4]], seed
+    several.step(np.array([member.own_profile() for member in members]))
+    for member, recording in zip(members, runs.values()):
+        assert_same_rows(member, recording)
+
+
+def test_currents_as_the_alfa46_gives_them_make_its_shift(runs):
+    """With steps of a millisecond the agent repeats what the Alfa46 ordered, from the record of its run."""
+    env = gymnasium.make(NAME, step=0.001).unwrapped
+    config = load_rig("hydmag")
+    run = record(config, load_sequence("demo", config=config, rig="hydmag"), 5, plant_states=("I_set_zr_p1", "I_set_zr_p2"))
+    set_to = [run.plant_states[name][::10] for name in ("I_set_zr_p1", "I_set_zr_p2")]
+    env.reset(seed=5)
+    terminated = False
+    while not terminated:
+        sample = env.session.rig.sample + 1
+        _, _, terminated, _, info = env.step(np.array([one[sample] for one in set_to]))
+    assert_same_rows(env, run.recording)
+    assert info["metrics"]["valid"]
+
+
+def test_the_same_seed_and_actions_give_the_same_episode(currents):
+    def episode():
+        currents.reset(seed=9)
+        return [currents.step(np.array([0.7 - 0.05 * k, 0.05 * k]))[:2] for k in range(10)]
+
+    for (seen, reward), (again, reward_again) in zip(episode(), episode()):
+        assert np.array_equal(seen, again) and reward == reward_again
+
+
+def test_observations_are_what_the_transducers_show(currents):
+    seen, _ = currents.reset(seed=2)
+    env = currents.unwrapped
+    assert seen.tolist() == [env.session.read(name) for name in env.transducers]
+    assert seen[env.transducers.index("p1")] != env.session.true("p1")
+
+
+def test_the_reward_is_made_of_the_metrics(profiles):
+    def reward(**weights):
+        env = gymnasium.make(NAME, actions="profile", weights=weights)
+        env.reset(seed=1)
+        _, reward, _, _, info = env.step(env.unwrapped.own_profile())
+        return reward, info["metrics"]
+
+    found, metrics = reward(k=2.0, t_c_s=-3.0)
+    assert found == pytest.approx(2.0 * metrics["k"] - 3.0 * metrics["t_c_s"])
+    lost, metrics = reward(e_loss_j=-1.0)  # from the order to the end of the window, so beyond the end of the slip too
+    assert -lost == pytest.approx(metrics["e_loss_settled_j"], rel=0.2)
+
+
+def test_a_shift_that_is_not_made_is_punished_with_its_reason(currents):
+    currents.reset(seed=1)
+    terminated, steps = False, 0
+    while not terminated:
+        _, reward, terminated, _, info = currents.step(np.array([0.74, 0.0]))
+        steps += 1
+    assert steps == 150 and reward == -10.0 and any("p1 did not fall" in why for why in info["reason"])
+
+
+def test_an_interrupted_drive_ends_the_episode():
+    env = gymnasium.make(NAME)
+    env.reset(seed=1)
+    terminated, steps = False, 0
+    while not terminated:
+        _, reward, terminated, _, info = env.step(np.array([0.0, 0.0]))
+        steps += 1
+    assert steps < 150 and reward == -10.0 and info["reason"].startswith("n_wyj is")
+
+
+def test_a_limit_of_ones_own_ends_the_episode():
+    env = gymnasium.make(NAME, actions="profile", limits={"M_wej": (-500.0, 90.0)})
+    env.reset(seed=1)
+    _, reward, terminated, _, info = env.step(env.unwrapped.own_profile())
+    assert terminated and reward == -10.0 and "M_wej is" in info["reason"] and "beyond its limit" in info["reason"]
+
+
+@pytest.mark.parametrize(
+    "options,sentence",
+    [
+        ({"actions": "torque"}, "actions is 'torque', expected 'currents' or 'profile'"),
+        ({"way": "I-III"}, "there is no shift 'I-III'; did you mean 'I-II'"),
+        ({"rig": "ural2"}, "'ural2' has no shift controller"),
+        ({"step": 0.0015}, "step is 0.0015 s, expected whole milliseconds from 0.001 to 1.5 s"),
+        ({"window": 3.0}, "window is 3.0 s, expected whole milliseconds from 0.001 to 1.7 s"),
+        ({"weights": {"t_x": 1.0}}, "there is no metric 't_x'"),
+        ({"limits": {"M_x": (0.0, 1.0)}}, "there is no transducer 'M_x'"),
+        ({"sequence": "coast_down"}, "sequence 'coast_down' orders no shift I-II"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_a_sentence(options, sentence):
+    with pytest.raises(RigError, match=sentence):
+        gymnasium.make(NAME, **options)
+
+
+def test_a_loaded_rig_with_settings_is_taken():
+    rig = rig_nodes.load("hydmag", **{"alfa46.t12": "-100 ms"})
+    assert gymnasium.make(NAME, rig=rig, actions="profile").unwrapped.own_profile()[-1] == pytest.approx(-0.1)
