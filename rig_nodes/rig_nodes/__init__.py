@@ -16,11 +16,41 @@ from typing import TYPE_CHECKING
 from .environments import register
 
 if TYPE_CHECKING:
-    from .api import Compared, Rig, Run, Signal, Signals, Table, load, open, sweep
+    from .api import (
+        Compared,
+        Rig,
+        Run,
+        Signal,
+        Signals,
+        Table,
+        assert_events,
+        assert_never,
+        assert_shift,
+        assert_stays,
+        load,
+        open,
+        sweep,
+    )
     from .base import RigError
     from .runs import Session
 
-__all__ = ["Compared", "Rig", "RigError", "Run", "Session", "Signal", "Signals", "Table", "load", "open", "sweep"]
+__all__ = [
+    "Compared",
+    "Rig",
+    "RigError",
+    "Run",
+    "Session",
+    "Signal",
+    "Signals",
+    "Table",
+    "assert_events",
+    "assert_never",
+    "assert_shift",
+    "assert_stays",
+    "load",
+    "open",
+    "sweep",
+]
 ROOMS = {"RigError": ".base", "Session": ".runs"}  # of names that are not api's
 
 

@@ -1,0 +1,211 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The plugin of pytest in projects of others: what chooses rig, run and bag, what failures say, and the folder of examples."""
+
+import os
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+import rig_nodes
+from rig_nodes import assert_events, assert_never, assert_shift, assert_stays
+from rig_nodes.base import RigError
+
+pytest_plugins = ["pytester"]
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "pytest"
+PLUGIN = ("-p", "rig_nodes.api.pytest_plugin", "-p", "no:cacheprovider")
+SHORT = """
+STEPS = [{"oil": {"pressure": "4 MPa"}}, {"wait": {"for": "300 ms"}}, {"shift": {"to": "I"}}, {"wait": {"for": "100 ms"}}]
+"""
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """A saved run of the demo."""
+    run = rig_nodes.load("hydmag").simulate("demo")
+    run.save(tmp_path_factory.mktemp("runs") / "demo")
+    return run
+
+
+def test_the_examples_pass(pytester):
+    shutil.copytree(EXAMPLES, pytester.path, dirs_exist_ok=True)
+    result = pytester.runpytest_inprocess(*PLUGIN, "--junitxml=found.xml")
+    result.assert_outcomes(passed=5)
+    suite = ElementTree.parse(pytester.path / "found.xml").getroot().find("testsuite")
+    assert suite.get("tests") == "5" and suite.get("failures") == "0"
+
+
+def test_pytest_finds_it_by_its_entry_point(tmp_path):
+    info = tmp_path / "example-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: example\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[pytest11]\nrig_nodes = rig_nodes.api.pytest_plugin\n")
+    (info / "RECORD").write_text("")
+    paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "--fixtures", "-c", os.devnull, "--rootdir", str(tmp_path), str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "The rig that was chosen, with its settings." in done.stdout
+    assert "The recorded run that was chosen." in done.stdout
+
+
+def test_marker_command_line_and_ini_file_choose_in_this_order(pytester):
+    pytester.makeini("[pytest]\nrig = hydmag\nrig_set =\n    alfa46.t12=-100 ms\n    alfa46.t21=-110 ms\n")
+    pytester.makepyfile(
+        """
+        import pytest
+
+        def test_options(rig):
+            assert rig.name == "three_speed"
+
+        @pytest.mark.rig("hydmag", settings={"alfa46.t21": "-130 ms"})
+        def test_marker(rig):
+            values = rig.config.alfa46.values
+            assert (rig.name, values.t12, values.t21) == ("hydmag", -0.12, -0.13)
+        """
+    )
+    pytester.runpytest_inprocess(*PLUGIN, "--rig", "three_speed", "--rig-set", "alfa46.t12=-120 ms").assert_outcomes(passed=2)
+
+
+def test_tests_with_the_same_choice_share_a_run(pytester):
+    pytester.makepyfile(
+        SHORT
+        + """
+import pytest
+
+pytestmark = pytest.mark.rig("hydmag", sequence=STEPS)
+
+def test_first(run, request):
+    request.config.first = run
+
+def test_same(run, request):
+    assert run is request.config.first
+
+@pytest.mark.rig(seed=2)
+def test_other(run, request):
+    assert run is not request.config.first and run.report["run"]["seed"] == 2
+"""
+    )
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=3)
+
+
+def test_a_bag_is_opened_where_it_is_named(pytester, demo, tmp_path):
+    shutil.copytree(demo.folder, pytester.path / "recorded")
+    pytester.makeini("[pytest]\nrig_bag = recorded\n")
+    pytester.makepyfile(
+        """
+        from rig_nodes import assert_shift
+
+        def test_it(bag):
+            assert_shift(bag, "I-II", t_c="< 700 ms")
+        """
+    )
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+    pytester.runpytest_inprocess(*PLUGIN, "--rig-bag", "nowhere").stdout.fnmatch_lines(["*nowhere*there is no*"])
+
+
+def test_a_failure_is_one_message_without_the_inside_of_the_assertion(pytester, demo):
+    shutil.copytree(demo.folder, pytester.path / "recorded")
+    pytester.makepyfile(
+        """
+        import pytest
+        from rig_nodes import assert_shift
+
+        @pytest.mark.rig(bag="recorded")
+        def test_it(bag):
+            assert_shift(bag, "I-II", t_c="< 600 ms")
+        """
+    )
+    result = pytester.runpytest_inprocess(*PLUGIN, "--junitxml=found.xml")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["E *AssertionError: shift 1, I -> II at 3.85 s: t_c is 673 +- 1 ms, expected < 600 ms"])
+    result.stdout.no_fnmatch_line("*checks.py*")
+    assert "t_c is 673 +- 1 ms" in (pytester.path / "found.xml").read_text()
+
+
+@pytest.mark.parametrize(
+    "test,options,sentence",
+    [
+        ("def test_it(rig): ...", (), "no rig is named; give --rig NAME, rig = NAME in the ini file, or @pytest.mark.rig(NAME)"),
+        ("def test_it(bag): ...", (), "no bag is named; give --rig-bag PATH*"),
+        ("def test_it(rig): ...", ("--rig", "hydmaq"), "*hydmaq*"),
+        ("def test_it(rig): ...", ("--rig", "hydmag", "--rig-set", "alfa46.t12"), "*'alfa46.t12': expected NAME=VALUE*"),
+        ("def test_it(run): ...", ("--rig", "hydmag", "--rig-seed", "x"), "*seed is 'x', expected a whole number"),
+        ("def test_it(run): ...", ("--rig", "hydmag", "--rig-sequence", "dmeo"), "*dmeo*did you mean 'demo'*"),
+        (
+            "import pytest\n@pytest.mark.rig(sed=1)\ndef test_it(rig): ...",
+            (),
+            "the marker rig has no sed; it takes name, sequence*",
+        ),
+    ],
+)
+def test_a_wrong_choice_is_one_sentence(pytester, test, options, sentence):
+    pytester.makepyfile(test)
+    result = pytester.runpytest_inprocess(*PLUGIN, *options)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines([sentence])
+    result.stdout.no_fnmatch_line("*pytest_plugin.py*")
+
+
+def failure(function, *arguments, **named) -> str:
+    with pytest.raises(AssertionError) as failed:
+        function(*arguments, **named)
+    return str(failed.value)
+
+
+def test_a_shift_is_held_against_limits_of_both_kinds(demo):
+    assert_shift(demo, "I-II", t_c="< 700 ms", t_c_s="> 0.5 s", k="0.9 .. 1.01", input_torque_max_nm="<= 300 Nm")
+    said = failure(assert_shift, demo, "I-II", t_c="< 600 ms", k="> 1.2")
+    assert said.splitlines() == [
+        "shift 1, I -> II at 3.85 s: t_c is 673 +- 1 ms, expected < 600 ms",
+        "shift 1, I -> II at 3.85 s: k is 0.999 +- 0.002, expected > 1.2",
+    ]
+
+
+def test_a_shift_that_is_missing_or_not_valid_is_said(demo):
+    late = rig_nodes.load("hydmag", **{"alfa46.t12": "500 ms"}).simulate("demo")
+    assert "shift 1, I -> II at 3.85 s: it is not valid: " in failure(assert_shift, late, "I-II", k="> 0.5")
+    with pytest.raises(RigError, match="there is no shift 'I-III'; did you mean 'I-II'"):
+        assert_shift(demo, "I-III")
+    with pytest.raises(RigError, match="there is no result in this report 'tc'"):
+        assert_shift(demo, "I-II", tc="< 1 s")
+    with pytest.raises(RigError, match="t_c is '600 ms', expected e.g. '< 600 ms'"):
+        assert_shift(demo, "I-II", t_c="600 ms")
+    with pytest.raises(RigError, match="'600 MPa' is a pressure, expected a time"):
+        assert_shift(demo, "I-II", t_c="< 600 MPa")
+
+
+def test_events_are_looked_for_in_their_order(demo):
+    assert_events(demo, "shift to I ordered", "shift_done", "shift to II ordered", "sequence_done")
+    said = failure(assert_events, demo, "shift to II ordered", "rig_tripped")
+    assert said.startswith("no 'rig_tripped' after 'shift to II ordered' at 3.845 s; after it came 5.320 s ")
+
+
+def test_an_event_that_must_not_come_is_said_with_its_time(demo):
+    assert_never(demo, "rig_tripped")
+    assert failure(assert_never, demo, "sequence_done").startswith("sequence_done at 13.295 s, which must not come: sequence demo")
+
+
+def test_a_signal_beyond_its_bound_is_said_with_its_worst_value_time_and_shift(demo):
+    assert_stays(demo, "M_wej", below="200 Nm", end=3.0)
+    said = failure(assert_stays, demo, "M_wej", below="200 Nm")
+    assert said.startswith("M_wej is 267.8 Nm at 4.516 s (after the order of shift 1, I -> II at 3.85 s), expected below 200 Nm")
+    said = failure(assert_stays, demo, "n_wej", above="1600 rpm", start=3.0, end=4.0)
+    assert "expected above 1600 rpm; it is beyond from 3.000 s on" in said and said.startswith("n_wej is 1")
+    for options, sentence in (
+        ({"below": "200 MPa"}, "M_wej below: '200 MPa' is a pressure"),
+        ({"below": "1 Nm", "start": 99.0}, "M_wej has no values from 99 to inf s"),
+        ({}, "M_wej has no bound"),
+    ):
+        with pytest.raises(RigError, match=sentence):
+            assert_stays(demo, "M_wej", **options)
