@@ -99,6 +99,7 @@ setup(
             "sequencer = rig_nodes.nodes.sequencer:main",
             "recorder = rig_nodes.nodes.recorder:main",
             "device = rig_nodes.nodes.cut_device:main",
-        ]
+        ],
+        "pytest11": ["rig_nodes = rig_nodes.api.pytest_plugin"],
     },
 )

@@ -173,10 +173,10 @@ def test_what_a_notebook_shows(rig, run):
 
 
 def test_a_missing_package_is_named_with_its_extra(run, monkeypatch):
-    for package, call in (("matplotlib", run.plot), ("pandas", run.to_pandas)):
+    for package, name, call in (("matplotlib", r"'rig_nodes\[view\]'", run.plot), ("pandas", "pandas", run.to_pandas)):
         with monkeypatch.context() as patch:
             patch.setitem(sys.modules, package, None)
-            with pytest.raises(rig_nodes.RigError, match=rf"^{package} is not installed; pip install 'rig_nodes\[view\]'$"):
+            with pytest.raises(rig_nodes.RigError, match=rf"^the Python package {package} is not installed; pip install {name}$"):
                 call()
             assert "<table>" in run._repr_html_()
 

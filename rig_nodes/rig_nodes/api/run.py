@@ -208,7 +208,7 @@ class Run:
         >>> float(frame.loc[5.0:6.0, "n_wej"].mean().round(-2)), frame.attrs["units"]["s2_slip"]
         (1500.0, 'rpm')
         """
-        pandas = optional("pandas", "view")
+        pandas = optional("pandas")
         chosen, rows = self._rows(signals, period, units)
         columns = [column for group in chosen.groups for column in group.columns]
         found = list(rows)
@@ -242,7 +242,7 @@ class Run:
         """
         chosen, rows = self._rows(signals, period, units)
         schema = arrow_schema(chosen)
-        return optional("pyarrow", "view").concat_tables([schema.empty_table(), *(arrow_table(one, schema) for one in rows)])
+        return optional("pyarrow").concat_tables([schema.empty_table(), *(arrow_table(one, schema) for one in rows)])
 
     def _rows(self, names: Sequence[str] | None, period: float | str | None, units: str) -> tuple[Groups, Iterator[Rows]]:
         """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""

@@ -92,7 +92,7 @@ class Table:
         RigError
             When pandas is not installed.
         """
-        frame = optional("pandas", "view").DataFrame({name: self[name] for name in self.units})
+        frame = optional("pandas").DataFrame({name: self[name] for name in self.units})
         frame.attrs["units"] = dict(self.units)
         return frame
 
