@@ -3,15 +3,18 @@
 
 """The Python API as a user meets it: values in SI, tables with units, files of any kind, and one clear sentence for bad input."""
 
+import json
 import math
 import pickle
 import subprocess
 import sys
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import rig_nodes
+from rig_nodes.analysis import put_loops
 from rig_nodes.bags import canonical_hash
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs
@@ -133,6 +136,26 @@ def test_values_of_loops_are_columns_of_each_shift_and_in_the_names_of_the_repor
     said = capsys.readouterr().out
     assert "1: I -> II, load 40 Nm" in said and "shift 4, II -> I at" in said and ", load 80 Nm, is" in said
     assert rig_nodes.open(tmp_path / "loop").shifts["load"][2] == 80.0
+
+
+def test_a_sweep_of_a_sequence_with_loops_has_their_columns_in_its_results(tmp_path):
+    loop = {"repeat": {"each": {"load": ["40 Nm"]}, "steps": [{"repeat": {"each": {"k": ["one"]}, "steps": UP}}]}}
+    (tmp_path / "loops.yaml").write_text(json.dumps({"description": "loops", "steps": [*FIRST, loop]}))
+    sequence, folder = tmp_path / "loops.yaml", tmp_path / "sweep"
+    table = rig_nodes.sweep("hydmag", sequence, {"alfa46.t12": ["-240 ms", "-200 ms"]}, folder=folder)
+    assert list(table["load"]) == [40.0, 40.0] and table.units["load"] == "Nm" and list(table["loop.k"]) == ["one", "one"]
+    assert main(["sweep", str(folder)]) == 0
+    results = pq.read_table(folder / "results.parquet")
+    assert results["load"].to_pylist() == [40.0, 40.0] and results.schema.field("load").metadata[b"unit"] == b"Nm"
+    again = rig_nodes.sweep("hydmag", sequence, {"alfa46.t12": ["-240 ms", "-200 ms"]}, folder=folder)
+    assert list(again["t_c_s"]) == list(table["t_c_s"])
+
+
+def test_loops_in_a_bag_that_are_none_leave_the_shifts_without():
+    for loops in ([1], [{"first": 1}], [{"first": "a", "last": 2, "values": {}}], [{"first": 1, "last": 2, "values": 3}], {"a": 1}):
+        rows = [{"t_order_s": 1.0}]
+        put_loops(rows, loops, [(0.5, 1.0)])
+        assert rows == [{"t_order_s": 1.0}]
 
 
 def test_an_exported_run_and_a_loggers_csv_are_opened(run, tmp_path, monkeypatch):

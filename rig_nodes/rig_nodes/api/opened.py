@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis import build_report, gather, info_of, write_report
-from ..bags import OpenedBags, Profile, is_loggers_file, read_measurement, read_profile, sequence_name, write_bag
+from ..bags import OpenedBags, Profile, is_loggers_file, not_sqlite, read_measurement, read_profile, sequence_name, write_bag
 from ..base import RigError, quantity
 from .rig import Rig, load
 from .run import Run
@@ -29,12 +29,12 @@ def open(
     orders: str | None = None,
     period: str | None = None,
 ) -> Run:
-    """Open a run, a bag or the file of a logger.
+    r"""Open a run, a bag or the file of a logger.
 
     Parameters
     ----------
     path : str or Path
-        Folder of a run, a bag's file (.mcap, .db3), or a logger's file (csv, parquet, mf4, dat, mat, xlsx, tdms).
+        Folder of a run, a bag's .mcap file, or a logger's file (csv, parquet, mf4, dat, mat, xlsx, tdms).
     rig : Rig or str, optional
         The rig whose inertias, ratios and instrument errors hold for a logger's file; an exported run has its own.
     profile : str or Path, optional
@@ -57,7 +57,9 @@ def open(
     Examples
     --------
     >>> run = rig_nodes.load("hydmag").simulate("demo")
-    >>> run.to_pandas(["M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2"]).to_csv("log.csv")
+    >>> bool(rig_nodes.open(run.save("runs/second")).signals["p1"].max() == run.signals["p1"].max())
+    True
+    >>> size = Path("log.csv").write_text("time [s],p1 [MPa]\n0.0,0.1\n0.1,0.2\n")
     >>> rig_nodes.open("log.csv")
     Traceback (most recent call last):
     rig_nodes.base.errors.RigError: log.csv: its rig is not given, and the results depend on this rig's inertias, ratios and
@@ -69,6 +71,8 @@ def open(
         raise RigError(f"{path}: {given[0]} is for loggers' files; a run has its own")
     with OpenedBags([path]) as bags:
         bags.check_began()
+        if any(file.suffix == ".db3" for file in bags.files):
+            raise RigError(f"{path}: {not_sqlite(Path(path))}")
     return Run(Path(path))
 
 

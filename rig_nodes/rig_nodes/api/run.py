@@ -31,7 +31,7 @@ from ..analysis import (
     shown_transmission,
     verdicts_in,
 )
-from ..bags import NO_REPORT, Bag, Rows, arrow_schema, arrow_table, on_one_clock, on_own_clocks, with_end
+from ..bags import NO_REPORT, Rows, arrow_schema, arrow_table, on_one_clock, on_own_clocks, with_end
 from ..bags import Signals as Groups
 from ..base import RigError, not_written, optional, quantity
 from .compared import Compared
@@ -106,7 +106,7 @@ class Run:
     @cached_property
     def record(self) -> Mapping[str, Any]:
         """The rig of the run as its bag records it: structure and values."""
-        return Bag(self.folder).record
+        return self.signals.about.record
 
     @cached_property
     def shifts(self) -> Table:
@@ -134,7 +134,7 @@ class Run:
         """What happened and was ordered: ``time`` [s], ``topic``, ``name``, ``text``, ``value``."""
         names = ("time", "topic", "name", "text", "value")
         units = dict.fromkeys(names, "") | {"time": "s"}
-        return Table(units, [dict(zip(names, event)) for event in Bag(self.folder).events()])
+        return Table(units, [dict(zip(names, event)) for event in self.signals.about.events()])
 
     def save(self, folder: str | Path) -> Path:
         """Save the run as `rig simulate --out` leaves it: bag, metadata.yaml, report.json, run.json.

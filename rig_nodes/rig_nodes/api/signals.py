@@ -112,6 +112,11 @@ class Signals(Mapping[str, Signal]):
     path : Path
         Folder of the run, or its bag.
 
+    Attributes
+    ----------
+    about : Bag
+        Events and description of the run, without its other messages.
+
     Examples
     --------
     >>> run = rig_nodes.load("hydmag").simulate("demo")
@@ -124,7 +129,8 @@ class Signals(Mapping[str, Signal]):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._groups = Groups(path).groups
+        chosen = Groups(path)
+        self._groups, self.about = chosen.groups, chosen.small
         self._places = {column.name: (group, column) for group in self._groups for column in group.columns}
         self._loggers: dict[str, Logger] = {}
 

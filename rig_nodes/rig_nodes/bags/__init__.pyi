@@ -20,6 +20,7 @@ from .exchange.propose import proposed as proposed
 from .exchange.provenance import csvw_path as csvw_path
 from .index import HOLE as HOLE
 from .logged import Logged as Logged, Recording as Recording, orders_in as orders_in
+from .mcap_file import not_sqlite as not_sqlite
 from .messages import NOTHING as NOTHING, in_short as in_short, nothing_in as nothing_in
 from .metadata import offered_by as offered_by
 from .old_form import topic_of_today as topic_of_today
