@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT, HEAD = 9.0, 1.55, 0.9  # inches: of the figure, of a plot, of title and time axis
 GREY, RULE = "#555555", "#888888"
 SHADE = 0.14  # opacity of a phase
+ROOM = 0.06  # share of the width that the name of a phase needs
 
 
 class Picture(Figure):
@@ -119,11 +120,11 @@ def _shade(ax: Axes, row: Mapping) -> None:
 def _name_parts(ax: Axes, rows: Sequence[Mapping], pages: Pages, whole: bool) -> None:
     """Write over the first plot which shift it is or, of one shift, which phase."""
     style = {"fontsize": 8, "color": GREY, "va": "bottom", "transform": ax.get_xaxis_transform()}
+    low, high = ax.get_xlim()
     for row in rows:
         if whole:
             ax.text(row["t_order_s"], 1.02, pages.box.way(row["from_gear"], row["to_gear"], " \u2192 "), ha="left", **style)
             continue
-        low, high = ax.get_xlim()
         for one in phases_of(row):
-            if one.end - one.start > 0.07 * (high - low):
-                ax.text((one.start + one.end) / 2, 0.98, one.name, ha="center", **{**style, "va": "top"})
+            if one.end - one.start > ROOM * (high - low):
+                ax.text((one.start + one.end) / 2, 1.02, one.name, ha="center", **style)

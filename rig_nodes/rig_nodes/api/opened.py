@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..analysis import build_report, gather, info_of, write_report
 from ..bags import OpenedBags, Profile, is_loggers_file, not_sqlite, read_measurement, read_profile, sequence_name, write_bag
-from ..base import RigError, quantity
+from ..base import RigError, quantity, quoted
 from .rig import Rig, load
 from .run import Run
 
@@ -87,7 +87,7 @@ def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, ord
         rig = load(rig, **(read.settings if read else {}))
     found = read_measurement(path, read, rig.config.as_dict() if rig else None, "rig=" if rig else "", orders)
     if found is None:
-        raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which ./rig import {path} proposes")
+        raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which ./rig import {quoted(path)} proposes")
     folder = Path(tempfile.mkdtemp(prefix="rig-run-"))
     try:
         report = imported(found, folder, path)

@@ -9,6 +9,7 @@ The Python API uses it. An error names the number of the step, where that of a f
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from .sequence import KEYS, Sequence, checked
 if TYPE_CHECKING:
     from ..rig import RigConfig
 
-PLACE = Path("step")  # errors begin with step:NUMBER
+NAME, PLACE = "steps", Path("step")  # errors begin with step:NUMBER
 MOST_NESTED = 50
 
 
@@ -53,7 +54,7 @@ def sequence_of(steps: Any, values: dict[str, str], config: RigConfig, rig: str)
         for number, step in enumerate(node["steps"]):
             node["steps"][number] = _marked(step, number)
         node["steps"].lines = list(range(len(node["steps"])))
-    return checked(node, PLACE, values, config, rig, lambda _nodes, error: error)
+    return replace(checked(node, PLACE, values, config, rig, lambda _nodes, error: error), name=NAME)
 
 
 def _marked(node: Any, line: int = 0, depth: int = 0) -> Any:
