@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
@@ -25,16 +25,18 @@ DEFAULTS = {"rig": "hydmag", "sequence": "demo", "way": "I-II"}
 class _AtImport:
     """A finder that lets gymnasium be imported as ever, and registers the environment afterwards."""
 
-    def find_spec(self, name: str, _path: object = None, _target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Return what the other finders find; of gymnasium, with a loader that calls :func:`register` at its end."""
         if name != GYMNASIUM:
             return None
-        sys.meta_path.remove(self)
-        spec = find_spec(name)
+        found = (one.find_spec(name, path, target) for one in sys.meta_path if one is not self)
+        spec = next(filter(None, found), None)
         if spec is not None and spec.loader is not None:
             execute = spec.loader.exec_module
 
             def then_register(module: ModuleType) -> None:
                 execute(module)
+                sys.meta_path.remove(self)
                 register()
 
             spec.loader.exec_module = then_register

@@ -18,6 +18,7 @@ from rig_nodes.rig import load_rig
 from rig_nodes.runs import load_sequence, record
 
 NAME = "rig_nodes/Shift-v0"
+LOOKED_FOR = "import rig_nodes, importlib.util\nassert importlib.util.find_spec('gymnasium')\nimport gymnasium"
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def runs():
     return {seed: record(config, sequence, seed).recording for seed in (5, 6)}
 
 
-@pytest.mark.parametrize("first", ["import rig_nodes, gymnasium", "import gymnasium, rig_nodes"])
+@pytest.mark.parametrize("first", ["import rig_nodes, gymnasium", "import gymnasium, rig_nodes", LOOKED_FOR])
 def test_gymnasium_knows_it_in_whichever_order_both_are_imported(first):
     code = f"{first}\nprint(gymnasium.spec('{NAME}').entry_point)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
