@@ -83,6 +83,28 @@ class Compiled:
         context.refresh()  # registers the intrinsic in it
         return context.resolve_value_type(self.made)
 
+    def entry_for(self, *arguments: Any) -> Callable:
+        """Return what numba compiles for arguments of these types, to be called with such arguments only.
+
+        A call of numba's own function looks at the type of every argument, which takes 6 us for tuples of arrays. This one takes
+        0.5 us and looks at none: an argument of another type is read as if it were of the type given here.
+
+        Parameters
+        ----------
+        *arguments
+            Arguments as they will be.
+
+        Returns
+        -------
+        callable
+            The compiled function.
+        """
+        from numba import typeof
+
+        signature = tuple(map(typeof, arguments))
+        self.made.compile(signature)
+        return self.made.overloads[signature].entry_point
+
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call numba's function."""
         return self.made(*arguments, **named)

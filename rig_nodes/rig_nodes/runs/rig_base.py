@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from enum import IntEnum
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +39,9 @@ from ..plant import alfa46_law as law
 from ..rig import Catalogue
 from .gauges import Gauges
 from .trips import Tripped, not_finite, not_settled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 LOG_SAMPLES = 2_000  # rings of rows, of the embedded controller's commands and of the state at each tick: 2 s
 
@@ -158,8 +163,12 @@ class RigBase(ABC):
                 return False
         return True
 
+    @cached_property
+    def _compiled(self) -> Callable[..., tuple[int, int]]:
+        return advance.entry_for(0, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
+
     def _advance(self, samples: int) -> tuple[int, int]:
-        return advance(samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
+        return self._compiled(samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
 
     def device(self, name: str) -> np.void:
         """Return the states of a device by its name [SI], which can be read and set."""
