@@ -4,6 +4,8 @@
 
 """Release check: the README's commands, as an unprivileged user, in a Debian root that is newly made for it.
 
+With --core: the package by pip alone, without ROS and without a compiler.
+
 Run by hand or by a release job, as root (docs/how_to/release.md). Packages and commands are read from the README of
 the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: the check could not be made.
 Standard library only. Mounts and processes live in namespaces of their own, so the kernel ends them with the
@@ -31,6 +33,21 @@ DISK_MIN_GB = 5.0
 LOCAL_CERTIFICATES = "usr/local/share/ca-certificates"
 # Variables with which this machine reaches its package index; the commands in the root get no others from it.
 ACCESS = re.compile(r"PIP_\w+|(https?|all|no)_proxy|SSL_CERT_(FILE|DIR)|REQUESTS_CA_BUNDLE", re.IGNORECASE)
+
+
+# Without ROS and without a compiler: what the README says for an environment of one's own, and the verbs that it is for.
+CORE_PACKAGES = ["python3", "python3-pip", "python3-venv", "git", "ca-certificates"]
+CORE = [
+    "python3 -m venv /home/rig/core",
+    "/home/rig/core/bin/pip install --quiet ./rig_nodes",
+    "/home/rig/core/bin/pip check",
+    "/home/rig/core/bin/rig simulate demo --out /home/rig/run",
+    "/home/rig/core/bin/rig bag hash /home/rig/run",
+    "/home/rig/core/bin/rig report /home/rig/run",
+    "/home/rig/core/bin/rig sweep demo --vary alfa46.t12='-220 ms, -100 ms' --out /home/rig/sweep",
+    "! /home/rig/core/bin/rig run demo",  # which says in a sentence that it takes ROS
+]
+TIMED = "./rig simulate demo"  # whose time from a fresh clone is looked at, beside that of the README's first command
 
 
 class CheckError(Exception):
@@ -61,7 +78,7 @@ def read_readme(text):
         lost = "an indented block with the commands" if install else "`apt install ...` with the packages"
         raise CheckError("README.md, section %r, lacks %s" % (SECTION, lost))
     commands = [re.sub(r"\s+#.*", "", line).strip() for line in block[0].splitlines()]
-    return [p for p in install[1].split() if not p.startswith("-")], commands
+    return [p for p in install[1].split() if not p.startswith("-")], [TIMED, "rm -rf .venv", *commands]
 
 
 # --- what the machine needs -----------------------------------------------------------------------
@@ -160,12 +177,24 @@ def mount_filesystems(root):
         )
 
 
+def mount_indexes(root, texts):
+    """Mounts the folders of this machine that pip's settings name, read-only and at the same place."""
+    for name in sorted({name for text in texts for name in re.findall(r"(?<![\w/])(?:file://)?(/[\w./-]+)", text)}):
+        folder, place = Path(name), root / name.lstrip("/")
+        if folder.is_dir():
+            place.mkdir(parents=True, exist_ok=True)
+            mount = ["mount", "--bind", "-o", "ro", str(folder), str(place)]
+            run_quietly(mount, root / "mount.log", "%s cannot be mounted in the root" % folder)
+
+
 def give_access(root):
     """Copies name resolution, pip settings and local certificates of this machine; returns the variables."""
     access = {k: v for k, v in os.environ.items() if ACCESS.fullmatch(k)}
     local = list(Path("/", LOCAL_CERTIFICATES).glob("**/*.crt"))
     files = [Path("/etc/resolv.conf"), Path("/etc/hosts"), Path("/etc/pip.conf"), *local]
     files += [Path(v) for v in access.values() if os.path.isabs(v)]
+    settings = [path.read_text() for path in (Path("/etc/pip.conf"),) if path.is_file()]
+    mount_indexes(root, [*settings, *(value for name, value in access.items() if name.upper().startswith("PIP_"))])
     for path in files:
         copy = root / path.relative_to("/")
         # The root's own certificate bundle stays; the machine's additions to it come below.
@@ -235,8 +264,8 @@ def check(root, options):
     began = time.monotonic()
     git("bundle", "create", "--quiet", str(root / BUNDLE), "HEAD")
     commit = git("bundle", "list-heads", str(root / BUNDLE)).split()[0]
-    packages, commands = read_readme(git("show", commit + ":README.md"))
-    packages += [p for p in options.extra if p not in packages]
+    packages, commands = (CORE_PACKAGES, CORE) if options.core else read_readme(git("show", commit + ":README.md"))
+    packages = [*packages, *(p for p in options.extra if p not in packages)]
     what = "Debian %s in %s with %s" % (options.suite, root, " ".join(packages))
     print("fresh root: making " + what, flush=True)
     make_root(root, options.suite, options.mirror, packages)
@@ -291,6 +320,7 @@ def read_options(arguments):
         metavar="PACKAGE",
         help="a Debian package beside those of the README's `apt install`; may be repeated",
     )
+    parser.add_argument("--core", action="store_true", help="the package without ROS and without a compiler, by pip alone")
     parser.add_argument("--timeout", type=float, default=1800.0, metavar="S", help="longest time of one command (1800)")
     parser.add_argument("--inside", metavar="FOLDER", help=argparse.SUPPRESS)
     return parser.parse_args(arguments)
