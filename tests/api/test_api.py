@@ -80,6 +80,7 @@ def test_settings_are_texts_or_si_numbers_nested_or_with_dots(rig):
         (lambda: rig_nodes.load("hydmag").simulate(FIRST, parameters={"load": 1}), "there is no parameter 'load'"),
         (lambda: rig_nodes.load("hydmag").simulate("demo", controller="python:none.py:A"), "none.py"),
         (lambda: rig_nodes.load("ural2").simulate([{"shift": {"to": "I"}}]), "step:1: unknown key 'shift' in a step"),
+        (lambda: rig_nodes.load("hydmag").simulate("demo", seed=-1), "seed is -1, expected a whole number from 0 to 2^63 - 1"),
         (lambda: rig_nodes.open("nowhere"), "nowhere: there is no such file or folder"),
         (lambda: rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": "1 MPa, 2 MPa"}), "vary alfa46.t12"),
     ],
@@ -123,6 +124,9 @@ def test_a_data_frame_has_the_rows_of_the_logger_and_the_last_value_of_slower_si
     held = frame["p_p"].loc[slow.time[500] : slow.time[501] - 1e-6]
     assert held.unique().tolist() == [slow[500]] and len(held) > 50
     assert run.to_pandas(["n_wej"], period="10 ms", units="shown")["n_wej"].max() == pytest.approx(1500, abs=25)
+    for names, sentence in ((["p1", "p3"], "there is no signal 'p3' in the run; did you mean"), ("p1", "expected a list of names")):
+        with pytest.raises(rig_nodes.RigError, match=sentence):
+            run.to_pandas(names)
     arrow = run.to_arrow(["p1"], period=0.01)
     assert arrow.column("t").to_pylist()[:2] == [0.0, 0.01] and arrow.field("p1").metadata[b"unit"] == b"Pa"
 

@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from html import escape
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +63,7 @@ def load(name: str | Path, /, **settings: Any) -> Rig:
     rig_nodes.base.errors.RigError: setting alfa46.t21=5 bar: the value: '5 bar' is a pressure, expected a time (s, ms, us, min)
     """
     rig = Rig(str(name), load_rig(name), {})
-    texts = rig.texts_of(settings)
+    texts = {key: rig.text_of(key, value) for key, value in _flat(settings).items()}
     return Rig(str(name), with_overrides(rig.config, texts), texts)
 
 
@@ -82,26 +84,6 @@ class Rig:
 
     def __init__(self, source: str, config: RigConfig, settings: dict[str, str]) -> None:
         self.name, self.source, self.config, self.settings = config.name, source, config, settings
-
-    def texts_of(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Return settings as ``--set`` takes them.
-
-        Parameters
-        ----------
-        settings : mapping
-            Values by name, as :func:`load` takes them.
-
-        Returns
-        -------
-        dict of str to str
-            Texts by the whole name of each setting.
-
-        Raises
-        ------
-        RigError
-            When a value is no text, number, truth value or, of a point, pair of numbers.
-        """
-        return {name: self._text(name, value) for name, value in _flat(settings).items()}
 
     def simulate(
         self,
@@ -167,10 +149,15 @@ class Rig:
         else:
             read = sequence_of(sequence, given, self.config, self.source)
         read.check_rig(self.config)
+        seed = _seed(seed)
         plug, spec = self._plug(controller, level, delay)
         folder = Path(tempfile.mkdtemp(prefix="rig-run-"))
-        report = simulated(folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
-        write_report(folder, report)
+        try:
+            report = simulated(folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
+            write_report(folder, report)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         run = Run(folder, report, temporary=True)
         if run.end["state"] == "interrupted":
             raise KeyboardInterrupt(run.end["reason"])
@@ -215,6 +202,7 @@ class Rig:
         >>> ends
         [50.0, 100.0]
         """
+        seed = _seed(seed)
         if controller == EXTERNAL:
             return Session(self.config, seed, EXTERNAL, level, delay)
         plug, _ = self._plug(controller, level, delay)
@@ -246,11 +234,33 @@ class Rig:
         spec = f"python:{controller.__module__}:{controller.__qualname__}{IN_PROCESS}" if own else controller
         check_controller(self.config)
         plug = load_controller(spec, self.config, level)
-        check_level(self.config, plug.level)
+        try:
+            check_level(self.config, plug.level)
+        except RigError:
+            plug.close()
+            raise
         return plug, spec
 
-    def _text(self, name: str, value: Any) -> str:
-        """Return the value of a setting as text; a number is in SI."""
+    def text_of(self, name: str, value: Any) -> str:
+        """Return the value of a setting as after ``--set``.
+
+        Parameters
+        ----------
+        name : str
+            Whole name of the setting.
+        value : object
+            A text, which stays as it is, a number in SI, a truth value or, for a point of a profile, time [s] and current [A].
+
+        Returns
+        -------
+        str
+            The text.
+
+        Raises
+        ------
+        RigError
+            When the value is nothing of these.
+        """
         if isinstance(value, bool):
             return "on" if value else "off"
         if isinstance(value, str):
@@ -266,6 +276,13 @@ class Rig:
             raise RigError(f"setting {name} is {brief(value)}; expected a text with a unit or a number in SI") from None
         unit, factor = shown_in(setting.dimension) if setting.is_number else ("-", 1.0)
         return f"{number / factor!r} {unit}"
+
+
+def _seed(seed: object) -> int:
+    """Return a seed as int, of which numpy has types of its own; RigError when it is none."""
+    if not isinstance(seed, Integral) or not 0 <= seed < 2**63:
+        raise RigError(f"seed is {brief(seed)}, expected a whole number from 0 to 2^63 - 1")
+    return int(seed)
 
 
 def _flat(settings: Mapping[str, Any], owner: str = "") -> dict[str, Any]:

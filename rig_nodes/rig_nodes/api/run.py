@@ -248,6 +248,9 @@ class Run:
         """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""
         if isinstance(names, str) or units not in ("si", "shown"):
             raise RigError(f"signals is {names!r} and units {units!r}; expected a list of names, and 'si' or 'shown'")
+        for name in names or ():
+            if not any(sign in name for sign in "*?["):
+                self.signals.check(name)
         chosen = Groups(self.folder, list(names or ()), units)
         seconds = quantity(period, "time", "period") if isinstance(period, str) else period or self.signals.period
         if seconds is None:
@@ -283,7 +286,7 @@ class Run:
         from .figure import figure_of
 
         count = len(self.report["shifts"])
-        if shift is not None and not 1 <= shift <= count:
+        if shift is not None and not (isinstance(shift, int) and 1 <= shift <= count):
             raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
         return figure_of(self, shift)
 
@@ -318,7 +321,8 @@ class Run:
         if not bag.structure.gears:
             raise RigError(f"{self.folder}: is of a rig without gears; runs with shifts can be compared")
         run = self.report["run"]
-        facts = (run.get("sequence"), f"seed {run.get('seed')}", (run.get("controller") or {}).get("name"))
+        seed = "" if run.get("seed") is None else f"seed {run['seed']}"
+        facts = (run.get("sequence"), seed, (run.get("controller") or {}).get("name"))
         name = ", ".join(filter(None, facts)) if self._temporary else str(self.folder)
         return Source(name, bag.thinned(), bag.record, shifts_report(bag))
 

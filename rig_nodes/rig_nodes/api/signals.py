@@ -144,15 +144,18 @@ class Signals(Mapping[str, Signal]):
         return name in self._places
 
     def __getitem__(self, name: str) -> Signal:
-        if name not in self._places:
-            sentence = unknown("signal", name, self._places)
-            raise RigError(sentence.replace(";", " in the run;", 1))
+        self.check(name)
         group, column = self._places[name]
         if group.logger or column.signal is None:
             rows = self._rows(group.topic)
             return Signal(rows.channels[name], rows.time(), name, column.unit, column.text)
         times, values = self._held.series(column.signal)
         return Signal(values, times, name, column.unit, column.text)
+
+    def check(self, name: str) -> None:
+        """Raise RigError, with the names most like it, for a signal that the run does not hold."""
+        if name not in self._places:
+            raise RigError(unknown("signal", name, self._places).replace(";", " in the run;", 1))
 
     @property
     def span(self) -> tuple[float, float]:

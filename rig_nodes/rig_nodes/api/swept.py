@@ -39,8 +39,8 @@ def sweep(
     sequence : str or Path
         Name of a sequence, or its file.
     vary : mapping
-        By the name of a parameter or setting the values that it takes: a list of texts with units, or a text as after
-        ``--vary``: ``"20 Nm .. 100 Nm in 5"``, ``"-250 ms .. -150 ms step 10 ms"``.
+        By the name of a parameter or setting the values that it takes: a list of texts with units, of a setting also
+        of numbers in SI, or a text as after ``--vary``: ``"20 Nm .. 100 Nm in 5"``, ``"-250 ms .. -150 ms step 10 ms"``.
     samples : int, optional
         Members that a Latin hypercube draws from the ranges; by default every value is run with every other.
     repeats : int
@@ -64,14 +64,14 @@ def sweep(
 
     Examples
     --------
-    >>> table = rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": ["-240 ms", "-180 ms"]})
+    >>> table = rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": [-0.24, -0.18]})
     >>> table["alfa46.t12"], table.units["alfa46.t12"], table["t_c_s"].shape
-    (array([-240., -240., -180., -180.]), 'ms', (4,))
+    (array([-0.24, -0.24, -0.18, -0.18]), 's', (4,))
     """
     if jobs < 1:
         raise RigError(f"jobs is {jobs}, expected at least 1")
     rig = rig if isinstance(rig, Rig) else load(rig)
-    given = {name: spec if isinstance(spec, str) else list(spec) for name, spec in vary.items()}
+    given = {name: spec if isinstance(spec, str) else [rig.text_of(name, one) for one in spec] for name, spec in vary.items()}
     draft = Plan(str(sequence), rig.source, samples=samples, repeats=repeats, seed=seed, fixed=rig.settings)
     plan = make_plan(draft, given, {name: f"vary {name}" for name in given})
     with contextlib.ExitStack() as stack:

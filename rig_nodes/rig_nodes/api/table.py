@@ -73,7 +73,7 @@ class Table:
     def __getitem__(self, key: str) -> np.ndarray: ...
     def __getitem__(self, key: int | str) -> dict[str, Any] | np.ndarray:
         if not isinstance(key, str):
-            if not isinstance(key, int) or not -len(self) <= key < len(self):
+            if not isinstance(key, int | np.integer) or not -len(self) <= key < len(self):
                 raise RigError(f"there is no row {brief(key)}; the table has {len(self)} rows, the first is 0")
             return dict(self._rows[key])
         if key not in self.units:
