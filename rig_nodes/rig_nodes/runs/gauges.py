@@ -131,15 +131,10 @@ class Gauges:
         self._set[0, self.channels.index(channel)] = value
         self.switch(self.on)
 
-    def snapshot(self) -> tuple:
-        """Return the state of the transducers and what was set of their noise, for :meth:`restore`."""
-        return tuple(one.copy() for one in (self.state, self.counts, self.table, self._set)), self.on, self.changes
-
-    def restore(self, snapshot: tuple) -> None:
-        """Return to what :meth:`snapshot` gave."""
-        arrays, self.on, self.changes = snapshot
-        for one, value in zip((self.state, self.counts, self.table, self._set), arrays):
-            one[...] = value
+    @property
+    def moved(self) -> tuple[np.ndarray, ...]:
+        """The arrays that change in a run: what a step leaves to the next one, and what was set of the noise."""
+        return self.state, self.counts, self.table, self._set
 
     def noise(self, channel: str) -> float:
         """Return the standard deviation that is set for a channel, whether it is switched on or not [SI]."""

@@ -413,9 +413,9 @@ class Rig(CommandedRig, ShownState):
         return {"seed": self.seed, "controller": controller, "devices": devices, "delay": self.delay}
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
-        """Everything that a step or a setting changes, without the rings and the transducers."""
+        """Everything that a step or a setting changes, without the rings."""
         law_of = (self._law_config, self._law_profiles, self._law_outputs, self._law_state)
-        return (self.world.record, *law_of, self._duty, self._setpoint)
+        return (self.world.record, *law_of, self._duty, self._setpoint, *self.gauges.moved)
 
     def _places(self) -> list[int]:
         """Places in the ring of the rows that the next step reads: of this sample and of that before it."""
@@ -428,9 +428,8 @@ class Rig(CommandedRig, ShownState):
             self._made,
             {name: getattr(self, name) for name in VALUES},
             tuple((boundary, act.__name__, *values) for boundary, act, *values in self._to_come),
-            tuple(one.copy() for one in self._arrays()),
-            self._log[self._places()],
-            self.gauges.snapshot(),
+            (*(one.copy() for one in self._arrays()), self._log[self._places()]),
+            (self.gauges.on, self.gauges.changes),
             self.cuts.snapshot(),
         )
 
@@ -451,10 +450,11 @@ class Rig(CommandedRig, ShownState):
         for name, value in snapshot.values.items():
             setattr(self, name, value)
         self._to_come = deque((boundary, getattr(self, act), *values) for boundary, act, *values in snapshot.to_come)
-        for one, value in zip(self._arrays(), snapshot.arrays):
+        *arrays, rows = snapshot.arrays
+        for one, value in zip(self._arrays(), arrays):
             one[...] = value
-        self._log[self._places()] = snapshot.rows
-        self.gauges.restore(snapshot.gauges)
+        self._log[self._places()] = rows
+        self.gauges.on, self.gauges.changes = snapshot.noise
         self.cuts.restore(snapshot.cuts)
         self._drained = 0
 

@@ -31,11 +31,12 @@ class Snapshot:
     to_come : tuple
         Commands that do not act yet: boundary, name of the function, values.
     arrays : tuple of array
-        Plant, and settings, outputs and state of the controller.
-    rows : (2, channels) array of float
-        Rows of this sample and of that before it [SI].
-    gauges, cuts : tuple
-        What the transducers and the cuts give of themselves.
+        Plant; settings, outputs and state of the controller; transducers; and the logger's rows of this sample and of that before
+        it (2, channels) [SI].
+    noise : tuple
+        Whether the noise is on, and how often it was changed.
+    cuts : tuple
+        What the cuts give of themselves.
     """
 
     first: RigConfig = field(repr=False)
@@ -43,8 +44,7 @@ class Snapshot:
     values: dict[str, Any]
     to_come: tuple = field(repr=False)
     arrays: tuple[np.ndarray, ...] = field(repr=False)
-    rows: np.ndarray = field(repr=False)
-    gauges: tuple = field(repr=False)
+    noise: tuple[bool, int] = field(repr=False)
     cuts: tuple = field(repr=False)
 
     def check_fits(self, first: RigConfig, made: dict[str, Any]) -> None:
