@@ -24,7 +24,7 @@ HELP = {
     "sequence": "sequence of the fixture run (demo by default)",
     "seed": "seed of the fixture run (1 by default)",
     "settings": "NAME=VALUE, a setting of the rig; more than one is allowed",
-    "bag": "run, bag or logger's file of the fixture bag",
+    "bag": "folder or bag of the fixture bag",
 }
 ONLY_MARKED = ("controller", "level", "parameters")  # of Rig.simulate
 RUNS = pytest.StashKey[dict]()
