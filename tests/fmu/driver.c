@@ -32,6 +32,36 @@ static void check(int good, const char *what) {
   exit(1);
 }
 
+/* Saves the state of one instance, brings it back there and in the other one, and offers bytes that are no state. */
+static void check_states(fmi2Component one, fmi2Component other, double time) {
+  fmi2FMUstate state = NULL, read = NULL, again = NULL;
+  size_t size = 0;
+  check(fmi2SetFMUstate(one, NULL) == fmi2Error && fmi2GetFMUstate(one, NULL) == fmi2Error, "no state and no place for one");
+  check(fmi2FreeFMUstate(one, NULL) == fmi2OK && fmi2FreeFMUstate(one, &state) == fmi2OK, "nothing to free");
+  check(fmi2GetFMUstate(one, &state) == fmi2OK && fmi2GetFMUstate(one, &state) == fmi2OK, "a state, and again in its place");
+  check(fmi2SerializedFMUstateSize(one, state, &size) == fmi2OK, "its size");
+  fmi2Byte *bytes = malloc(size), *more = malloc(size);
+  check(fmi2SerializeFMUstate(one, state, bytes, size - 1) == fmi2Error, "too few bytes");
+  check(fmi2SerializeFMUstate(one, state, bytes, size) == fmi2OK, "its bytes");
+  for (size_t cut = 0; cut < size; cut += 1 + cut / 3) {
+    memcpy(more, bytes, size);
+    check(fmi2DeSerializeFMUstate(one, more, cut, &read) == fmi2Error, "cut bytes");
+    more[cut] = (fmi2Byte)(more[cut] ^ 8);
+    check(fmi2DeSerializeFMUstate(one, more, size, &read) == fmi2Error && !read, "changed bytes");
+  }
+  for (int round = 0; round < 3; round++) {
+    check(fmi2DoStep(one, time, 0.002, 0) == fmi2OK && fmi2SetFMUstate(one, state) == fmi2OK, "back again");
+    check(fmi2DeSerializeFMUstate(other, bytes, size, &read) == fmi2OK && fmi2SetFMUstate(other, read) == fmi2OK, "from bytes");
+    check(fmi2DoStep(other, time, 0.002, 0) == fmi2OK && fmi2SetFMUstate(other, state) == fmi2OK, "of another instance");
+  }
+  check(fmi2GetFMUstate(other, &again) == fmi2OK && fmi2SerializeFMUstate(other, again, more, size) == fmi2OK, "as it was");
+  check(memcmp(bytes, more, size) == 0, "equal bytes of an equal state");
+  check(fmi2FreeFMUstate(one, &state) == fmi2OK && fmi2FreeFMUstate(one, &read) == fmi2OK && !state && !read, "freed");
+  check(fmi2FreeFMUstate(other, &again) == fmi2OK && fmi2Reset(other) == fmi2OK, "freed");
+  free(bytes);
+  free(more);
+}
+
 int main(int count, char **arguments) {
   const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
   check(count == 2, "one argument");
@@ -66,6 +96,12 @@ int main(int count, char **arguments) {
         if (MODEL_TYPES[r] != 'r') check(fmi2GetReal(one, &r, 1, &real) == fmi2Error, "a wrong type");
       }
     }
+    fmi2Reset(one);
+    check(fmi2SetupExperiment(one, 0, 0.0, 1.0, 1, 1.1) == fmi2OK, "set up");
+    check(fmi2EnterInitializationMode(one) == fmi2OK && fmi2ExitInitializationMode(one) == fmi2OK, "initialization");
+    check(fmi2DoStep(one, 1.0, 0.098, 1) == fmi2OK, "step");
+    check_states(one, other, 1.098);
+    check(fmi2DoStep(one, 1.098, 0.002, 1) == fmi2OK, "step");
     check(fmi2DoStep(one, 7.0, 0.001, 1) == fmi2Error, "a step from elsewhere");
     check(fmi2DoStep(one, 1.1, NAN, 1) == fmi2Error, "a step that is no number");
     check(fmi2DoStep(one, 1.1, 0.001, 1) == fmi2Error, "a step past the stop time");

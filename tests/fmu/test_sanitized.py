@@ -13,7 +13,7 @@ from rig_nodes.controllers.c.library import INCLUDE
 from rig_nodes.controllers.record import record_of
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs import fmu
-from rig_nodes.runs.fmu.build import SOURCES, controller_defines, controller_variables, fmpy_headers, record_text
+from rig_nodes.runs.fmu.build import COMMON, SOURCES, controller_defines, controller_variables, fmpy_headers, record_text
 from rig_nodes.runs.fmu.description import c_header
 from rig_nodes.runs.fmu.rig_variables import rig_variables
 
@@ -26,7 +26,7 @@ STRICT = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
 def build(folder, header, sources):
     """Returns the path of the program."""
     (folder / "variables.h").write_text(header)
-    files = [Path(__file__).parent / "driver.c", SOURCES / "fmi2.c", SOURCES / "instance.c", *sources]
+    files = [Path(__file__).parent / "driver.c", SOURCES / "fmi2.c", *(SOURCES / name for name in COMMON), *sources]
     subprocess.run(
         [
             "cc",

@@ -25,6 +25,7 @@ PAIRS = {
     "signals": ("rig_controller_signals", "rig_controller_signal_values"),
     "settings": ("rig_controller_settings", "rig_controller_set"),
 }
+STATE = ("rig_controller_save", "rig_controller_load")  # optional, both or none; only an FMU of the code calls them
 DONE, SAID = b"done ", b"said "  # as in hosted.py
 GUARD = bytes([0xA5]) * 4096  # before, between and behind what a library is given; no code may write there
 # names of what a library is given, for people
@@ -207,6 +208,10 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
             found[key].append([text, item.value] if key == "settings" else text)
         getattr(library, values).restype = None
         getattr(library, values).argtypes = [ct.c_void_p, ct.POINTER(ct.c_double), ct.c_uint32]
+    lacking = [name for name in STATE if not hasattr(library, name)]
+    if len(lacking) == 1:
+        return None, {"missing": lacking}
+    found["saves"] = not lacking
     return library, found
 
 

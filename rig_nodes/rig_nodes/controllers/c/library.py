@@ -207,6 +207,7 @@ class CLibrary(HostedPlug):
         self.wants = checked_wants(found["wants"], name, self._made_for.all_transducers)
         self.signals = checked_signals(found["signals"], name)
         self.settings = checked_settings(dict(found["settings"]), name)
+        self.saves = bool(found["saves"])
         outputs, transducers = len(self._made_for.outputs), len(self._made_for.transducers)
         # size, gear_request, sample, time; currents, transducers, wanted transducers, the controller's settings
         self._sample = struct.Struct(f"=IIQd{outputs + transducers + len(self.wants) + len(self.settings)}d")

@@ -184,3 +184,14 @@ int rig_controller_step(void *instance, const rig_controller_inputs *inputs, rig
 }
 
 void rig_controller_destroy(void *instance) { free(instance); }
+
+uint32_t rig_controller_save(void *instance, void *bytes) {
+  if (bytes) memcpy(bytes, instance, sizeof(alfa46_t));
+  return sizeof(alfa46_t);
+}
+
+int rig_controller_load(void *instance, const void *bytes, uint32_t size) {
+  if (size != sizeof(alfa46_t)) return RIG_ERROR;
+  memcpy(instance, bytes, size);
+  return RIG_OK;
+}

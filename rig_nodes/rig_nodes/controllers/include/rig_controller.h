@@ -148,6 +148,13 @@ RIG_EXPORT void rig_controller_signal_values(void *instance, double *values, uin
 RIG_EXPORT const rig_parameter *rig_controller_settings(void);
 RIG_EXPORT void rig_controller_set(void *instance, const double *values, uint32_t count);
 
+/* Optional, both functions or none: the state of a controller, for FMUs (`./rig export controller-fmu`), whose importers may save it
+ * and bring it back. The first function returns the state's size in bytes, which is not 0, and writes it where bytes is not NULL.
+ * The second one takes these bytes, in any process, into a controller that was created with the same info; so they hold no pointer.
+ * With a status other than RIG_OK it refuses them. */
+RIG_EXPORT uint32_t rig_controller_save(void *instance, void *bytes);
+RIG_EXPORT int rig_controller_load(void *instance, const void *bytes, uint32_t size);
+
 #ifdef __cplusplus
 }
 #endif

@@ -19,6 +19,7 @@ import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
 
@@ -42,6 +43,7 @@ from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
 
 SOURCES = Path(__file__).parent / "c"
+COMMON = ("instance.c", "state.c")  # of both versions of FMI
 PLATFORMS = {2: "linux64", 3: "x86_64-linux"}  # folders of binaries/
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
 FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC")
@@ -102,7 +104,7 @@ def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, 
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         Path(folder, "variables.h").write_text(header, encoding="utf-8")
         includes, objects = [f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}"], []
-        for number, path in enumerate([SOURCES / f"fmi{fmi}.c", SOURCES / "instance.c", *sources]):
+        for number, path in enumerate([SOURCES / f"fmi{fmi}.c", *(SOURCES / name for name in COMMON), *sources]):
             objects.append(f"{folder}/{number}.o")
             _run([*compiler(path.suffix), *FLAGS, *flags, *includes, "-c", "-o", objects[-1], str(path)])
         # with C++ sources the C++ compiler links, for its runtime
@@ -143,6 +145,8 @@ class Model:
         Further options of the compiler.
     more : str
         C text for variables.h.
+    saves : bool
+        Whether its state can be saved and brought back.
     """
 
     identifier: str
@@ -153,6 +157,7 @@ class Model:
     resources: dict[str, str] = field(default_factory=dict)
     flags: Sequence[str] = ()
     more: str = ""
+    saves: bool = True
 
 
 def write_fmu(target: Path, fmi: int, model: Model) -> None:
@@ -174,10 +179,12 @@ def write_fmu(target: Path, fmi: int, model: Model) -> None:
     """
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
-    token = token_of(model.identifier, model.variables, str(fmi))
+    # without resources the model is in its sources, and a state of other sources is not its own
+    code = "" if model.resources else sha256(b"".join(path.read_bytes() for path in model.sources)).hexdigest()
+    token = token_of(model.identifier, model.variables, f"{fmi}{code}")
     header = c_header(fmi, model.variables, token, model.defines) + model.more
     tool = bool(model.resources)
-    xml = model_description(fmi, model.identifier, model.text, model.variables, token, __version__, tool=tool)
+    xml = model_description(fmi, model.identifier, model.text, model.variables, token, __version__, tool=tool, saves=model.saves)
     if not target.parent.is_dir():
         raise RigError(f"{target}: there is no folder {target.parent}")
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
@@ -475,7 +482,7 @@ def build_controller_fmu(
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
         text, defines = f"A shift controller for the rig {config.name}", controller_defines(record, variables, *map(len, own))
-        write_fmu(target, fmi, Model(identifier, text, variables, model, defines, flags=flags, more=more))
+        write_fmu(target, fmi, Model(identifier, text, variables, model, defines, flags=flags, more=more, saves=found.saves))
 
 
 class _Described(CLibrary):

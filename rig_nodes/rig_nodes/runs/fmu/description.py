@@ -68,6 +68,7 @@ BASE_UNITS = {  # unit -> its base units
 }
 # typical size of inputs and outputs in a test, for importers that scale errors
 NOMINALS = {"rad/s": 100.0, "N.m": 100.0, "Pa": 1e6, "J": 1e4, "N": 1e4, "m": 1e-3, "m3/s": 1e-4}
+STEP = 1e-3  # default communication step [s]
 # as in c/model.h
 CATEGORIES = ("logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
@@ -276,7 +277,7 @@ def _structure(fmi: int, variables: Sequence[Variable]) -> list[str]:
 
 
 def model_description(
-    fmi: int, identifier: str, text: str, variables: Sequence[Variable], token: str, version: str, tool: bool, step: float = 1e-3
+    fmi: int, identifier: str, text: str, variables: Sequence[Variable], token: str, version: str, tool: bool, saves: bool
 ) -> str:
     """Return modelDescription.xml of FMI 2.0 or 3.0 for co-simulation.
 
@@ -296,8 +297,8 @@ def model_description(
         Version of rig_nodes.
     tool : bool
         Whether the FMU needs a program that is already installed (needsExecutionTool).
-    step : float
-        Default communication step [s].
+    saves : bool
+        Whether the state can be saved and brought back, also as bytes.
 
     Returns
     -------
@@ -308,13 +309,14 @@ def model_description(
         "modelIdentifier": identifier,
         "needsExecutionTool": tool,
         "canHandleVariableCommunicationStepSize": True,
-        "canGetAndSetFMUState" if fmi == 3 else "canGetAndSetFMUstate": False,
+        "canGetAndSetFMUState" if fmi == 3 else "canGetAndSetFMUstate": saves,
+        "canSerializeFMUState" if fmi == 3 else "canSerializeFMUstate": saves,
     }
     if fmi == 2:
         offers["canNotUseMemoryManagementFunctions"] = True
     else:
-        offers |= {"fixedInternalStepSize": step, "mightReturnEarlyFromDoStep": tool}
-    text = f"{text}; communication steps are whole multiples of {step * 1e3:g} ms"
+        offers |= {"fixedInternalStepSize": STEP, "mightReturnEarlyFromDoStep": tool}
+    text = f"{text}; communication steps are whole multiples of {STEP * 1e3:g} ms"
     head = {
         "fmiVersion": "3.0" if fmi == 3 else "2.0",
         "modelName": identifier,
@@ -338,7 +340,7 @@ def model_description(
         "  <LogCategories>",
         *(f'    <Category name="{name}"/>' for name in CATEGORIES),
         "  </LogCategories>",
-        f'  <DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="{step}"/>',
+        f'  <DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="{STEP}"/>',
         "  <ModelVariables>",
     ]
     lines += (_variables3 if fmi == 3 else _variables2)(variables)

@@ -15,19 +15,22 @@ import socket
 import struct
 import sys
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...base import RigError, printable
+from .rig_state import arrays_like, from_bytes, key_of, to_bytes
 
 if TYPE_CHECKING:
     from ...rig import RigConfig
     from ..rig import Rig
     from .rig_variables import Values
 
-INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
+INITIALIZE, STEP, TERMINATE, RESET, SAVE, RESTORE = range(1, 7)
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-HEAD = struct.Struct("<II")  # request: what, samples; answer: status, samples done
+HEAD = struct.Struct("<II")  # request: what, samples; answer: status, samples done; with a state: its bytes, which follow
+PIECE = 32768  # bytes of a state in one message
 TEXT = 1024  # bytes of each string and of the sentence, as in c/model.h
 
 
@@ -139,6 +142,8 @@ class RigModel:
         else:
             self.rig = Rig(config, int(values["seed"]))
         self._given, self._changed_config = {}, config
+        self._first, self._first_texts = values.numbers.copy(), list(values.texts)
+        self._acted = self._first  # values that act on the rig
         self._tunables = Tunables(config, values)
         self._reader = Reader(self.rig, values)
         self._reader.read()
@@ -165,6 +170,7 @@ class RigModel:
             if self._recording is not None:
                 topic = CONTROLLER_EVENTS if setting.owner == CONTROLLER else "/rig/events"
                 self._recording.outputs.event(topic, CHANGED, setting.sentence(value), value)
+        self._acted = self.values.numbers.copy()
         command = self._command() if self.rig.shifts and not self.rig.embedded else None
         first = self.rig.sample
         end = first + samples
@@ -229,6 +235,59 @@ class RigModel:
             return samples
         return max(1, min(samples, self.rig.shift_end + 1 - self.rig.sample))
 
+    @cached_property
+    def _key(self) -> str:
+        return key_of(self.config)
+
+    def save(self) -> bytes:
+        """Return the state as bytes, none before there is a rig; RigError while a bag is recorded."""
+        if self.rig is None:
+            return b""
+        self._check_unrecorded()
+        state = self.rig.snapshot()
+        plain = {name: value for name, value in state.values.items() if name != "config"}
+        head = {"values": plain, "to_come": state.to_come, "texts": self._first_texts}
+        return to_bytes(self._key, head, [self._first, self._acted, *state.arrays])
+
+    def restore(self, data: bytes) -> None:
+        """Return to a state that an instance of the same FMU saved.
+
+        Parameters
+        ----------
+        data : bytes
+            A result of :meth:`save`.
+
+        Raises
+        ------
+        RigError
+            When the state is not of this FMU, or while a bag is recorded.
+        """
+        self._check_unrecorded()
+        if not data:
+            self.rig = None
+            return
+        head, rest = from_bytes(self._key, data)
+        values, size = self.values, self.values.numbers.nbytes
+        now = values.numbers.copy(), list(values.texts)
+        # the rig is made as it was then and set as it was; so its settings are right, and its state follows
+        values.numbers[:], acted = arrays_like([values.numbers, values.numbers], rest[: 2 * size])
+        values.texts[:] = head["texts"]
+        self.initialize()
+        values.numbers[:] = acted
+        self._tunables.give(self.rig)
+        self._give_setpoints()
+        self._acted = acted
+        state = self.rig.snapshot()
+        arrays = tuple(arrays_like(state.arrays, rest[2 * size :]))
+        self.rig.restore(replace(state, values=state.values | head["values"], to_come=head["to_come"], arrays=arrays))
+        values.numbers[:], values.texts[:] = now
+
+    def _check_unrecorded(self) -> None:
+        if self._recording is not None:
+            raise RigError(
+                "the state of a run that is recorded is neither saved nor brought back; leave the parameter record empty"
+            )
+
     def terminate(self) -> None:
         """End the recording, if there is one."""
         recording, self._recording = self._recording, None
@@ -249,7 +308,9 @@ def serve(link: socket.socket, resources: Path) -> None:
             break
         what, samples = HEAD.unpack_from(request)
         _take(values, request)
-        status, done, sentence = OK, 0, ""
+        status, done, sentence, state = OK, 0, "", b""
+        while what == RESTORE and len(state) < samples and (piece := link.recv(PIECE)):
+            state += piece
         try:
             if what == INITIALIZE:
                 model.initialize()
@@ -262,11 +323,19 @@ def serve(link: socket.socket, resources: Path) -> None:
             elif what == RESET:
                 model.terminate()
                 model.rig = None
+            elif what == RESTORE:
+                model.restore(state)
+            elif what == SAVE:
+                state = model.save()
+                done = len(state)
         except RigError as error:
             status, sentence = ERROR, str(error)
         except OSError as error:  # the bag cannot be written
             status, sentence = ERROR, f"the rig's process: {error}"
         link.send(_answer(values, status, done, sentence))
+        if what == SAVE:
+            for first in range(0, done, PIECE):
+                link.send(state[first : first + PIECE])
     model.terminate()
 
 

@@ -24,6 +24,8 @@
 extern void rig_controller_wanted(void *instance, const double *values, uint32_t count) __attribute__((weak));
 extern void rig_controller_signal_values(void *instance, double *values, uint32_t count) __attribute__((weak));
 extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
+extern uint32_t rig_controller_save(void *instance, void *bytes) __attribute__((weak));
+extern int rig_controller_load(void *instance, const void *bytes, uint32_t size) __attribute__((weak));
 
 enum { GEAR = 2 * MODEL_VALVES, SHIFTING, FLAGS, STATUS, TOLD }; /* places from MODEL_OUTPUTS on; TOLD is their number */
 
@@ -148,6 +150,36 @@ int model_terminate(model *m) {
 int model_reset(model *m) {
   end(m);
   return MODEL_OK;
+}
+
+int model_save(model *m, unsigned char **bytes, size_t *size) {
+  const char *why = "there is no memory for the state";
+  *bytes = NULL;
+  *size = 0;
+  if (rig_controller_save && rig_controller_load) {
+    if (!m->alive) return MODEL_OK;
+    *size = rig_controller_save(m->controller, NULL);
+    if (*size) *bytes = calloc(1, *size);
+    if (*bytes && rig_controller_save(m->controller, *bytes) == *size) return MODEL_OK;
+    if (*bytes || !*size) why = "rig_controller_save returned another size than before, or 0";
+    free(*bytes);
+    *bytes = NULL;
+  } else {
+    why = "the controller has no rig_controller_save and rig_controller_load, so its state cannot be saved";
+  }
+  m->say(m->importer, MODEL_ERROR, why);
+  return MODEL_ERROR;
+}
+
+int model_restore(model *m, const unsigned char *bytes, size_t size) {
+  int status;
+  end(m);
+  if (!size) return MODEL_OK;
+  status = model_initialize(m); /* a new one, with the parameters of the one that was saved */
+  if (status != MODEL_OK) return status;
+  if (rig_controller_load && rig_controller_load(m->controller, bytes, (uint32_t)size) == RIG_OK) return MODEL_OK;
+  m->say(m->importer, MODEL_ERROR, "the controller refuses the state");
+  return MODEL_ERROR;
 }
 
 void model_free(model *m) {

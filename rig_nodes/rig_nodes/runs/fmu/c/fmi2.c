@@ -142,6 +142,29 @@ fmi2Status fmi2SetString(fmi2Component it, const fmi2ValueReference r[], size_t 
   return fmi2OK;
 }
 
+fmi2Status fmi2GetFMUstate(fmi2Component it, fmi2FMUstate *state) {
+  return (fmi2Status)instance_save(((component *)it)->inner, (instance_state **)state);
+}
+fmi2Status fmi2SetFMUstate(fmi2Component it, fmi2FMUstate state) {
+  return (fmi2Status)instance_restore(((component *)it)->inner, state);
+}
+fmi2Status fmi2FreeFMUstate(fmi2Component it, fmi2FMUstate *state) {
+  (void)it;
+  if (!state) return fmi2OK;
+  free(*state);
+  *state = NULL;
+  return fmi2OK;
+}
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component it, fmi2FMUstate state, size_t *size) {
+  return (fmi2Status)instance_state_size(((component *)it)->inner, state, size);
+}
+fmi2Status fmi2SerializeFMUstate(fmi2Component it, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+  return (fmi2Status)instance_serialize(((component *)it)->inner, state, (unsigned char *)bytes, size);
+}
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component it, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+  return (fmi2Status)instance_deserialize(((component *)it)->inner, (const unsigned char *)bytes, size, (instance_state **)state);
+}
+
 /* ---- optional functions that modelDescription.xml does not offer; their parameters are not used */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 
@@ -151,14 +174,7 @@ static fmi2Status not_offered(fmi2Component it, const char *sentence) {
   if (it) say(it, MODEL_ERROR, sentence);
   return fmi2Error;
 }
-#define NO_STATE return not_offered(it, "this FMU cannot save and restore its state")
 
-fmi2Status fmi2GetFMUstate(fmi2Component it, fmi2FMUstate *state) { NO_STATE; }
-fmi2Status fmi2SetFMUstate(fmi2Component it, fmi2FMUstate state) { NO_STATE; }
-fmi2Status fmi2FreeFMUstate(fmi2Component it, fmi2FMUstate *state) { NO_STATE; }
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component it, fmi2FMUstate state, size_t *size) { NO_STATE; }
-fmi2Status fmi2SerializeFMUstate(fmi2Component it, fmi2FMUstate state, fmi2Byte bytes[], size_t size) { NO_STATE; }
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component it, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) { NO_STATE; }
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component it, const fmi2ValueReference u[], size_t nu,
                                         const fmi2ValueReference k[], size_t nk, const fmi2Real dk[], fmi2Real du[]) {
   return not_offered(it, "this FMU has no directional derivatives");

@@ -91,6 +91,27 @@ fmi3Status fmi3SetString(fmi3Instance it, const fmi3ValueReference r[], size_t n
   return fmi3OK;
 }
 
+fmi3Status fmi3GetFMUState(fmi3Instance it, fmi3FMUState *state) {
+  return (fmi3Status)instance_save(in(it), (instance_state **)state);
+}
+fmi3Status fmi3SetFMUState(fmi3Instance it, fmi3FMUState state) { return (fmi3Status)instance_restore(in(it), state); }
+fmi3Status fmi3FreeFMUState(fmi3Instance it, fmi3FMUState *state) {
+  (void)it;
+  if (!state) return fmi3OK;
+  free(*state);
+  *state = NULL;
+  return fmi3OK;
+}
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance it, fmi3FMUState state, size_t *size) {
+  return (fmi3Status)instance_state_size(in(it), state, size);
+}
+fmi3Status fmi3SerializeFMUState(fmi3Instance it, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
+  return (fmi3Status)instance_serialize(in(it), state, bytes, size);
+}
+fmi3Status fmi3DeserializeFMUState(fmi3Instance it, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
+  return (fmi3Status)instance_deserialize(in(it), bytes, size, (instance_state **)state);
+}
+
 /* ---- the functions below do not use parameters that have no meaning for these models */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 
@@ -180,12 +201,6 @@ fmi3Status fmi3SetClock(fmi3Instance it, refs r, size_t n, const fmi3Clock v[]) 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance it, fmi3ValueReference r, size_t *n) NO("variable dependencies")
 fmi3Status fmi3GetVariableDependencies(fmi3Instance it, fmi3ValueReference d, size_t di[], fmi3ValueReference i[], size_t ii[],
                                        fmi3DependencyKind kinds[], size_t n) NO("variable dependencies")
-fmi3Status fmi3GetFMUState(fmi3Instance it, fmi3FMUState *state) NO("state to save")
-fmi3Status fmi3SetFMUState(fmi3Instance it, fmi3FMUState state) NO("state to save")
-fmi3Status fmi3FreeFMUState(fmi3Instance it, fmi3FMUState *state) NO("state to save")
-fmi3Status fmi3SerializedFMUStateSize(fmi3Instance it, fmi3FMUState state, size_t *size) NO("state to save")
-fmi3Status fmi3SerializeFMUState(fmi3Instance it, fmi3FMUState state, fmi3Byte bytes[], size_t size) NO("state to save")
-fmi3Status fmi3DeserializeFMUState(fmi3Instance it, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) NO("state to save")
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance it, refs u, size_t nu, refs k, size_t nk, const fmi3Float64 seed[],
                                         size_t ns, fmi3Float64 out[], size_t no) NO("derivatives")
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance it, refs u, size_t nu, refs k, size_t nk, const fmi3Float64 seed[],

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int refuse(instance *i, int status, const char *form, ...) {
+int instance_refuse(instance *i, int status, const char *form, ...) {
   char sentence[MODEL_TEXT];
   va_list rest;
   va_start(rest, form);
@@ -22,8 +22,7 @@ static int refuse(instance *i, int status, const char *form, ...) {
   return status;
 }
 
-/* Sets the state of the instance from the status of a call of the model, and returns the status. */
-static int after(instance *i, int status) {
+int instance_after(instance *i, int status) {
   if (status == MODEL_FATAL) i->phase = DEAD;
   if (status == MODEL_ERROR) i->phase = FAILED;
   return status;
@@ -64,15 +63,15 @@ static int refresh(instance *i) {
   if (i->fresh) return MODEL_OK;
   status = model_initialize(i->model);
   if (status == MODEL_OK) i->fresh = 1;
-  return after(i, status);
+  return instance_after(i, status);
 }
 
 int instance_get(instance *i, char type, unsigned reference, double *value, const char **text) {
   if (i->phase == DEAD) return MODEL_FATAL;
   if (reference >= MODEL_COUNT || MODEL_TYPES[reference] != type)
-    return refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
+    return instance_refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
   if (i->phase == INSTANTIATED && MODEL_KINDS[reference] == 'o')
-    return refuse(i, MODEL_ERROR, "%s is an output and has no value before the initialization", MODEL_NAMES[reference]);
+    return instance_refuse(i, MODEL_ERROR, "%s is an output and has no value before the initialization", MODEL_NAMES[reference]);
   if (i->phase == INITIALIZING && MODEL_KINDS[reference] == 'o') {
     const int status = refresh(i);
     if (status > MODEL_WARNING) return status;
@@ -85,15 +84,17 @@ int instance_get(instance *i, char type, unsigned reference, double *value, cons
 int instance_set(instance *i, char type, unsigned reference, double value, const char *text) {
   if (i->phase == DEAD) return MODEL_FATAL;
   if (reference >= MODEL_COUNT || MODEL_TYPES[reference] != type)
-    return refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
-  if (MODEL_KINDS[reference] == 'o') return refuse(i, MODEL_ERROR, "%s is an output and cannot be set", MODEL_NAMES[reference]);
-  if (i->phase > STEPPING) return refuse(i, MODEL_ERROR, "%s cannot be set any more; reset before another run", MODEL_NAMES[reference]);
+    return instance_refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
+  if (MODEL_KINDS[reference] == 'o')
+    return instance_refuse(i, MODEL_ERROR, "%s is an output and cannot be set", MODEL_NAMES[reference]);
+  if (i->phase > STEPPING)
+    return instance_refuse(i, MODEL_ERROR, "%s cannot be set any more; reset before another run", MODEL_NAMES[reference]);
   if (MODEL_KINDS[reference] == 'p' && i->phase != INSTANTIATED && i->phase != INITIALIZING)
-    return refuse(i, MODEL_ERROR, "%s is a parameter and cannot be set after the initialization", MODEL_NAMES[reference]);
+    return instance_refuse(i, MODEL_ERROR, "%s is a parameter and cannot be set after the initialization", MODEL_NAMES[reference]);
   if (type == 's') {
-    if (!text) return refuse(i, MODEL_ERROR, "%s takes a string", MODEL_NAMES[reference]);
+    if (!text) return instance_refuse(i, MODEL_ERROR, "%s takes a string", MODEL_NAMES[reference]);
     if (strlen(text) >= MODEL_TEXT)
-      return refuse(i, MODEL_ERROR, "%s takes at most %d characters", MODEL_NAMES[reference], MODEL_TEXT - 1);
+      return instance_refuse(i, MODEL_ERROR, "%s takes at most %d characters", MODEL_NAMES[reference], MODEL_TEXT - 1);
     strcpy(i->values.text[(int)i->values.number[reference]], text);
   } else {
     i->values.number[reference] = value;
@@ -105,9 +106,10 @@ int instance_set(instance *i, char type, unsigned reference, double value, const
 int instance_set_up(instance *i, double start, double stop) {
   if (i->phase == DEAD) return MODEL_FATAL;
   if (i->phase != INSTANTIATED)
-    return refuse(i, MODEL_ERROR, "start and stop time are set before the initialization; reset before another run");
-  if (!isfinite(start)) return refuse(i, MODEL_ERROR, "a start time of %g s is refused; expected a finite one", start);
-  if (!(stop >= start)) return refuse(i, MODEL_ERROR, "the stop time of %g s lies before the start time of %g s", stop, start);
+    return instance_refuse(i, MODEL_ERROR, "start and stop time are set before the initialization; reset before another run");
+  if (!isfinite(start)) return instance_refuse(i, MODEL_ERROR, "a start time of %g s is refused; expected a finite one", start);
+  if (!(stop >= start))
+    return instance_refuse(i, MODEL_ERROR, "the stop time of %g s lies before the start time of %g s", stop, start);
   i->start = start;
   i->stop = stop;
   return MODEL_OK;
@@ -115,7 +117,8 @@ int instance_set_up(instance *i, double start, double stop) {
 
 int instance_enter(instance *i) {
   if (i->phase == DEAD) return MODEL_FATAL;
-  if (i->phase != INSTANTIATED) return refuse(i, MODEL_ERROR, "the initialization comes first, and once; reset before another run");
+  if (i->phase != INSTANTIATED)
+    return instance_refuse(i, MODEL_ERROR, "the initialization comes first, and once; reset before another run");
   i->sample = 0;
   i->phase = INITIALIZING;
   return MODEL_OK;
@@ -124,7 +127,7 @@ int instance_enter(instance *i) {
 int instance_leave_initialization(instance *i) {
   int status;
   if (i->phase == DEAD) return MODEL_FATAL;
-  if (i->phase != INITIALIZING) return refuse(i, MODEL_ERROR, "the initialization was not entered");
+  if (i->phase != INITIALIZING) return instance_refuse(i, MODEL_ERROR, "the initialization was not entered");
   status = refresh(i);
   if (status <= MODEL_WARNING) i->phase = STEPPING;
   return status;
@@ -138,16 +141,16 @@ int instance_step(instance *i, double time, double step) {
   int status;
   if (i->phase == DEAD) return MODEL_FATAL;
   if (i->phase == STOPPED)
-    return refuse(i, MODEL_ERROR, "the simulation has ended at %.6f s; terminate the instance, or reset it", instance_time(i));
-  if (i->phase != STEPPING) return refuse(i, MODEL_ERROR, "a step is for an initialized instance without an error");
+    return instance_refuse(i, MODEL_ERROR, "the simulation has ended at %.6f s; terminate the instance, or reset it", instance_time(i));
+  if (i->phase != STEPPING) return instance_refuse(i, MODEL_ERROR, "a step is for an initialized instance without an error");
   if (!(fabs(time - instance_time(i)) < 0.5 * MODEL_SAMPLE))
-    return refuse(i, MODEL_ERROR, "a step from %.6f s is asked for, but the instance stands at %.6f s", time, instance_time(i));
+    return instance_refuse(i, MODEL_ERROR, "a step from %.6f s is asked for, but the instance stands at %.6f s", time, instance_time(i));
   if (!(samples > 0.5 && samples < 1e9 && fabs(samples - rint(samples)) < 1e-6 * (1.0 + fabs(samples))))
-    return refuse(i, MODEL_ERROR, "a communication step of %.9g s is refused; expected whole milliseconds", step);
+    return instance_refuse(i, MODEL_ERROR, "a communication step of %.9g s is refused; expected whole milliseconds", step);
   if (instance_time(i) + rint(samples) * MODEL_SAMPLE > i->stop + 1e-3 * MODEL_SAMPLE)
-    return refuse(i, MODEL_ERROR, "a step from %.6f s to %.6f s is asked for, past the stop time of %.6f s", instance_time(i),
+    return instance_refuse(i, MODEL_ERROR, "a step from %.6f s to %.6f s is asked for, past the stop time of %.6f s", instance_time(i),
                   instance_time(i) + step, i->stop);
-  status = after(i, model_step(i->model, i->sample, (unsigned)rint(samples), &done));
+  status = instance_after(i, model_step(i->model, i->sample, (unsigned)rint(samples), &done));
   i->sample += done;
   if (status == MODEL_DISCARD) i->phase = STOPPED;
   return status;
@@ -156,9 +159,9 @@ int instance_step(instance *i, double time, double step) {
 int instance_terminate(instance *i) {
   if (i->phase == DEAD) return MODEL_FATAL;
   if (i->phase < STEPPING || i->phase == TERMINATED)
-    return refuse(i, MODEL_ERROR, "there is no run that could be terminated");
+    return instance_refuse(i, MODEL_ERROR, "there is no run that could be terminated");
   i->phase = TERMINATED;
-  return after(i, model_terminate(i->model));
+  return instance_after(i, model_terminate(i->model));
 }
 
 int instance_reset(instance *i) {
@@ -166,7 +169,7 @@ int instance_reset(instance *i) {
   if (i->phase == DEAD) return MODEL_FATAL;
   status = model_reset(i->model);
   starts(i);
-  return after(i, status);
+  return instance_after(i, status);
 }
 
 void instance_free(instance *i) {

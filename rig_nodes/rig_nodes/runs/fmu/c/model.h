@@ -11,6 +11,8 @@
 #ifndef MODEL_H
 #define MODEL_H
 
+#include <stddef.h>
+
 #include "variables.h" /* MODEL_TOKEN, MODEL_COUNT, MODEL_TEXTS, MODEL_TYPES, MODEL_KINDS, MODEL_STARTS, MODEL_NAMES */
 
 #define MODEL_TEXT 1024 /* bytes of a string variable or message, including the terminating zero */
@@ -51,6 +53,12 @@ int model_terminate(model *m);
 /* Resets the model to its state after model_new. */
 int model_reset(model *m);
 
+/* Stores a copy of the model's state in *bytes, which the caller frees; NULL and a size of 0 when there is none yet. */
+int model_save(model *m, unsigned char **bytes, size_t *size);
+
+/* Brings back a state that model_save stored, here or in another instance; the values are already those of that moment. */
+int model_restore(model *m, const unsigned char *bytes, size_t size);
+
 void model_free(model *m);
 
 /* ---- common functions for fmi2.c and fmi3.c (instance.c) */
@@ -80,5 +88,17 @@ int instance_terminate(instance *i);
 int instance_reset(instance *i);
 void instance_free(instance *i);
 double instance_time(const instance *i);
+int instance_refuse(instance *i, int status, const char *form, ...); /* reports a sentence and returns the status */
+int instance_after(instance *i, int status); /* sets the phase from the status of a call of the model, and returns the status */
+
+/* ---- the state of an instance, saved and brought back (state.c); it holds no pointer, so its bytes serve any instance */
+
+typedef struct instance_state instance_state;
+
+int instance_save(instance *i, instance_state **state); /* replaces *state when that is not NULL */
+int instance_restore(instance *i, const instance_state *state);
+int instance_state_size(instance *i, const instance_state *state, size_t *size);
+int instance_serialize(instance *i, const instance_state *state, unsigned char *bytes, size_t size);
+int instance_deserialize(instance *i, const unsigned char *bytes, size_t size, instance_state **state);
 
 #endif

@@ -27,16 +27,16 @@
 
 extern char **environ;
 
-enum { INITIALIZE = 1, STEP, TERMINATE, RESET };
-enum { CHILD_END = 3, PATH_SIZE = 4096, END_TIME_MS = 3000 };
+enum { INITIALIZE = 1, STEP, TERMINATE, RESET, SAVE, RESTORE };
+enum { CHILD_END = 3, PATH_SIZE = 4096, END_TIME_MS = 3000, PIECE = 32768 /* bytes of a state in one message */ };
 
 typedef struct {
-  uint32_t what, samples;
+  uint32_t what, samples; /* RESTORE: bytes of the state, which follows */
   model_values values;
 } request;
 
 typedef struct {
-  uint32_t status, samples; /* samples: number of samples that a step has computed */
+  uint32_t status, samples; /* samples: number of samples that a step has computed; SAVE: bytes of the state, which follows */
   model_values values;
   char sentence[MODEL_TEXT];
 } answer;
@@ -110,12 +110,16 @@ static int receive(model *m) {
   return fail(m, MODEL_FATAL, sentence);
 }
 
-static int ask(model *m, uint32_t what, unsigned samples) {
-  int status;
+static void tell(model *m, uint32_t what, unsigned samples) {
   m->request.what = what;
   m->request.samples = samples;
   m->request.values = *m->values;
   if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* reading the answer reports a failure */
+}
+
+static int ask(model *m, uint32_t what, unsigned samples) {
+  int status;
+  tell(m, what, samples);
   status = receive(m);
   if (status <= MODEL_DISCARD) *m->values = m->answer.values;
   return status;
@@ -237,6 +241,34 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
 
 int model_terminate(model *m) { return ask(m, TERMINATE, 0); }
 int model_reset(model *m) { return ask(m, RESET, 0); }
+
+int model_save(model *m, unsigned char **bytes, size_t *size) {
+  int status = ask(m, SAVE, 0);
+  size_t got = 0;
+  *bytes = NULL;
+  *size = status <= MODEL_WARNING ? m->answer.samples : 0;
+  if (!*size) return status;
+  *bytes = malloc(*size);
+  while (*bytes && got < *size) {
+    const ssize_t part = recv(m->socket, *bytes + got, *size - got, 0);
+    if (part > 0) got += (size_t)part;
+    else if (part == 0 || errno != EINTR) break;
+  }
+  if (got == *size) return status;
+  free(*bytes);
+  *bytes = NULL;
+  return fail(m, MODEL_FATAL, "the rig's process ended while its state was saved");
+}
+
+int model_restore(model *m, const unsigned char *bytes, size_t size) {
+  tell(m, RESTORE, (unsigned)size);
+  for (size_t sent = 0; m->socket >= 0 && sent < size;) {
+    const ssize_t part = send(m->socket, bytes + sent, size - sent < PIECE ? size - sent : PIECE, MSG_NOSIGNAL);
+    if (part > 0) sent += (size_t)part;
+    else if (part == 0 || errno != EINTR) break; /* reading the answer reports a failure */
+  }
+  return receive(m);
+}
 
 void model_free(model *m) {
   char how[64];
