@@ -29,13 +29,6 @@ class Compared:
     ----------
     found : Comparison
         Names, clocks, rows and curves.
-
-    Examples
-    --------
-    >>> rig = rig_nodes.load("hydmag")
-    >>> found = rig.simulate("demo", seed=1).compare(rig.simulate("demo", seed=2))
-    >>> found.metrics[0]["metric"], found.metrics[0]["in_errors"] < 1.0
-    ('input_speed_rpm', True)
     """
 
     def __init__(self, sources: Sequence[Source], by: str | None = None) -> None:

@@ -260,6 +260,12 @@ class Rig:
         ------
         RigError
             When the value is nothing of these.
+
+        Examples
+        --------
+        >>> rig = rig_nodes.load("hydmag")
+        >>> rig.text_of("alfa46.t12", -0.2), rig.text_of("alfa46.output_1.P1", (0.2, 0.16))
+        ('-0.2 s', '0.2 s 0.16 A')
         """
         if isinstance(value, bool):
             return "on" if value else "off"

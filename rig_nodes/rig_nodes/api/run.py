@@ -309,6 +309,13 @@ class Run:
         ------
         RigError
             When a run is of a rig without gears, or cannot be aligned.
+
+        Examples
+        --------
+        >>> rig = rig_nodes.load("hydmag")
+        >>> found = rig.simulate("demo", seed=1).compare(rig.simulate("demo", seed=2))
+        >>> found.metrics[0]["metric"], found.metrics[0]["in_errors"] < 1.0
+        ('input_speed_rpm', True)
         """
         if not others:
             raise RigError("compare takes one or more other runs, e.g. run.compare(other)")

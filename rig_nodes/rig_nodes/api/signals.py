@@ -148,7 +148,7 @@ class Signals(Mapping[str, Signal]):
         group, column = self._places[name]
         if group.logger or column.signal is None:
             rows = self._rows(group.topic)
-            return Signal(rows.channels[name], rows.time(), name, column.unit, column.text)
+            return Signal(rows.channels[name].copy(), rows.time(), name, column.unit, column.text)
         times, values = self._held.series(column.signal)
         return Signal(values, times, name, column.unit, column.text)
 
