@@ -197,8 +197,8 @@ def plug_frames(bus):
 
 
 def answer_of(bus):
-    """Returns the command that answers, or None when there is none within 10 s."""
-    until = time.monotonic() + 10.0
+    """Returns the command that answers, or None when there is none within 60 s, as the first one may compile the law."""
+    until = time.monotonic() + 60.0
     while time.monotonic() < until:
         try:
             frame = bus.recv(0.5)
