@@ -317,7 +317,43 @@ def _with_late_extensions(dispatcher: ModuleType) -> None:
         kind._compilation_chain_init_hook = lambda self: None
 
 
-_CHANGES = {"numba.core.caching": _without_compiler, "numba.core.dispatcher": _with_late_extensions}
+def _with_code_of_entries(codegen: ModuleType) -> None:
+    """Have numba make machine code only of functions that Python, C or an address enters.
+
+    What only compiled code calls is copied into its callers before that, so its own machine code would never run.
+    """
+    kind, target = getattr(codegen, "JITCodeLibrary", None), getattr(codegen, "JITCPUCodegen", None)
+    steps = ("finalize", "_finalize_final_module", "_finalize_dynamic_globals", "_object_caching_enabled")
+    if not (_has(kind, *steps) and _has(target, "set_env")):
+        return
+    finalize, make, set_env = kind.finalize, kind._finalize_final_module, target.set_env
+    kind.is_inner = False
+
+    def finalize_(library: Any) -> None:
+        # asked before its callees are linked into it; what is never kept in the cache is numba's own, and entered by other names
+        names = [one.name for one in library._final_module.functions]
+        library.is_inner = library._object_caching_enabled and not any(name.startswith(("cpython.", "cfunc.")) for name in names)
+        finalize(library)
+
+    def make_(library: Any) -> None:
+        if library.is_inner:
+            library._finalize_dynamic_globals()
+            library._finalized = True
+        else:
+            make(library)
+
+    def set_env_(target: Any, name: str, environment: object) -> None:
+        if target._engine.is_symbol_defined(name):
+            set_env(target, name, environment)
+
+    kind.finalize, kind._finalize_final_module, target.set_env = finalize_, make_, set_env_
+
+
+_CHANGES = {
+    "numba.core.caching": _without_compiler,
+    "numba.core.dispatcher": _with_late_extensions,
+    "numba.core.codegen": _with_code_of_entries,
+}
 
 
 def use_kernel_cache() -> None:
