@@ -219,6 +219,7 @@ def sources_key() -> str:
 def cache_key() -> str:
     """Return a key of everything that decides the machine code."""
     key, package = _sources(), Path(__file__).resolve().parents[1]
+    key.update(Path(__file__).read_bytes())  # how it is compiled
     key.update(f"{version_of('numba')} {version_of('numpy')} {platform.python_version()} {_processor()}".encode())
     # numba finds its files by the source's path too, so a second checkout gets a folder of its own
     key.update(str(package).encode())
