@@ -23,7 +23,7 @@ def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[st
 
 EXTRAS = {
     "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-common-interfaces"],
-    "view": ["rerun-sdk", "matplotlib"],
+    "view": ["rerun-sdk"],
     "plugs": ["python-can", "cantools", "pymodbus"],
     "mdf": ["asammdf", "openpyxl", "npTDMS", "h5py"],
     "learn": ["gymnasium"],
@@ -60,6 +60,7 @@ setup(
             "runs/fmu/c/*",
         ]
     },
+    exclude_package_data={NAME: ["**/*.pyc"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + NAME]),
         ("share/" + NAME, ["package.xml"]),
@@ -84,6 +85,7 @@ setup(
         "lazy-loader",
         "pandas",
         "pyarrow",
+        "matplotlib",
         "cmaes",
         "fmpy<0.3.26",
     ],

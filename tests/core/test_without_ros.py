@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The wheel in a fresh environment that has the core's packages and no ROS: the commands work, and the bag is the same."""
+"""A fresh environment that has the core's packages and no ROS: the commands work, and the bag is the same."""
 
 import json
 import os
@@ -9,10 +9,13 @@ import re
 import subprocess
 import sys
 import venv
+import zipfile
 from importlib.metadata import requires
 from pathlib import Path
 
 import pytest
+
+from rig_nodes.base.compiled import cache_key, cache_root
 
 CHECKOUT = Path(__file__).parents[2]
 SITE = Path(next(path for path in sys.path if path.endswith("site-packages")))
@@ -35,36 +38,65 @@ def files_of(name, seen):
 
 
 @pytest.fixture(scope="module")
-def core(tmp_path_factory):
-    """Returns a function that runs ``rig`` of the wheel; the environment has links to the packages that its metadata names."""
-    folder = tmp_path_factory.mktemp("core")
+def wheel(tmp_path_factory):
+    """The package's wheel, built by its own build system without a look at any index."""
+    folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     subprocess.run(["cp", "-rL", str(CHECKOUT / "rig_nodes"), str(source)], check=True)
     build = "import sys; from setuptools import build_meta; print(build_meta.build_wheel(sys.argv[1]))"
     done = subprocess.run([sys.executable, "-c", build, str(folder)], cwd=source, capture_output=True, text=True, check=True)
-    wheel = folder / done.stdout.splitlines()[-1]
-    assert wheel.name.endswith("-py3-none-any.whl")
+    return folder / done.stdout.splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def core(wheel, tmp_path_factory):
+    """Returns a function that runs ``rig`` in an environment of the core's packages alone, those that the wheel's metadata names.
+
+    The packages are links to those of the tests, and rig_nodes is the checkout's, whose compiled code need not be made anew.
+    """
+    folder = tmp_path_factory.mktemp("core")
     home = folder / "venv"
     venv.create(home, symlinks=True)
     site = home / SITE.relative_to(sys.prefix)
-    pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target", str(site), str(wheel)]
-    subprocess.run(pip, check=True, capture_output=True)
-    metadata = next(site.glob("rig_nodes-*.dist-info")) / "METADATA"
-    lines = [line for line in metadata.read_text().splitlines() if line.startswith("Requires-Dist") and "extra ==" not in line]
-    core_of = [PLAIN.match(line.partition(": ")[2])[0] for line in lines]
+    (site / "rig_nodes.pth").write_text(f"{CHECKOUT / 'rig_nodes'}\n")
     seen = {"rig_nodes"}
-    for entry in set().union(*(files_of(name, seen) for name in core_of)) - {"__pycache__"}:
-        if not (site / entry).exists():
-            os.symlink(SITE / entry, site / entry)
+    for entry in set().union(*(files_of(name, seen) for name in core_of(wheel))) - {"__pycache__"}:
+        os.symlink(SITE / entry, site / entry)
 
     def rig(*words, code=0):
         env = {"PATH": os.defpath, "HOME": str(folder), "PYTHONPYCACHEPREFIX": str(folder / "bytecode")}
+        env["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
         command = [str(home / "bin" / "python"), "-P", "-m", "rig_nodes", *words]
         done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=300)
         assert done.returncode == code, done.stdout + done.stderr
         return done.stdout + done.stderr
 
     return rig
+
+
+def core_of(wheel):
+    """The names of the packages that a wheel requires without an extra."""
+    with zipfile.ZipFile(wheel) as archive:
+        (metadata,) = (archive.read(name).decode() for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+    lines = [line.partition(": ")[2] for line in metadata.splitlines() if line.startswith("Requires-Dist")]
+    return [PLAIN.match(line)[0] for line in lines if "extra ==" not in line]
+
+
+def test_the_wheel_holds_the_whole_package(wheel):
+    """What a run of the wheel finds is what a run of the checkout finds; tests/release/fresh_root.py --core runs the wheel."""
+    assert wheel.name.endswith("-py3-none-any.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if name.startswith("rig_nodes/")}
+    package = CHECKOUT / "rig_nodes"
+    there = {str(path.relative_to(package)) for path in files_below(package / "rig_nodes")}
+    assert there - held == set() and held - there == set()
+
+
+def files_below(folder):
+    """Files of a folder and of folders that it links to, without what Python leaves there."""
+    for where, folders, names in os.walk(folder, followlinks=True):
+        folders[:] = [name for name in folders if name != "__pycache__"]
+        yield from (Path(where, name) for name in names)
 
 
 def test_a_run_without_ros_has_the_bytes_of_one_with_it(core, tmp_path):
@@ -101,7 +133,7 @@ def test_a_run_without_ros_has_the_bytes_of_one_with_it(core, tmp_path):
             ["export", "mf4", str(CHECKOUT / "bags" / "sample"), "--out", "a.mf4"],
             "rig: the Python package asammdf is not installed",
         ),
-        (["status"], "rig: no rig runs on this host, or none has started yet; start one with: rig run"),
+        (["status"], "rig: no rig runs on this host, or none has started yet; start one with: ./rig run"),
     ],
 )
 def test_what_is_missing_is_one_sentence(core, words, sentence):
