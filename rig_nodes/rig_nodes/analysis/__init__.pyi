@@ -5,9 +5,12 @@
 
 from . import modes as modes
 from .annex_a import FACTOR_B as FACTOR_B
+from .causes import SWING as SWING, TIED as TIED
+from .clutch_torques import lever_of as lever_of
 from .coasting import coast_down as coast_down
 from .compare_tables import clock_lines as clock_lines, metric_tables as metric_tables, reasons as reasons, signal_tables as signal_tables
 from .definitions import BEFORE as BEFORE, K_MOST as K_MOST, LONGEST as LONGEST, PRESSURE_MEAN as PRESSURE_MEAN, RPM as RPM, TORQUE_SPEED_MEAN as TORQUE_SPEED_MEAN, undefined_lines as undefined_lines
+from .course import LEAST_TORQUE as LEAST_TORQUE, asked_of_input as asked_of_input
 from .detuning import Detuned as Detuned, Detuning as Detuning, detune as detune, detuning_file as detuning_file, read_detuning as read_detuning
 from .display import aligned as aligned, fixed as fixed, shown as shown
 from .edges import first_true as first_true, odd_width as odd_width, ramp_start as ramp_start, running_mean as running_mean
@@ -25,7 +28,7 @@ from .of_runs import gather as gather, gathering as gathering, shifts_report as 
 from .phases import FILL as FILL, INERTIA as INERTIA, INTERRUPTED as INTERRUPTED, Part as Part, TORQUE as TORQUE, moments_of as moments_of, phases_of as phases_of, times_of as times_of
 from .plate_heat import above_the_oil as above_the_oil
 from .press_bench import OF_A_RUN as OF_A_RUN, bench_lines as bench_lines, of_press as of_press
-from .quality import FAILED as FAILED, GRADES as GRADES, POOR as POOR, quality_of as quality_of, sentence_of as sentence_of
+from .quality import FAILED as FAILED, bounds_of as bounds_of, GRADES as GRADES, POOR as POOR, quality_of as quality_of, sentence_of as sentence_of
 from .ranges import LOGGER as LOGGER, range_lines as range_lines
 from .report_text import format_report as format_report, no_shift as no_shift, numbered_way as numbered_way, shift_name as shift_name
 from .results import ENDS as ENDS, Result as Result, number as number, results_of as results_of, spread as spread, spread_cells as spread_cells, spread_lines as spread_lines

@@ -111,21 +111,30 @@ def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> Non
 def _reduced(
     state: tuple[np.ndarray, list[np.ndarray]], ratio: float, shafts: tuple[np.ndarray, ...], order: float, at: float
 ) -> np.ndarray | None:
-    """Return a clutch's torque reduced to the input, at the states before and behind an instant [Nm]; None where it never slips.
-
-    Its power is torque times slip in the clutch and torque times slip of the gear at the input shaft, so the ratio of the slips,
-    taken where they are largest around the shift, is that of the torques.
-    """
+    """Return a clutch's torque reduced to the input, at the states before and behind an instant [Nm]; None where it never slips."""
     t, (torque, slip) = state
     near = np.flatnonzero((t > order - 0.2) & (t < at + 0.2))
     w_in, w_out = (np.interp(t[near], shafts[0], one) for one in shafts[1:])
-    of_gear = w_in - ratio * w_out
-    widest = int(np.abs(of_gear).argmax())
-    if abs(of_gear[widest]) < LEAST_SLIP:
+    lever = lever_of(slip[near], w_in - ratio * w_out)
+    if lever is None:
         return None
-    lever = slip[near][widest] / of_gear[widest]
     behind = min(max(int(np.searchsorted(t, at)), 1), len(t) - 1)
     return lever * torque[behind - 1 : behind + 1]
+
+
+def lever_of(slip: np.ndarray, of_gear: np.ndarray) -> float | None:
+    """Return the factor from a clutch's torque to that at the input shaft; None where the clutch never slips.
+
+    Its power is torque times slip in the clutch and torque times slip of the gear at the input shaft, so the ratio of the slips,
+    taken where they are largest around the shift, is that of the torques.
+
+    Parameters
+    ----------
+    slip, of_gear : (n,) array of float
+        Slip of the clutch and of its gear at the input shaft [rad/s], at the same times.
+    """
+    widest = int(np.abs(of_gear).argmax())
+    return None if abs(of_gear[widest]) < LEAST_SLIP else float(slip[widest] / of_gear[widest])
 
 
 def _nearest(found: Mapping[str, np.ndarray], carried: float) -> dict[str, float]:

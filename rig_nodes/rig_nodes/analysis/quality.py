@@ -61,7 +61,7 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
         reasons.append((FAILED, f"gear {box.names[row['to_gear']]} was not reached"))
     elif row["t_c_s"] is not None:
         judged = not clipped
-        slow = SLOW_UP if row["to_gear"] > row["from_gear"] else SLOW_DOWN
+        slow = _slowest(row)
         if row["t_c_s"] > slow and not box.turns_round(row["from_gear"], row["to_gear"]):
             grade = POOR if row["t_c_s"] > UNTUNED else FAIR
             reasons.append((grade, f"it took {row['t_c_s']:.3f} s from the order, over {UNTUNED if grade == POOR else slow:g} s"))
@@ -115,12 +115,55 @@ def _because(why: str) -> str:
 
 def _hole(row: Mapping, box: Transmission) -> float | None:
     """Return the lowest input torque by that which the load asks in the gear that asks less, where it is a hole or a reversal."""
-    asked, low = asked_of_input(row, box, least=True), row.get("input_torque_low_nm")
-    if asked is None or low is None or asked < 0.0 or box.turns_round(row["from_gear"], row["to_gear"]):
+    asked, low, bound = asked_of_input(row, box, least=True), row.get("input_torque_low_nm"), _lowest_torque(row, box)
+    return None if bound is None or low is None or low >= bound else low / asked
+
+
+def _lowest_torque(row: Mapping, box: Transmission) -> float | None:
+    """Return the input torque below which its lowest value is a hole or a reversal [Nm]."""
+    asked = asked_of_input(row, box, least=True)
+    if asked is None or asked < 0.0 or box.turns_round(row["from_gear"], row["to_gear"]):
         return None
     found = (row.get("torques") or {}).get("low")
     brakes = found["engaging"] < -LEAST_TORQUE if found else bool(row.get("reversed_s"))
-    return low / asked if low < (REVERSAL if brakes else HOLE) * asked else None
+    return (REVERSAL if brakes else HOLE) * asked
+
+
+def _slowest(row: Mapping) -> float:
+    return SLOW_UP if row["to_gear"] > row["from_gear"] else SLOW_DOWN
+
+
+def bounds_of(row: Mapping, box: Transmission) -> dict[str, tuple[float | None, float | None]]:
+    """Return the ranges within which a shift is good, by the keys of its metrics and in their units, None for an open end.
+
+    Parameters
+    ----------
+    row : mapping
+        Row of shift.shift_metrics.
+    box : Transmission
+        The transmission that was shifted.
+
+    Returns
+    -------
+    dict
+        Only of what :func:`quality_of` judges of this shift.
+    """
+    found: dict[str, tuple[float | None, float | None]] = {}
+    if not box.changes(row["from_gear"], row["to_gear"]):
+        return found
+    if not box.turns_round(row["from_gear"], row["to_gear"]):
+        found["t_c_s"] = None, _slowest(row)
+    if row.get("in_gear") is False:
+        return found
+    asked, low = asked_of_input(row, box), _lowest_torque(row, box)
+    if asked is not None and asked >= 0.0:
+        found["input_torque_high_nm"] = None, SHOCK * asked
+    if low is not None:
+        found["input_torque_low_nm"] = low, None
+    if row["k"] is not None and row["input_speed_rpm"]:
+        slower = abs(row["input_speed_rpm"]) / box.slower_ratio(row["from_gear"], row["to_gear"])
+        found |= {"k": (K_DIP, None), "output_speed_low_rpm": (K_DIP * slower, None)}
+    return found
 
 
 def peak_ratio(row: Mapping, box: Transmission) -> float | None:

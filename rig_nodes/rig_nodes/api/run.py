@@ -260,7 +260,7 @@ class Run:
         return chosen, on_one_clock(chosen.groups, chosen.parts(), round(seconds * 1e9))
 
     def plot(self, shift: int | None = None) -> Figure:
-        """Draw the run, or one of its shifts: speeds with slip, torques, pressures and currents, with phases and orders.
+        """Draw the run, or one of its shifts: pressures, torques and speeds with phases, peaks, limits and the verdict.
 
         Parameters
         ----------
@@ -283,12 +283,14 @@ class Run:
         >>> run.plot(shift=1).savefig("shift.png")
         """
         optional("matplotlib", "view")
-        from .figure import figure_of
+        from ..view import Pages, draw_figure, figure_of_run, figure_of_shift
 
-        count = len(self.report["shifts"])
-        if shift is not None and not (isinstance(shift, int) and 1 <= shift <= count):
+        count, of = len(self.report["shifts"]), (Pages(self.record), self.signals, self.signals.span)
+        if shift is None:
+            return draw_figure(figure_of_run(self.report, *of))
+        if not (isinstance(shift, int) and 1 <= shift <= count):
             raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
-        return figure_of(self, shift)
+        return draw_figure(figure_of_shift(self.report, shift, *of))
 
     def compare(self, *others: Run, by: str | None = None) -> Compared:
         """Compare with other runs, as `rig compare`.
@@ -350,8 +352,7 @@ class Run:
         picture = ""
         try:
             drawn = self.plot(1 if len(self.shifts) else None)
-            drawn.set_size_inches(0.7 * drawn.get_size_inches())
-            picture = f'<img src="data:image/png;base64,{b64encode(drawn._repr_png_()).decode()}">'
+            picture = f'<img width="770" src="data:image/png;base64,{b64encode(drawn._repr_png_()).decode()}">'
         except RigError:
             pass  # without matplotlib there is no picture
         return f"<p>{escape(self._head)}</p>{self.shifts._repr_html_()}{picture}"

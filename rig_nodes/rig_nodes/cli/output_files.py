@@ -61,6 +61,7 @@ KINDS = {
     "page": Kind((".html", ".htm"), _marked(b"<!DOCTYPE html>")),
     "pdf": Kind((".pdf",), _pdf),
     "png": Kind((".png",), _marked(b"\x89PNG\r\n")),
+    "picture": Kind((".png", ".svg"), lambda head, path: head.startswith((b"\x89PNG\r\n", b"<?xml")) and MARK in head),
     "rrd": Kind((".rrd",), lambda head, path: head.startswith(b"RRF") and b"virtual_rig" in head),
     "json": Kind((".json",), _begins(b'{\n  "generator": "' + MARK + b'",\n')),  # of write_json
     "svg": Kind((".svg",), lambda head, path: bool(_SVG.match(head))),

@@ -5,7 +5,8 @@
 
 It rewrites the report beside the bag and keeps from it the facts that only the run itself had (lateness, end). A report of another
 run, or of a bag that has been damaged since, stays unchanged. A folder of runs, as procedures and
-sweeps leave it, gets a table and its spread (cli.report_of_runs). ``--html`` and ``--pdf`` write a page.
+sweeps leave it, gets a table and its spread (cli.report_of_runs). ``--html`` and ``--pdf`` write a page, ``--picture`` the
+figure of a shift.
 """
 
 from __future__ import annotations
@@ -57,6 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pdf", type=OutputFile("pdf"), metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH"
     )
+    parser.add_argument(
+        "--picture", type=OutputFile("picture"), metavar="FILE", help="draw a shift, or a run without shifts, as .png or .svg"
+    )
+    parser.add_argument("--shift", type=int, metavar="N", help="the shift that --picture draws (1)")
     add_list(parser, "--limit", "NAME=RANGE", "limits", "judge a result, e.g. t_c='.. 700 ms' or FROM-TO:k='0.95 ..'")
     parser.add_argument("--limits", metavar="FILE", dest="limits_file", help="the same from a .yaml file")
     parser.add_argument(
@@ -72,6 +77,8 @@ def main(args: argparse.Namespace) -> int:
         raise RigError("--factor is Annex A's; give --annex-a too")
     if args.factor is not None and not args.factor > 1.0:
         raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. {FACTOR_B}")
+    if args.shift is not None and args.picture is None:
+        raise RigError("--shift says which shift --picture draws; give --picture too")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     if args.pdf is not None:
         from ..view import browser
@@ -145,9 +152,19 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
     if not bag.recovered and lost:
         print(f"rig: lost: {lost}", file=sys.stderr)
     write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Lost: {lost}."] if lost else []))
+    if args.picture is not None:
+        _draw(args, report)
     if faults:
         print(f"rig: {bag.path}: {printable('; '.join(faults))}", file=sys.stderr)
     return 1 if bag.recovered else LOST if faults else 0
+
+
+def _draw(args: argparse.Namespace, report: dict) -> None:
+    from ..api import Run
+    from ..view import write_figure
+
+    shift = 1 if args.shift is None and report["shifts"] else args.shift
+    write_figure(Run(Path(args.run), report).plot(shift), args.picture)
 
 
 def _run_of(bag: Gathered, folder: Path, facts: dict[str, dict]) -> dict:

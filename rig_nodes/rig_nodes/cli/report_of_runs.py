@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 LOST = 3  # exit code: the report is made, but runs are missing in it
 UNFINISHED = "the sweep is not finished"
-OF_ONE_RUN = (("annex_a", "annex-a"), ("truth", "truth"))
+OF_ONE_RUN = (("annex_a", "annex-a"), ("truth", "truth"), ("picture", "picture"))
 
 
 def is_folder_of_runs(path: Path) -> bool:

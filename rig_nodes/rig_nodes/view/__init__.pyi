@@ -6,6 +6,9 @@
 from .campaign import is_campaign as is_campaign, write_campaign as write_campaign
 from .compare_file import write_compare_file as write_compare_file
 from .convert import View as View, import_rerun as import_rerun, make_close_view as make_close_view, make_tab_view as make_tab_view, make_view as make_view
+from .draw import draw_figure as draw_figure, write_figure as write_figure
+from .figure_of_run import figure_of_run as figure_of_run
+from .figure_of_shift import figure_of_shift as figure_of_shift
 from .live import Sender as Sender, Server as Server, live_topics as live_topics
 from .other_tools import write_layout as write_layout
 from .page_of_compare import compare_page as compare_page
@@ -13,5 +16,5 @@ from .page_of_report import Facts as Facts, campaign_page as campaign_page, repo
 from .pages import Pages as Pages
 from .pdf import browser as browser, pdf_of as pdf_of
 from .picture import require_driver as require_driver, take_picture as take_picture
-from .report_plots import PHASES as PHASES, heading_of as heading_of, plots_of_bag as plots_of_bag, styles_of as styles_of, window_of as window_of
+from .report_plots import plots_of_bag as plots_of_bag
 from .viewer import command_for as command_for, has_display as has_display, open_window as open_window

@@ -1,0 +1,201 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a figure of a run consists of, without any drawing: panels with curves, phases, marks, limits and numbers.
+
+view.figure_of_shift and view.figure_of_run describe one, view.draw draws it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .pages import Pages
+
+SOLID, DASHED, DOTTED = "solid", "dashed", "dotted"
+GAP = 1e-6  # s by which a sample may lie outside a window, from rounding of its time
+
+
+class Series(Protocol):
+    """Values (n,) of a signal [SI] with their times (n,) [s]."""
+
+    time: np.ndarray
+
+    def __array__(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve.
+
+    Attributes
+    ----------
+    signal : str
+        Name of the signal.
+    text, short : str
+        Its label in a wide and in a narrow column; empty for a curve that its colour and the panel's note explain.
+    colour : str
+        Colour of curve and label.
+    style : str
+        SOLID, DASHED or DOTTED.
+    t, y : (n,) array of float
+        Times in the figure's unit, and values in the panel's unit.
+    scales : bool
+        True when the panel's axis must hold all of it.
+    """
+
+    signal: str
+    text: str
+    short: str
+    colour: str
+    style: str
+    t: np.ndarray
+    y: np.ndarray
+    scales: bool = True
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A marked point of a curve with its number."""
+
+    t: float
+    y: float
+    text: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class Level:
+    """A horizontal line: a limit, or what the load asks; a limit is red."""
+
+    y: float
+    text: str
+    limit: bool = True
+
+
+@dataclass(frozen=True)
+class Hatch:
+    """The area between a curve and zero over the times (n,) at which it matters, with its sentence."""
+
+    t: np.ndarray
+    y: np.ndarray
+    text: str
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A plot: its axis' title and unit, curves, marks and levels, and a note on its line styles."""
+
+    title: str
+    unit: str
+    curves: tuple[Curve, ...]
+    rings: tuple[Ring, ...] = ()
+    levels: tuple[Level, ...] = ()
+    hatches: tuple[Hatch, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A phase: its kind, texts from the longest to the shortest for the strip, beginning and end."""
+
+    kind: str
+    texts: tuple[str, ...]
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Moment:
+    """An instant with its sign in the strip and the words that explain the sign; empty words are not explained."""
+
+    t: float
+    sign: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Number:
+    """A result at the foot: its name, value with unit, limit, and whether that is met (None without a verdict)."""
+
+    key: str
+    name: str
+    value: str
+    limit: str
+    met: bool | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the panels: its first and last time, the title of its axis, and its share of the width."""
+
+    first: float
+    last: float
+    title: str
+    share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Description:
+    """A figure.
+
+    Attributes
+    ----------
+    title, conditions, sentence : str
+        What it shows, under which conditions, and what came of it.
+    grade : str
+        The verdict in a word; empty when nothing was judged.
+    columns : tuple of Column
+        Its columns, which have the same scale.
+    panels : tuple of Panel
+        Its plots, one below the other.
+    stretches, moments : tuple
+        Phases and instants.
+    numbers : tuple of Number
+        The results at its foot.
+    """
+
+    title: str
+    conditions: str
+    sentence: str
+    grade: str
+    columns: tuple[Column, ...]
+    panels: tuple[Panel, ...]
+    stretches: tuple[Stretch, ...] = ()
+    moments: tuple[Moment, ...] = ()
+    numbers: tuple[Number, ...] = ()
+
+
+def cut(
+    signals: Mapping[str, Series], name: str, pages: Pages, window: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return times (n,) [s] and values (n,) of a signal in a window, in the unit that people read.
+
+    Parameters
+    ----------
+    signals : mapping of str to Series
+        The signals of the run.
+    name : str
+        The signal.
+    pages : Pages
+        The pages of its rig.
+    window : (float, float)
+        First and last time [s].
+
+    Returns
+    -------
+    tuple or None
+        None when the run has nothing of it there.
+    """
+    if name not in signals or name not in pages.known.signals:
+        return None
+    whole = signals[name]
+    first, last = np.searchsorted(whole.time, (window[0] - GAP, window[1] + GAP))
+    part = slice(max(0, first - 1), last + 1)
+    values = pages.signal(name).shown(np.asarray(whole)[part])
+    return None if not np.isfinite(values).any() else (whole.time[part], values)

@@ -1,0 +1,457 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The figure of a shift: what happened, whether it was good, and why, in pressures, clutch torques, shaft torques and speeds.
+
+``Run.plot`` and `rig report --picture` show it. Phases, results, verdict, causes and limits are those of the report.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis import (
+    FILL,
+    INTERRUPTED,
+    LEAST_TORQUE,
+    MET,
+    PRESSURE_MEAN,
+    SWING,
+    TIED,
+    TORQUE_SPEED_MEAN,
+    UNDECIDED,
+    asked_of_input,
+    bounds_of,
+    every_metric,
+    lever_of,
+    moments_of,
+    odd_width,
+    phases_of,
+    running_mean,
+    shift_name,
+    times_of,
+    verdicts_in,
+)
+from ..rig import NEUTRAL, changed_settings
+from .figure import (
+    DASHED,
+    DOTTED,
+    SOLID,
+    Column,
+    Curve,
+    Description,
+    Hatch,
+    Level,
+    Moment,
+    Number,
+    Panel,
+    Ring,
+    Series,
+    Stretch,
+    cut,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..rig import Clutch, Transmission
+    from .pages import Pages
+
+INPUT, OUTPUT, OTHER = "#00735a", "#b5307c", "#555555"
+CLUTCHES = ("#0b5ea8", "#c04f00", "#6b3fa0", "#7a6400", "#00707a")  # in the order of the transmission
+SETTLING = "settling"
+SIGNS = "①②③④⑤"
+AROUND = 0.08, 0.15  # shares of the shift that are shown before its order and after its end
+UNKNOWN = 1.5  # s shown after an order without an end
+CLOSE = 3.0  # lengths from kiss point to lock-up that the close-up shows behind lock-up at most
+LEAST_CLOSE = 0.15  # s
+OVERSHOOT = 1.05  # of the pressure's level at the end, from which its peak is marked
+MOST_CHANGED = 2  # changed settings that are named
+LEVEL = 20e-3  # s over which a level is taken
+NEAR = 2e-3  # share by which a curve may miss a result, from rounding
+GRID = 0.05  # ms by which rounding may move a sample
+
+# results at the foot: key and words
+NUMBERS = {
+    "t_c_s": "order to lock-up t_c",
+    "t_p_s": "inertia phase t_p",
+    "t_o_s": "settling t_o",
+    "input_torque_high_nm": "input torque, highest",
+    "input_torque_low_nm": "input torque, lowest",
+    "output_speed_low_rpm": "output speed, lowest",
+    "k": "speed kept k",
+    "e_loss_j": "energy lost",
+}
+
+
+def figure_of_shift(
+    report: Mapping, number: int, pages: Pages, signals: Mapping[str, Series], span: tuple[float, float]
+) -> Description:
+    """Return the figure of a shift, in ms after its order.
+
+    Parameters
+    ----------
+    report : mapping
+        Report of the run.
+    number : int
+        The shift, from 1 on.
+    pages : Pages
+        The pages of its rig.
+    signals : mapping of str to Series
+        The signals of the run, not necessarily all of the rig.
+    span : (float, float)
+        First and last time of the run [s].
+
+    Returns
+    -------
+    Description
+        The figure; panels of which nothing was recorded are left out.
+    """
+    assert pages.box is not None
+    return _Shift(report, number, pages, pages.box, signals, span).figure()
+
+
+@dataclass(frozen=True)
+class _Shift:
+    report: Mapping
+    number: int
+    pages: Pages
+    box: Transmission
+    signals: Mapping[str, Series]
+    span: tuple[float, float]
+
+    def figure(self) -> Description:
+        title, grade, sentence = self.heading()
+        panels = (self.pressures(), self.clutch_torques(), self.shaft_torques(), self.speeds())
+        return Description(
+            title,
+            self.conditions(),
+            sentence,
+            grade,
+            self.columns,
+            tuple(panel for panel in panels if panel.curves),
+            tuple(self.stretches()),
+            tuple(self.moments()),
+            tuple(self.numbers()),
+        )
+
+    # ---- the shift
+
+    @cached_property
+    def row(self) -> Mapping:
+        return self.report["shifts"][self.number - 1]
+
+    @cached_property
+    def moved(self) -> tuple[tuple[Clutch, ...], tuple[Clutch, ...]]:
+        """Clutches that are released and engaged."""
+        found = self.box.shift(self.row["from_gear"], self.row["to_gear"])
+        return found.releasing, found.engaging
+
+    @cached_property
+    def end(self) -> float:
+        """Time [ms] at which the torque has settled; without that, up to which its course is still that of the shift."""
+        row, known = self.row, times_of(self.row)
+        course = UNKNOWN if row.get("course_s") is None else row["course_s"]
+        if known and row["t_o_s"] is None:
+            return 1e3 * min(course, row["t_c_s"] + SWING)
+        return 1e3 * max((one.end - row["t_order_s"] for one in known), default=course)
+
+    @cached_property
+    def window(self) -> tuple[float, float]:
+        """Times [s] that the figure shows."""
+        order = self.row["t_order_s"]
+        later = [row["t_order_s"] for row in self.report["shifts"][self.number :]]
+        first, last = order - AROUND[0] * self.end / 1e3, order + (1.0 + AROUND[1]) * self.end / 1e3
+        return max(first, self.span[0]), min(last, self.span[1], *later)
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        first, last = (float(self.ms(t)) for t in self.window)
+        title = "time after the order [ms]"
+        begun = [1e3 * since for key in ("kiss_s", "departure_s") if (since := self.row.get(key)) is not None]
+        if not begun:
+            return (Column(first, last, title),)
+        start, locked = min(begun), self.row["t_c_s"]
+        long = LEAST_CLOSE * 1e3 if locked is None else max(LEAST_CLOSE * 1e3, (1e3 * locked - start) * (1.0 + CLOSE))
+        stop = min(self.end, start + long)
+        room = AROUND[1] * (stop - start)
+        return Column(first, last, title, 0.41), Column(
+            max(first, start - room), min(last, stop + room), f"{title}, close-up", 0.59
+        )
+
+    def ms(self, t: np.ndarray | float) -> np.ndarray:
+        """Return times of the run [s] as ms after the order."""
+        return (np.asarray(t) - self.row["t_order_s"]) * 1e3
+
+    def colour(self, clutch: Clutch) -> str:
+        return CLUTCHES[self.box.clutches.index(clutch) % len(CLUTCHES)]
+
+    def curve(self, name: str, text: str, colour: str, style: str = SOLID, short: str = "", mean: float = 0.0) -> Curve | None:
+        """Return the curve of a signal, as the metrics see it: as the mean over ``mean`` seconds."""
+        found = cut(self.signals, name, self.pages, self.window)
+        if found is None:
+            return None
+        t, y = found
+        if mean and len(t) > 1:
+            y = running_mean(y, odd_width(mean, float(t[1] - t[0])))
+        return Curve(name, text, short or name if text else "", colour, style, self.ms(t), y)
+
+    def level(self, curve: Curve, last: float) -> float:
+        """Return the mean of a curve over LEVEL up to a time [ms]; NaN when nothing is known there."""
+        part = curve.y[(curve.t > last - LEVEL * 1e3) & (curve.t <= last)]
+        return float(np.nanmean(part)) if np.isfinite(part).any() else math.nan
+
+    # ---- words
+
+    def heading(self) -> tuple[str, str, str]:
+        row, box = self.row, self.box
+        old, new = row["from_gear"], row["to_gear"]
+        way = box.way(old, new, " → ")
+        asked = asked_of_input(row, box)
+        if old == NEUTRAL or new == NEUTRAL:
+            title = f"Engagement of {box.names[new]} from neutral" if old == NEUTRAL else f"Release of {box.names[old]}"
+        else:
+            kind = "Change of direction" if box.turns_round(old, new) else "Upshift" if new > old else "Downshift"
+            title = f"{kind} {way} {'without load' if asked is None else 'under load' if asked > 0.0 else 'in overrun'}"
+        verdict = verdicts_in(self.report)[self.number - 1] or {}
+        grade, reasons = verdict.get("grade") or "", verdict.get("reasons") or []
+        sentence = "; ".join(reasons)
+        if grade and not reasons:
+            sentence = (
+                f"{box.names[new]} was reached after {1e3 * row['t_c_s']:.0f} ms, and torque and speed kept within their limits"
+            )
+        parts = [sentence, f"not valid: {'; '.join(row['why'])}" if row["why"] else ""]
+        return title, grade, " ".join(f"{one[0].upper()}{one[1:]}." for one in parts if one)
+
+    def conditions(self) -> str:
+        row, run = self.row, self.report["run"]
+        record = run.get("configuration") or {}
+        state = [record.get("name") or (self.report.get("basis") or {}).get("rig")]
+        state += [f"{row['input_speed_rpm']:.0f} rpm"] if row["input_speed_rpm"] is not None else []
+        state += [f"{row['output_torque_nm']:z.0f} Nm at the output"] if row["output_torque_nm"] is not None else []
+        oil = (row.get("at_order") or {}).get("oil_degc")
+        state += [f"oil {oil:.0f} °C"] if oil is not None else []
+        set_ = [f"controller {run['controller']['name']}"] if run.get("controller") else []
+        changed = changed_settings(record)[0] if record else []
+        set_ += [f"{name} {value}" for name, _, value in changed[:MOST_CHANGED]]
+        set_ += [f"{len(changed) - MOST_CHANGED} more settings changed"] if len(changed) > MOST_CHANGED else []
+        set_ += [f"{name} {value}" for name, value in (row.get("loops") or {}).items()]
+        how = {"simulate": "simulated", "import": "imported"}.get(run.get("mode") or "", "")
+        of = f" of {run['sequence']}" if run.get("sequence") else ""
+        origin = [f"shift {self.number} at {row['t_order_s']:.3f} s{of}", how]
+        origin += [f"seed {run['seed']}"] if run.get("seed") is not None else []
+        return "  ·  ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)
+
+    def stretches(self) -> list[Stretch]:
+        names = " and ".join(clutch.name for clutch in self.moved[1])
+        parts = [(one.name, one.start, one.end) for one in phases_of(self.row)]
+        parts += [(SETTLING, one.start, one.end) for one in times_of(self.row) if one.name == "t_o"]
+        found = []
+        for kind, start, end in parts:
+            ms, word = f"{1e3 * (end - start):.0f} ms", kind.removesuffix(" phase")
+            whole = f"fill of {names}" if kind == FILL else f"{kind}: no clutch carries" if kind == INTERRUPTED else kind
+            texts = (f"{whole} {ms}", f"{kind} {ms}", f"{word} {ms}", f"{word}\n{ms}", ms.removesuffix(" ms"))
+            found.append(Stretch(kind, tuple(dict.fromkeys(texts)), float(self.ms(start)), float(self.ms(end))))
+        return found
+
+    def moments(self) -> list[Moment]:
+        row, box = self.row, self.box
+        new = " and ".join(clutch.name for clutch in self.moved[1]) or box.names[row["to_gear"]]
+        old = "its speed" if row["from_gear"] == NEUTRAL else f"the speed of gear {box.names[row['from_gear']]}"
+        words = {
+            "order": "order",
+            "kiss point": f"kiss point: {new} begins to carry",
+            "departure": f"output leaves {old}",
+            "lock-up": f"lock-up of {new}",
+        }
+        found = [(float(self.ms(t)), SIGNS[i], words[name]) for i, name in enumerate(words) if (t := moments_of(row).get(name))]
+        found += [(self.end, SIGNS[-1], "input torque settled") for one in times_of(row) if one.name == "t_o"]
+        return [Moment(*one) for one in found]
+
+    def numbers(self) -> list[Number]:
+        bounds, place = bounds_of(self.row, self.box), shift_name(self.number, self.row, self.box)
+        given = {one["key"]: one for one in self.report.get("limits") or () if one["place"] == place}
+        errors = self.report.get("uncertainty") or []
+        own = errors[self.number - 1] if len(errors) >= self.number else {}
+        found = []
+        for metric in every_metric():
+            if self.row.get(metric.key) is None or (metric.key not in NUMBERS and metric.key not in given):
+                continue
+            unit = "" if metric.unit == "-" else f" {metric.shown_unit}"
+            low, high = (None if end is None else end * metric.factor for end in bounds.get(metric.key, (None, None)))
+            value, met = self.row[metric.key] * metric.factor, None
+            if metric.key in given:
+                low, high, verdict = (given[metric.key][key] for key in ("low", "high", "verdict"))
+                met = None if verdict == UNDECIDED else verdict == MET
+            elif (low, high) != (None, None):
+                met = (low is None or value >= low) and (high is None or value <= high)
+            limit = " and ".join(
+                f"{sign} {round(end, metric.digits):g}" for sign, end in (("≥", low), ("≤", high)) if end is not None
+            )
+            name = NUMBERS.get(metric.key, metric.named(self.box))
+            found.append(Number(metric.key, name, metric.cell(self.row, own) + unit, limit, met))
+        return sorted(found, key=lambda one: list(NUMBERS).index(one.key) if one.key in NUMBERS else len(NUMBERS))
+
+    # ---- panels
+
+    def pressures(self) -> Panel:
+        curves, rings, note = [], [], ""
+        for clutch, way in self.roles():
+            pressure = self.curve(
+                clutch.pressure,
+                f"{clutch.pressure}, {way} {clutch.name}",
+                self.colour(clutch),
+                short=clutch.pressure,
+                mean=PRESSURE_MEAN,
+            )
+            if pressure is None:
+                continue
+            curves.append(pressure)
+            if clutch in self.moved[1] and (peak := self.overshoot(pressure)):
+                rings.append(peak)
+        commands = self.commands()
+        if scale := self.current_scale(curves, commands):
+            current, share = scale
+            note = f"dashed: command,\n{current:.0f} mA = {current * share:.2f} MPa"
+            curves += [Curve(one.signal, "", "", one.colour, DASHED, one.t, one.y * share) for one in commands.values()]
+        return Panel("pressure", "MPa", tuple(curves), tuple(rings), note=note)
+
+    def roles(self) -> list[tuple[Clutch, str]]:
+        old, new = self.moved
+        return [*((one, "off-going clutch") for one in old), *((one, "on-coming clutch") for one in new)]
+
+    def commands(self) -> dict[str, Curve]:
+        """Commands of the moved clutches by the signal of their pressure, in mA."""
+        found = {}
+        for clutch, _ in self.roles():
+            if (one := self.curve(clutch.setpoint, "", self.colour(clutch), DASHED)) is not None:
+                found[clutch.pressure] = one
+        return found
+
+    def current_scale(self, pressures: Sequence[Curve], commands: Mapping[str, Curve]) -> tuple[float, float] | None:
+        """Return a full command [mA], and the factor by which it is drawn as the pressure that it gives [MPa/mA]."""
+        last = float(self.ms(self.window[1]))
+        for at in (0.0, min(self.end, last)):
+            known = [(self.level(commands[one.signal], at), self.level(one, at)) for one in pressures if one.signal in commands]
+            known = [(current, pressure) for current, pressure in known if current > 1.0 and pressure > 0.1]
+            if known:
+                current, pressure = max(known)
+                return current, pressure / current
+        return None
+
+    def overshoot(self, curve: Curve) -> Ring | None:
+        """Return the peak of a pressure that falls again to its level at the end."""
+        inside = np.flatnonzero((curve.t >= 0.0) & (curve.t <= self.end))
+        if not len(inside):
+            return None
+        at = inside[int(np.nanargmax(curve.y[inside]))]
+        if not curve.y[at] > OVERSHOOT * self.level(curve, self.end):
+            return None
+        return Ring(float(curve.t[at]), float(curve.y[at]), f"{curve.signal} overshoots to {curve.y[at]:.2f} MPa", curve.colour)
+
+    def clutch_torques(self) -> Panel:
+        """Return what the clutches carry, reduced to the input shaft; with the losses it is the input torque."""
+        carried, limits = {}, []
+        sign = math.copysign(1.0, asked_of_input(self.row, self.box) or 1.0)
+        for clutch, _ in self.roles():
+            own = self.curve(clutch.signal("torque"), f"carried by {clutch.name}", self.colour(clutch), short=clutch.name)
+            if own is None or (lever := self.lever(clutch)) is None:
+                continue
+            carried[clutch.name] = replace(own, y=lever * own.y)
+            if (could := self.curve(clutch.signal("capacity"), "", self.colour(clutch), DOTTED)) is not None:
+                limits.append(replace(could, y=sign * abs(lever) * could.y, scales=False))
+        hatches = [hatch for clutch, _ in self.roles() if clutch.name in carried for hatch in self.braking(clutch, carried)]
+        note = "at the input shaft;\ndotted: what it could carry" if limits else "at the input shaft"
+        return Panel("clutch torque", "Nm", (*carried.values(), *limits), hatches=tuple(hatches), note=note)
+
+    def lever(self, clutch: Clutch) -> float | None:
+        """Return the factor from a clutch's torque to that at the input shaft; None without a recorded slip."""
+        names = (clutch.signal("slip"), self.box.input.speed, self.box.output.speed)
+        found = [cut(self.signals, name, self.pages, self.window) for name in names]
+        ratio = self.box.ratios.get(self.row["from_gear" if clutch in self.moved[0] else "to_gear"])
+        if ratio is None or None in found:
+            return None
+        (t, slip), *shafts = (one for one in found if one is not None)
+        w_in, w_out = (np.interp(t, *one) for one in shafts)
+        return lever_of(slip, w_in - ratio * w_out)
+
+    def braking(self, clutch: Clutch, carried: Mapping[str, Curve]) -> list[Hatch]:
+        """Return where a clutch brakes against the load; a little of it by the clutch that is released is no tie-up."""
+        asked, own = asked_of_input(self.row, self.box), carried[clutch.name]
+        if asked is None or self.box.turns_round(self.row["from_gear"], self.row["to_gear"]):
+            return []
+        sign = math.copysign(1.0, asked)
+        against = (sign * own.y < -LEAST_TORQUE) & (own.t > 0.0) & (own.t <= self.end)
+        if not against.any():
+            return []
+        first, last = np.flatnonzero(against)[[0, -1]]
+        part = slice(max(0, first - 1), last + 2)
+        at = int(np.argmin(sign * own.y[part]))
+        t, worst = own.t[part][at], own.y[part][at]
+        tied = [np.interp(t, one.t, one.y) for other in self.moved[1] if (one := carried.get(other.name))]
+        released = clutch in self.moved[0]
+        if released and tied and abs(worst) < TIED * max(map(abs, tied)):
+            return []
+        word = f"tie-up: {clutch.name} still brakes" if released else f"{clutch.name} brakes"
+        return [Hatch(own.t[part], np.where(sign * own.y[part] < 0.0, own.y[part], 0.0), f"{word}, {worst:.0f} Nm")]
+
+    def shaft_torques(self) -> Panel:
+        box, row = self.box, self.row
+        ends = ((box.input.torque, "input", INPUT), (box.output.torque, "output", OUTPUT))
+        curves = [self.curve(name, f"{name} {word}", colour, short=name, mean=TORQUE_SPEED_MEAN) for name, word, colour in ends]
+        rings, levels = [], []
+        bounds, asked = bounds_of(row, box), asked_of_input(row, box)
+        if asked is not None and box.changes(row["from_gear"], row["to_gear"]):
+            levels.append(Level(asked, f"the load asks {asked:.0f} Nm of the input", False))
+            ratio = (verdicts_in(self.report)[self.number - 1] or {}).get("peak_ratio")
+        else:
+            ratio = None
+        for key, side in (("input_torque_high_nm", 1), ("input_torque_low_nm", 0)):
+            value, word = row.get(key), "highest" if side else "lowest"
+            if value is None or curves[0] is None:
+                continue
+            times = f", {ratio:.1f} times the load" if side and ratio is not None else ""
+            rings.append(self.ring(curves[0], row.get("t_high_s" if side else "t_low_s"), value, f"{word} {value:z.0f} Nm{times}"))
+            if (limit := bounds.get(key, (None, None))[side]) is not None:
+                levels.append(Level(limit, f"limit {limit:.0f} Nm"))
+        return Panel("shaft torque", "Nm", tuple(one for one in curves if one), tuple(one for one in rings if one), tuple(levels))
+
+    def ring(self, curve: Curve, since: float | None, value: float, text: str) -> Ring | None:
+        """Return the mark of a result on its curve: at its time [s] after the order, or where the curve reaches it.
+
+        A result of the course behind what is shown has none.
+        """
+        if since is None:
+            inside = np.flatnonzero((curve.t >= -GRID) & (curve.t <= 1e3 * (self.row.get("course_s") or 1e-3 * self.end) + GRID))
+            if not len(inside):
+                return None
+            at = inside[int(np.nanargmin(np.abs(np.abs(curve.y[inside]) - abs(value))))]
+            if abs(abs(curve.y[at]) - abs(value)) > NEAR * max(abs(value), 1.0):
+                return None
+            since, value = 1e-3 * float(curve.t[at]), float(curve.y[at])
+        return Ring(1e3 * since, value, text, curve.colour) if 1e3 * since <= curve.t[-1] else None
+
+    def speeds(self) -> Panel:
+        box, row = self.box, self.row
+        ends = ((box.input.speed, "input", INPUT), (box.output.speed, "output", OUTPUT))
+        shafts = [self.curve(name, f"{name} {word}", colour, short=name, mean=TORQUE_SPEED_MEAN) for name, word, colour in ends]
+        curves, rings, levels = [one for one in shafts if one], [], []
+        if shafts[0] is not None:
+            for gear, clutches in zip((row["from_gear"], row["to_gear"]), self.moved):
+                if gear in box.ratios:
+                    colour = self.colour(clutches[0]) if clutches else OTHER
+                    text = f"gear {box.names[gear]}"
+                    curves.append(Curve(shafts[0].signal, text, text, colour, DOTTED, shafts[0].t, shafts[0].y / box.ratios[gear]))
+        lowest = row.get("output_speed_low_rpm")
+        if lowest is not None and shafts[1] is not None:
+            rings.append(self.ring(shafts[1], None, lowest, f"lowest {lowest:z.0f} rpm"))
+            low = bounds_of(row, box).get("output_speed_low_rpm", (None, None))[0]
+            if low is not None and low > lowest:
+                levels.append(Level(low, f"limit {low:.0f} rpm"))
+        return Panel("speed", "rpm", tuple(curves), tuple(one for one in rings if one), tuple(levels))
