@@ -181,14 +181,18 @@ def test_an_exported_run_and_a_loggers_csv_are_opened(run, tmp_path, monkeypatch
         run.save("run")
 
 
-def test_the_figure_has_the_plots_of_the_page_and_shades_the_phases(run):
+def test_the_figure_of_a_run_has_the_plots_of_the_page_and_shades_the_phases(run):
     whole, shift = run.plot(), run.plot(shift=2)
-    titles = [ax.get_title(loc="left") for ax in whole.axes]
-    assert titles == ["Coil current", "Clutch pressure", "Shaft torque", "Clutch torque", "Speed"]
-    assert [line.get_label() for line in whole.axes[2].lines[:2]] == ["M_wej", "M_wyj"]
-    assert len(shift.axes[0].patches) == 3 and shift.get_suptitle() == "Shift 2, II → I at 8.32 s"
-    low, high = shift.axes[0].get_xlim()
-    assert low < 8.32 < high < 9.5
+    titles = [ax.get_ylabel() for ax in whole.axes]
+    assert titles == ["Coil current [mA]", "Clutch pressure [MPa]", "Shaft torque [Nm]", "Clutch torque [Nm]", "Speed [rpm]"]
+    assert {line.get_label() for line in whole.axes[2].lines} >= {"M_wej", "M_wyj"} and len(whole.axes[0].patches) == 6
+    assert any(text.get_text() == "Downshift II → I under load" for text in shift.texts)
+    assert [ax.get_ylabel() for ax in shift.axes[::2]] == [
+        "pressure [MPa]",
+        "clutch torque [Nm]",
+        "shaft torque [Nm]",
+        "speed [rpm]",
+    ]
     with pytest.raises(rig_nodes.RigError, match="there is no shift 3; the run has 2 shifts"):
         run.plot(shift=3)
 

@@ -97,7 +97,7 @@ class _Drawing:
         self.of = description
         self.sentence = textwrap.wrap(description.sentence, WRAP)
         head = 30 + (LINE if description.conditions else 0) + (12 + LINE * len(self.sentence) if self.sentence else 0)
-        self.top = head + (32 if description.moments else 8) + (STRIP + 6 if description.stretches else 6)
+        self.top = head + (32 if description.moments else 8) + (STRIP + 6 if any(one.texts for one in description.stretches) else 8)
         panels = max(1, len(description.panels))
         self.bottom = self.top + panels * (PLOT + BETWEEN) - BETWEEN
         known = [one for one in description.moments if one.text]

@@ -1,0 +1,150 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The figure of a shift shows the report's own numbers, and no label hides what it shows."""
+
+import itertools
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.transforms import Bbox
+
+import rig_nodes
+from rig_nodes.analysis import bounds_of, quality_of, read_report, shown_transmission
+from rig_nodes.cli.main import main
+from rig_nodes.view import Pages, figure_of_shift
+
+SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
+CASES = ("good", "tie-up", "hole", "interrupted", "three gears")
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """A run by its case; none is simulated before it is asked for."""
+    made = {}
+
+    def run(case):
+        if case not in made:
+            t12 = {"tie-up": "-300 ms", "hole": "-120 ms", "interrupted": "200 ms"}.get(case)
+            settings = {"alfa46": {"t12": t12}} if t12 else {}
+            made[case] = rig_nodes.load("three_speed" if case == "three gears" else "hydmag", **settings).simulate("demo", seed=1)
+        return made[case]
+
+    return run
+
+
+def described(run, number=1):
+    return figure_of_shift(run.report, number, Pages(run.record), run.signals, run.signals.span)
+
+
+def boxes(figure, axes):
+    """Returns the box of each label of a plot [pixels]."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    return {text: text.get_window_extent(renderer) for text in axes.texts}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_marked_extremes_and_phases_are_those_of_the_report(runs, case):
+    run = runs(case)
+    row, of = run.report["shifts"][0], described(run)
+    torque = next(panel for panel in of.panels if panel.title == "shaft torque")
+    high, low = torque.rings
+    curve = torque.curves[0]
+    course = (curve.t >= -0.01) & (curve.t <= 1e3 * row["course_s"] + 0.01)
+    assert high.y == pytest.approx(row["input_torque_high_nm"], abs=0.05) == pytest.approx(curve.y[course].max(), abs=0.05)
+    assert low.y == pytest.approx(row["input_torque_low_nm"], abs=0.05) == pytest.approx(curve.y[course].min(), abs=0.05)
+    for ring in (high, low):
+        assert np.interp(ring.t, curve.t, curve.y) == pytest.approx(ring.y, abs=0.2)
+    found = {one.kind: (one.start, one.end) for one in of.stretches}
+    assert found["fill"] == pytest.approx((0.0, 1e3 * row["kiss_s"]), abs=1.0)
+    start = 1e3 * (row["departure_s"] + (row["interrupted_s"] or 0.0))
+    assert found["inertia phase"] == pytest.approx((start, 1e3 * row["t_c_s"]), abs=1.0)
+    assert found["settling"] == pytest.approx((1e3 * row["t_c_s"], 1e3 * (row["t_c_s"] + row["t_o_s"])), abs=1.0)
+    assert ("interrupted" in found) == (row["interrupted_s"] > 0.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_curves_differ_axes_have_ticks_and_labels_hide_nothing(runs, case):
+    run = runs(case)
+    for number in range(1, len(run.report["shifts"]) + 1):
+        figure = run.plot(shift=number)
+        for panel in described(run, number).panels:
+            looks = [(one.colour, one.style) for one in panel.curves]
+            assert len(looks) == len(set(looks)), panel.title
+        for axes in figure.axes:
+            for ticks, (first, last) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
+                assert np.count_nonzero((ticks >= first) & (ticks <= last)) >= 4
+            labels = boxes(figure, axes)
+            for (one, box), (other, beside) in itertools.combinations(labels.items(), 2):
+                assert not box.overlaps(beside), (one.get_text(), other.get_text())
+            assert all(axes.bbox.padded(1).containsx(box.x0) and axes.bbox.padded(1).containsx(box.x1) for box in labels.values())
+            for line in axes.lines:
+                x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+                shown = (x >= axes.get_xlim()[0]) & (x <= axes.get_xlim()[1]) & np.isfinite(y)
+                if line.get_transform() is not axes.transData or not shown.any() or len(x) == 2:
+                    continue  # leaders and levels
+                for at in (y[shown].argmin(), y[shown].argmax()):
+                    point = axes.transData.transform((x[shown][at], y[shown][at]))
+                    assert not any(Bbox.from_extents(*box.extents).contains(*point) for box in labels.values())
+        wide = [text.get_text() for axes in figure.axes for text in axes.texts]
+        assert all(
+            any(one in (curve.text, curve.short) for one in wide) for curve in described(run, number).panels[0].curves if curve.text
+        )
+
+
+def test_each_case_says_what_happened_and_what_limited_it(runs):
+    said = {case: (of.title, of.grade, of.sentence) for case in CASES[:4] for of in [described(runs(case))]}
+    assert {title for title, *_ in said.values()} == {"Upshift I → II under load"}
+    assert [grade for _, grade, _ in said.values()] == ["fair", "fair", "poor", "failed"]
+    assert "let p2 rise more slowly" in said["good"][2] and said["hole"][2].startswith("The output dipped to 83 % of its speed")
+    assert said["interrupted"][2].startswith("The output stood still: the drive was interrupted")
+    texts = {case: [one.text for panel in described(runs(case)).panels for one in panel.hatches] for case in CASES[:4]}
+    assert texts["tie-up"][0].startswith("tie-up: S1 still brakes, -") and not texts["hole"]
+    assert "alfa46.t12 0.2 s" in described(runs("interrupted")).conditions
+
+
+def test_the_numbers_at_the_foot_are_the_table_with_its_limits(runs):
+    found = {one.key: one for one in described(runs("good")).numbers}
+    assert found["input_torque_high_nm"].value == "266.8 Nm" and found["input_torque_high_nm"].met is False
+    assert found["t_c_s"].value == "673 ms" and (found["t_c_s"].limit, found["t_c_s"].met) == ("≤ 725", True)
+    assert found["t_p_s"].met is None and found["t_p_s"].limit == ""
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_shift_is_good_when_it_keeps_its_bounds(runs, case):
+    report = runs(case).report
+    box = shown_transmission(report)
+    for row in report["shifts"]:
+        inside = all(
+            (low is None or row[key] >= low) and (high is None or row[key] <= high)
+            for key, (low, high) in bounds_of(row, box).items()
+        )
+        assert (quality_of(row, box)["grade"] == "good") == inside
+
+
+def test_panels_without_signals_are_left_out(runs):
+    run = runs("good")
+    few = {name: run.signals[name] for name in ("M_wej", "n_wej", "n_wyj", "p2")}
+    of = figure_of_shift(run.report, 1, Pages(run.record), few, run.signals.span)
+    assert [panel.title for panel in of.panels] == ["pressure", "shaft torque", "speed"]
+    assert [[curve.signal for curve in panel.curves] for panel in of.panels][:2] == [["p2"], ["M_wej"]]
+
+
+def test_the_command_writes_png_and_svg_and_refuses_the_rest(tmp_path, capsys):
+    run = shutil.copytree(SAMPLE, tmp_path / "run")
+    for name, start in (("shift.svg", b"<?xml"), ("shift.png", b"\x89PNG"), ("shift.png", b"\x89PNG")):  # an older one is replaced
+        assert main(["report", str(run), "--picture", str(tmp_path / name)]) == 0
+        assert (tmp_path / name).read_bytes().startswith(start)
+    (tmp_path / "mine.png").write_bytes(b"\x89PNG\r\n of somebody")
+    count = len(read_report(run)["shifts"])
+    for refused, sentence in (
+        (["--picture", str(tmp_path / "mine.png")], "it exists and is no older file of this kind"),
+        (["--picture", str(tmp_path / "shift.jpg")], "a file that ends in .png or .svg"),
+        (["--picture", str(tmp_path / "shift.png"), "--shift", "9"], f"there is no shift 9; the run has {count} shifts"),
+        (["--shift", "1"], "--shift says which shift --picture draws; give --picture too"),
+    ):
+        assert main(["report", str(run), *refused]) != 0
+        assert sentence in capsys.readouterr().err
