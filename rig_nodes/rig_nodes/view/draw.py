@@ -54,7 +54,7 @@ NEXT = 17  # pixels between two signs in the strip
 NUMBER = 126  # pixels of a number at the foot
 
 
-class Drawn(Figure):
+class Picture(Figure):
     """A figure that a notebook shows without pyplot, which would keep every figure until it is closed."""
 
     def _repr_png_(self) -> bytes:
@@ -102,7 +102,7 @@ class _Drawing:
         self.bottom = self.top + panels * (PLOT + BETWEEN) - BETWEEN
         known = [one for one in description.moments if one.text]
         self.height = self.bottom + 48 + (72 if description.numbers else 0) + (LINE + 2 if known else 0)
-        self.figure = Drawn(figsize=(WIDTH / DPI, self.height / DPI), dpi=DPI, facecolor="white")
+        self.figure = Picture(figsize=(WIDTH / DPI, self.height / DPI), dpi=DPI, facecolor="white")
         self.renderer = FigureCanvasAgg(self.figure).get_renderer()
         self._head()
         room = WIDTH - LEFT - RIGHT - GUTTER * (len(description.columns) - 1)
@@ -335,6 +335,7 @@ class _Drawing:
             y = found[1] + 0.45 * size[1] if beside else min(max(point[1], found[1] - 1), found[1] + size[1] + 1)
             if np.hypot(x - point[0], y - point[1]) > 14:
                 ends = [point[0] / labels.width, x / labels.width], [point[1] / labels.height, y / labels.height]
+                labels.leader(point, (x, y))
                 axes.add_line(Line2D(*ends, color=colour, linewidth=0.8, transform=axes.transAxes))
 
 

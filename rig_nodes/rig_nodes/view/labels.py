@@ -61,6 +61,14 @@ class Labels:
         self._soft[rows, columns] = True
         self._sums = None
 
+    def leader(self, start: np.ndarray, end: tuple[float, float]) -> None:
+        """Add the line from a point to its label."""
+        share = np.linspace(0.0, 1.0, self.width)[:, None]
+        x, y = np.rint(np.asarray(start) + share * (np.asarray(end) - start)).astype(int).T
+        inside = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
+        self._soft[y[inside], x[inside]] = True
+        self._sums = None
+
     def keep_free(self, left: float, low: float, right: float, high: float) -> None:
         """Add a box over which no label may stand."""
         rows, columns = slice(max(0, int(low)), max(0, int(high) + 1)), slice(max(0, int(left)), max(0, int(right) + 1))
