@@ -4,7 +4,10 @@
 """The figure of a shift shows the report's own numbers, and no label hides what it shows."""
 
 import itertools
+import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +114,20 @@ def test_the_numbers_at_the_foot_are_the_table_with_its_limits(runs):
     assert found["input_torque_high_nm"].value == "266.8 Nm" and found["input_torque_high_nm"].met is False
     assert found["t_c_s"].value == "673 ms" and (found["t_c_s"].limit, found["t_c_s"].met) == ("≤ 725", True)
     assert found["t_p_s"].met is None and found["t_p_s"].limit == ""
+
+
+def test_a_limit_of_the_users_own_is_at_the_foot(tmp_path, runs):
+    run = runs("good")
+    folder = shutil.copytree(run.folder, tmp_path / "run")
+    code = (
+        "import sys; from rig_nodes.cli.main import main; main(sys.argv[1:]); print('matplotlib' in sys.modules, file=sys.stderr)"
+    )
+    limits = ["--limit", "I-II:t_c=.. 600 ms", "--limit", "overlap=-50 ms ..", "--json"]
+    done = subprocess.run([sys.executable, "-c", code, "report", folder, *limits], capture_output=True, text=True, check=True)
+    assert done.stderr == "False\n"  # what draws nothing loads no matplotlib
+    of = figure_of_shift(json.loads(done.stdout), 1, Pages(run.record), run.signals, run.signals.span)
+    found = {one.key: (one.limit, one.met) for one in of.numbers}
+    assert found["t_c_s"] == ("≤ 600", False) and found["overlap_s"] == ("≥ -50", None) and found["t_o_s"] == ("", None)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.signal import correlate
 
 from ..bags import Recording
 from ..base import RigError
@@ -126,6 +125,8 @@ def _smoothed(recording: Recording, name: str, grid: float) -> tuple[np.ndarray,
 
 
 def _by_correlation(first: Recording, other: Recording) -> Clock:
+    from scipy.signal import correlate  # its import takes longer than most calls of those who only open a run
+
     names, total, last = [], None, 0
     for name in first.transmission.channels:
         if name not in first.channels or name not in other.channels:
