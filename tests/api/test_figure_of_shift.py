@@ -150,6 +150,28 @@ def test_panels_without_signals_are_left_out(runs):
     assert [[curve.signal for curve in panel.curves] for panel in of.panels][:2] == [["p2"], ["M_wej"]]
 
 
+def test_a_shift_that_was_cut_off_and_an_engagement_are_drawn_too():
+    steps = [
+        {"oil": {"pressure": "4 MPa"}},
+        {"wait": {"until": {"signal": "p_p", "above": "3.9 MPa"}}},
+        {"shift": {"to": "I"}},
+        {"motor": {"speed": "1500 rpm"}},
+        {"wait": {"until": {"signal": "n_wej", "near": "1500 rpm", "within": "8 rpm"}, "hold": "200 ms"}},
+        {"shift": {"to": "neutral"}},
+        {"wait": {"for": "300 ms"}},
+        {"shift": {"to": "I"}},
+        {"wait": {"for": "300 ms"}},
+        {"shift": {"to": "II", "timeout": "300 ms"}},
+    ]
+    run = rig_nodes.load("hydmag").simulate(steps)
+    engaged, cut_off = described(run, 1), described(run, 2)
+    assert (engaged.title, engaged.grade) == ("Engagement of I from neutral", "")
+    assert [curve.signal for curve in engaged.panels[0].curves] == ["p1", "I_set_zr_p1"]
+    assert cut_off.grade == "failed" and cut_off.sentence.startswith("Gear II was not reached. Not valid: p2 never rose")
+    assert len(cut_off.columns) == 1 and not cut_off.stretches and not cut_off.panels[0].rings
+    assert len(run.plot(shift=2).axes) == len(cut_off.panels)
+
+
 def test_the_command_writes_png_and_svg_and_refuses_the_rest(tmp_path, capsys):
     run = shutil.copytree(SAMPLE, tmp_path / "run")
     for name, start in (("shift.svg", b"<?xml"), ("shift.png", b"\x89PNG"), ("shift.png", b"\x89PNG")):  # an older one is replaced

@@ -22,6 +22,7 @@ from ..analysis import (
     LEAST_TORQUE,
     MET,
     PRESSURE_MEAN,
+    RPM,
     SWING,
     TIED,
     TORQUE_SPEED_MEAN,
@@ -71,7 +72,7 @@ AROUND = 0.08, 0.15  # shares of the shift that are shown before its order and a
 UNKNOWN = 1.5  # s shown after an order without an end
 CLOSE = 3.0  # lengths from kiss point to lock-up that the close-up shows behind lock-up at most
 LEAST_CLOSE = 0.15  # s
-OVERSHOOT = 1.05  # of the pressure's level at the end, from which its peak is marked
+OVERSHOOT = 1.05  # of the full pressure, from which a peak is marked
 MOST_CHANGED = 2  # changed settings that are named
 LEVEL = 20e-3  # s over which a level is taken
 NEAR = 2e-3  # share by which a curve may miss a result, from rounding
@@ -223,9 +224,8 @@ class _Shift:
         grade, reasons = verdict.get("grade") or "", verdict.get("reasons") or []
         sentence = "; ".join(reasons)
         if grade and not reasons:
-            sentence = (
-                f"{box.names[new]} was reached after {1e3 * row['t_c_s']:.0f} ms, and torque and speed kept within their limits"
-            )
+            kept = "torque and speed" if "input_torque_high_nm" in bounds_of(row, box) else "speed"
+            sentence = f"gear {box.names[new]} was reached after {1e3 * row['t_c_s']:.0f} ms, and {kept} kept within the limits"
         parts = [sentence, f"not valid: {'; '.join(row['why'])}" if row["why"] else ""]
         return title, grade, " ".join(f"{one[0].upper()}{one[1:]}." for one in parts if one)
 
@@ -301,7 +301,7 @@ class _Shift:
     # ---- panels
 
     def pressures(self) -> Panel:
-        curves, rings, note = [], [], ""
+        curves, dashed, note = [], [], ""
         for clutch, way in self.roles():
             pressure = self.curve(
                 clutch.pressure,
@@ -313,14 +313,14 @@ class _Shift:
             if pressure is None:
                 continue
             curves.append(pressure)
-            if clutch in self.moved[1] and (peak := self.overshoot(pressure)):
-                rings.append(peak)
         commands = self.commands()
         if scale := self.current_scale(curves, commands):
             current, share = scale
             note = f"dashed: command,\n{current:.0f} mA = {current * share:.2f} MPa"
-            curves += [Curve(one.signal, "", "", one.colour, DASHED, one.t, one.y * share) for one in commands.values()]
-        return Panel("pressure", "MPa", tuple(curves), tuple(rings), note=note)
+            dashed = [Curve(one.signal, "", "", one.colour, DASHED, one.t, one.y * share) for one in commands.values()]
+        full = max((self.level(one, 0.0) for one in curves), default=math.nan)
+        rings = [peak for one in curves if (peak := self.overshoot(one, full))] if all(self.moved) else []
+        return Panel("pressure", "MPa", (*curves, *dashed), tuple(rings), note=note)
 
     def roles(self) -> list[tuple[Clutch, str]]:
         old, new = self.moved
@@ -345,13 +345,13 @@ class _Shift:
                 return current, pressure / current
         return None
 
-    def overshoot(self, curve: Curve) -> Ring | None:
-        """Return the peak of a pressure that falls again to its level at the end."""
+    def overshoot(self, curve: Curve, full: float) -> Ring | None:
+        """Return the peak of a pressure above the one that a clutch had before the order, and above its own in the end."""
         inside = np.flatnonzero((curve.t >= 0.0) & (curve.t <= self.end))
         if not len(inside):
             return None
         at = inside[int(np.nanargmax(curve.y[inside]))]
-        if not curve.y[at] > OVERSHOOT * self.level(curve, self.end):
+        if not curve.y[at] > OVERSHOOT * np.fmax(full, self.level(curve, self.end)):
             return None
         return Ring(float(curve.t[at]), float(curve.y[at]), f"{curve.signal} overshoots to {curve.y[at]:.2f} MPa", curve.colour)
 
@@ -379,7 +379,7 @@ class _Shift:
             return None
         (t, slip), *shafts = (one for one in found if one is not None)
         w_in, w_out = (np.interp(t, *one) for one in shafts)
-        return lever_of(slip, w_in - ratio * w_out)
+        return lever_of(slip / RPM, (w_in - ratio * w_out) / RPM)
 
     def braking(self, clutch: Clutch, carried: Mapping[str, Curve]) -> list[Hatch]:
         """Return where a clutch brakes against the load; a little of it by the clutch that is released is no tie-up."""
@@ -416,7 +416,7 @@ class _Shift:
             value, word = row.get(key), "highest" if side else "lowest"
             if value is None or curves[0] is None:
                 continue
-            times = f", {ratio:.1f} times the load" if side and ratio is not None else ""
+            times = f" = {ratio:.1f} \u00d7 load" if side and ratio is not None else ""
             rings.append(self.ring(curves[0], row.get("t_high_s" if side else "t_low_s"), value, f"{word} {value:z.0f} Nm{times}"))
             if (limit := bounds.get(key, (None, None))[side]) is not None:
                 levels.append(Level(limit, f"limit {limit:.0f} Nm"))
