@@ -92,10 +92,9 @@ def test_curves_differ_axes_have_ticks_and_labels_hide_nothing(runs, case):
                 for at in (y[shown].argmin(), y[shown].argmax()):
                     point = axes.transData.transform((x[shown][at], y[shown][at]))
                     assert not any(Bbox.from_extents(*box.extents).contains(*point) for box in labels.values())
-        wide = [text.get_text() for axes in figure.axes for text in axes.texts]
-        assert all(
-            any(one in (curve.text, curve.short) for one in wide) for curve in described(run, number).panels[0].curves if curve.text
-        )
+        written = {text.get_text() for axes in figure.axes for text in axes.texts}
+        curves = [curve for panel in described(run, number).panels for curve in panel.curves if curve.text]
+        assert all({curve.text, curve.short} & written for curve in curves)
 
 
 def test_each_case_says_what_happened_and_what_limited_it(runs):
