@@ -282,7 +282,7 @@ class Run:
         >>> run = rig_nodes.load("hydmag").simulate("demo")
         >>> run.plot(shift=1).savefig("shift.png")
         """
-        optional("matplotlib", "view")
+        optional("matplotlib")
         from ..view import Pages, draw_figure, figure_of_run, figure_of_shift
 
         count, of = len(self.report["shifts"]), (Pages(self.record), self.signals, self.signals.span)
