@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 GYMNASIUM = "gymnasium"
 SHIFT = "rig_nodes/Shift-v0"
-DEFAULTS = {"rig": "hydmag", "sequence": "demo", "way": "I-II"}
+DEFAULTS = {"rig": "hydmag", "sequence": "demo"}
 
 
 class _AtImport:

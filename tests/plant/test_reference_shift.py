@@ -114,7 +114,10 @@ def far_apart(one, other, close):
     return far
 
 
-@pytest.fixture(scope="module", params=[(1, 2, 60.0), (2, 1, 120.0)], ids=["I-II", "II-I"])
+DOWN = pytest.param((2, 1, 120.0), id="II-I", marks=pytest.mark.campaign)  # 15 s of processor time, as each of the two
+
+
+@pytest.fixture(scope="module", params=[pytest.param((1, 2, 60.0), id="I-II"), DOWN])
 def shift(request):
     old, new, load = request.param
     return RigShift(whole_rig(), old, new, 1500.0, load)

@@ -107,7 +107,10 @@ def test_without_rerun_one_sentence(run, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["view", str(run)]) == 2
     error = capsys.readouterr().err
-    assert "needs rerun-sdk" in error and len(error.splitlines()) == 1
+    assert (
+        error.startswith("rig: the Python package rerun is not installed; pip install 'rig_nodes[view]'")
+        and len(error.splitlines()) == 1
+    )
 
 
 def test_a_folder_that_cannot_be_written_is_named(run, monkeypatch, capsys):

@@ -61,8 +61,8 @@ class ShiftEnv(gymnasium.Env):
         The rig; "hydmag" for the registered environment.
     sequence : str or Path
         Sequence that brings the rig to the order of the shift; "demo" for the registered environment.
-    way : str
-        The shift, the first of this kind in the sequence; "I-II" for the registered environment.
+    way : str, optional
+        The shift, e.g. "I-II", the first of this kind in the sequence; otherwise the first of the rig.
     actions : str
         "currents" or "profile".
     step : float
@@ -102,7 +102,7 @@ class ShiftEnv(gymnasium.Env):
         self,
         rig: str | Path | Rig,
         sequence: str | Path,
-        way: str,
+        way: str | None = None,
         actions: str = "currents",
         step: float = 0.010,
         window: float = 1.5,
@@ -110,16 +110,17 @@ class ShiftEnv(gymnasium.Env):
         limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         loaded = rig if isinstance(rig, Rig) else load(rig)
-        self.config, self._way = loaded.config, way
+        self.config = loaded.config
         if actions not in ACTIONS:
             raise RigError(f"actions is '{actions}', expected 'currents' or 'profile'")
         if not self.config.structure.shifts:
             raise RigError(f"'{self.config.name}' has no shift controller, so it has no shifts to learn")
         ways = self.config.transmission.ways()
+        way = next(iter(ways), "") if way is None else way
         if way not in ways:
             raise RigError(unknown("shift", way, ways))
         self._sequence = load_sequence(sequence, {}, loaded.source, None, self.config)
-        self._gears = ways[way]
+        self._way, self._gears = way, ways[way]
         self._orders = self._number_of()
         self._currents = actions == "currents"
         self._samples, self._window = self._whole(step, "step", window), self._whole(window, "window", 1.7)
