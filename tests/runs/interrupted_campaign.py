@@ -25,6 +25,8 @@ def show(_done, _of):
 
 
 if __name__ == "__main__":
+    from interrupted_campaign import rows  # the processes find functions of modules
+
     try:
         with Workers(2) as workers:
             run_campaign(load_procedure(sys.argv[1], "hydmag").series() * 500, rows, workers=workers, progress=show)

@@ -28,4 +28,4 @@ from .simulation import check_controller as check_controller, check_delay as che
 from .session import ORDER as ORDER, Session as Session
 from .snapshot import Snapshot as Snapshot
 from .trips import Tripped as Tripped
-from .workers import RIGS_PRELOADED as RIGS_PRELOADED, Workers as Workers, start_server as start_server
+from .workers import Lost as Lost, RIGS_PRELOADED as RIGS_PRELOADED, Workers as Workers, start_server as start_server

@@ -11,12 +11,14 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from multiprocessing import connection, forkserver, get_context
+from types import ModuleType
 from typing import Any
 
 from ..base import RigError, Uninterrupted
@@ -24,7 +26,11 @@ from ..base import RigError, Uninterrupted
 TRIES = 2  # of an item in Workers.stream whose process was killed
 PRELOADED = "rig_nodes.runs.preloaded"
 RIGS_PRELOADED = "RIG_PRELOADED"  # variable of the environment, with the names or files of rigs as a JSON list
-NO_PROCESSES = "the processes of the campaign cannot be started; one job (--jobs 1) needs none"
+NO_PROCESSES = "the processes of the campaign cannot be started; one job needs none (--jobs 1, in Python jobs=1)"
+
+
+class Lost(RigError):
+    """An item that no process finished: they were killed, or memory was short. Another attempt may succeed."""
 
 
 def start_server(*modules: str, rigs: Iterable[str] = ()) -> None:
@@ -84,7 +90,7 @@ class Workers:
         context = get_context("forkserver")
         here, there = context.Pipe()
         process = context.Process(target=_work, args=(there,), daemon=True)
-        with Uninterrupted() as started:
+        with Uninterrupted() as started, _callers_main_hidden():
             started.held = True  # a process that is left before it has got its work ends with a traceback
             try:
                 process.start()
@@ -150,7 +156,7 @@ class Workers:
         """Yield the result of each item as it arrives, for long lists that no failing item may stop.
 
         A process that is killed is replaced by a new one, which tries its item again; an item that has lost TRIES processes
-        yields a RigError. An interrupt is passed on. The processes end when the caller does not take all results.
+        yields Lost. An interrupt is passed on. The processes end when the caller does not take all results.
 
         Parameters
         ----------
@@ -211,7 +217,7 @@ class Workers:
                         again.append((place, item))
                         continue
                     lack = "where memory is short, give it fewer jobs"
-                    error, result = RigError(f"{TRIES} processes were killed from outside while they ran it; {lack}"), None
+                    error, result = Lost(f"{TRIES} processes were killed from outside while they ran it; {lack}"), None
                 yield place, result, error
 
 
@@ -235,9 +241,22 @@ def _answer(function: Callable[[Any], Any], item: Any) -> tuple[Exception | None
     except RigError as error:
         return error, None
     except MemoryError:
-        return RigError("there is not enough memory for this item; give it fewer jobs"), None
+        return Lost("there is not enough memory for this item; give it fewer jobs"), None
     except Exception:
         return RuntimeError(traceback.format_exc()), None
+
+
+@contextmanager
+def _callers_main_hidden() -> Iterator[None]:
+    """Let a process start without the script of the caller, which multiprocessing imports otherwise.
+
+    The work is in modules, and a script that starts it at its end, or comes from stdin, would start or fail again in each process.
+    """
+    main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager

@@ -26,7 +26,7 @@ from ...bags import Bag, Recording
 from ...base import RigError, find_of_rigs, sources_key
 from ...controllers import Plug
 from ...rig import load_rig, with_overrides
-from ...runs import load_sequence, of_bag, on_recording, record, recorded_with, simulate
+from ...runs import Lost, load_sequence, of_bag, on_recording, record, recorded_with, simulate
 from .plan import Member, Plan
 from .store import BAGS, Store
 
@@ -79,6 +79,8 @@ def _digest(path: Path) -> str:
 def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int, dict], None] | None = None) -> int:
     """Run the members that the store lacks; a member that fails is recorded with its reason, an interrupt is passed on.
 
+    A member that was lost with its process is not recorded, so that the folder can go on with it.
+
     Parameters
     ----------
     plan : Plan
@@ -94,17 +96,28 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
     -------
     int
         Number of members run.
+
+    Raises
+    ------
+    RigError
+        After all others, when a member was lost.
     """
     forget_unfinished(store)
     left = [member for member in plan.members() if member.number not in store.done]
     bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
     setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.rig, plan.sequence, bags, plan.plugged, plan.calculation))
+    lost = None
     for place, entry, error in stream(partial(run_member, setup), left):
+        if isinstance(error, Lost):
+            lost = RigError(f"member {left[place].number}: {error}")
+            continue
         if error is not None:
             entry = failed(left[place], error)
         store.add(entry)
         if progress:
             progress(len(store.done), entry)
+    if lost is not None:
+        raise lost
     return len(left)
 
 
