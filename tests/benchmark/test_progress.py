@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from rig_nodes.cli import progress
+from rig_nodes.base import progress
 from rig_nodes.cli.main import main
 
 

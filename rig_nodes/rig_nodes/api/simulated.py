@@ -10,6 +10,7 @@ import logging
 from typing import TYPE_CHECKING
 
 from ..analysis import build_report, gather
+from ..base import STARTING, waiting
 from ..runs import Ordered, simulate, unless_empty, write_run
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def controller_log(folder: Path) -> Iterator[None]:
 def simulated(
     folder: Path, ordered: Ordered, progress: Callable[[float, str], None] | None = None, controller: Plug | None = None
 ) -> dict:
-    """Simulate what is ordered and write the run into a folder, all but its report.
+    """Simulate what is ordered and write the run into a folder, all but its report; stderr says so while the plant compiles.
 
     Parameters
     ----------
@@ -65,7 +66,15 @@ def simulated(
     RigError
         When sequence or controller do not fit the rig, or the folder cannot be written.
     """
-    with controller_log(folder), unless_empty(folder):
+    starting = contextlib.ExitStack()
+
+    def told(t: float, text: str) -> None:
+        starting.close()
+        if progress is not None:
+            progress(t, text)
+
+    with controller_log(folder), unless_empty(folder), starting:
+        starting.enter_context(waiting(STARTING))
         write_run(folder, ordered)
-        run = simulate(ordered.config, ordered.sequence, folder, ordered.seed, progress, controller, ordered.delay)
+        run = simulate(ordered.config, ordered.sequence, folder, ordered.seed, told, controller, ordered.delay)
     return build_report(gather(folder, run), run)

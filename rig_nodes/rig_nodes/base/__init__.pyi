@@ -15,6 +15,7 @@ from .keep import kept as kept, kept_folder as kept_folder
 from .link import ANSWERED as ANSWERED, DISCARDED as DISCARDED, FAILED as FAILED, Frames as Frames, Link as Link, LinkClosed as LinkClosed, NOT_AT_ALL as NOT_AT_ALL, PATIENCE as PATIENCE, READY as READY, STATUS as STATUS, pair as pair
 from .names import DEFAULT_RIG as DEFAULT_RIG, RIGS as RIGS, RIG_FILE as RIG_FILE, beside as beside, find_config as find_config, find_of_rigs as find_of_rigs, has_controller as has_controller, installed as installed, meant as meant, rig_folders as rig_folders, rig_of as rig_of, rig_with as rig_with, unknown as unknown, unknown_value as unknown_value, with_bases as with_bases
 from .optional import Lacking as Lacking, need_ros as need_ros, optional as optional
+from .progress import ProgressLine as ProgressLine, STARTING as STARTING, waiting as waiting
 from .schema import SWITCH as SWITCH, WORDS as WORDS, build as build, check_keys as check_keys, choice as choice, entry as entry, fill as fill, param as param, record_dtype as record_dtype, switch as switch, value_of as value_of
 from .typed_arguments import number_within as number_within, seconds_of_bag as seconds_of_bag
 from .uninterrupted import Uninterrupted as Uninterrupted

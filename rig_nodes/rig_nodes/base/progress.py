@@ -3,7 +3,8 @@
 
 """Progress and remaining time of long work, on stderr, by tqdm: a line that is renewed in a terminal.
 
-Every verb with long work uses it: ``sweep``, ``tune``, ``validate``, ``calibrate``, ``bench``, and those that compile a rig.
+Every verb with long work uses it: ``sweep``, ``tune``, ``validate``, ``calibrate``, ``bench``; verbs and the Python API use it
+where a rig is compiled.
 """
 
 from __future__ import annotations

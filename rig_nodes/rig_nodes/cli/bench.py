@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from .progress import ProgressLine
+from ..base import ProgressLine
 from .shared_arguments import add_json
 
 if TYPE_CHECKING:

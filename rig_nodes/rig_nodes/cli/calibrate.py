@@ -11,8 +11,7 @@ from dataclasses import asdict
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ..base import DEFAULT_RIG
-from .progress import ProgressLine
+from ..base import DEFAULT_RIG, ProgressLine
 from .shared_arguments import add_json
 
 if TYPE_CHECKING:

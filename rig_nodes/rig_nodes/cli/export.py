@@ -113,8 +113,7 @@ def _run(args: argparse.Namespace) -> int:
     """Write the signals of a run."""
     from ..bags import FILE_KINDS as ENDINGS
     from ..bags import Order, Signals, csvw_path, export
-    from ..base import RigError, printable, quantity
-    from .progress import ProgressLine
+    from ..base import ProgressLine, RigError, printable, quantity
 
     what, given = args.what, [f"-{'-' * (len(name) > 1)}{name}" for name in _OF_RIGS if getattr(args, _OF_RIGS[name])]
     if given or args.rig != DEFAULT_RIG:
@@ -151,9 +150,8 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _can_log(args: argparse.Namespace, run: Path, target: Path) -> int:
-    from ..base import RigError
+    from ..base import ProgressLine, RigError
     from ..runs import export_can_log
-    from .progress import ProgressLine
 
     if args.signals or args.clock or args.units != "si":
         raise RigError(f"--signals, --units and --clock are for {', '.join(RUNS)}; {args.what} holds the frames of rig.dbc")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from .progress import waiting
+from ..base import waiting
 from .shared_arguments import add_set
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from .progress import waiting
+from ..base import waiting
 from .run_arguments import add_in_process, controller_of
 from .shared_arguments import add_set
 

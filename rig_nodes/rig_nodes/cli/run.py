@@ -14,8 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base import BagError, RigError, ended_by, optional, printable, quoted
-from .progress import STARTING, waiting
+from ..base import STARTING, BagError, RigError, ended_by, optional, printable, quoted, waiting
 from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:

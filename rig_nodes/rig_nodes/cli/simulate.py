@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from typing import TYPE_CHECKING
 
 from ..base import printable, quoted
-from .progress import STARTING, waiting
 from .run_arguments import add_shared_arguments, controller_of, exit_code
 
 if TYPE_CHECKING:
@@ -52,18 +50,12 @@ def main(args: argparse.Namespace) -> int:
         print(embedded_line(), flush=True)
     shown = [""]
 
-    starting = contextlib.ExitStack()
-
     def progress(t: float, text: str) -> None:
-        starting.close()
         if text != shown[0]:
             shown[0] = text
             print(f"{t:8.2f} s  {printable(text)}", flush=True)
 
-    with starting:
-        starting.enter_context(waiting(STARTING))
-        ordered = Ordered(config, rig, sequence, args.seed, args.delay, args.controller)
-        report = simulated(folder, ordered, progress, controller)
+    report = simulated(folder, Ordered(config, rig, sequence, args.seed, args.delay, args.controller), progress, controller)
     print(format_report(report))
     write_report(folder, report)
     print(f"written to {folder}; look at it with: ./rig view {quoted(folder)}", flush=True)

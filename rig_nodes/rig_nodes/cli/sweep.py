@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .progress import ProgressLine
+from ..base import ProgressLine
 from .run_arguments import add_in_process, controller_of, delay
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .progress import ProgressLine
+from ..base import ProgressLine
 from .shared_arguments import add_set
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..base import ProgressLine
 from .output_files import OutputFolder
-from .progress import ProgressLine
 from .shared_arguments import add_json, add_rig, add_set
 
 if TYPE_CHECKING:
