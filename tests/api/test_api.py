@@ -3,11 +3,16 @@
 
 """The Python API as a user meets it: values in SI, tables with units, files of any kind, and one clear sentence for bad input."""
 
+import copy
+import gc
 import json
 import math
+import os
 import pickle
+import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -15,9 +20,13 @@ import pytest
 
 import rig_nodes
 from rig_nodes.analysis import put_loops
+from rig_nodes.api import swept
 from rig_nodes.bags import canonical_hash
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs
+from rig_nodes.runs import Lost
+
+SHORT = Path(__file__).parents[1] / "sweep" / "short.yaml"
 
 FIRST = [  # gear I at standstill, then the motor: the shortest run with something to see
     {"oil": {"pressure": "4 MPa"}},
@@ -81,6 +90,12 @@ def test_settings_are_texts_or_si_numbers_nested_or_with_dots(rig):
         (lambda: rig_nodes.load("hydmag").simulate("demo", controller="python:none.py:A"), "none.py"),
         (lambda: rig_nodes.load("ural2").simulate([{"shift": {"to": "I"}}]), "step:1: unknown key 'shift' in a step"),
         (lambda: rig_nodes.load("hydmag").simulate("demo", seed=-1), "seed is -1, expected a whole number from 0 to 2^63 - 1"),
+        (lambda: rig_nodes.open(None), "path is None, expected that of a run's folder, a bag or a logger's file"),
+        (
+            lambda: rig_nodes.sweep("hydmag", FIRST, {"load": "1 Nm"}),
+            "a sweep takes the name of a sequence or its file; write steps",
+        ),
+        (lambda: rig_nodes.sweep("hydmag", "demo", {}), "a sweep needs something to vary: by the name of each parameter"),
         (lambda: rig_nodes.open("nowhere"), "nowhere: there is no such file or folder"),
         (lambda: rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": "1 MPa, 2 MPa"}), "vary alfa46.t12"),
     ],
@@ -91,13 +106,70 @@ def test_bad_input_gets_one_sentence(call, sentence):
     assert sentence in str(refusal.value) and "\n" not in str(refusal.value)
 
 
+def test_signals_and_copies_outlive_their_run(rig):
+    signals = rig.simulate(FIRST[:2]).signals
+    assert rig.simulate(FIRST[:2]).signals["p_p"].max() == signals["p_p"].max() > 3.8e6
+    one = rig.simulate(FIRST[:2])
+    twin, folder = copy.deepcopy(one), one.folder
+    del one
+    assert twin.signals["p_p"].max() == signals["p_p"].max()
+    del twin
+    gc.collect()
+    assert not folder.exists() and not folder.parent.exists()
+
+
+def test_a_saved_run_is_where_it_was_saved_and_open_to_others(rig, tmp_path):
+    run = rig.simulate(FIRST[:2])
+    umask = os.umask(0o022)
+    try:
+        saved = run.save(tmp_path / "saved")
+    finally:
+        os.umask(umask)
+    assert run.folder == saved and stat.S_IMODE(saved.stat().st_mode) == 0o777 & ~umask
+    assert len(run.signals["p_p"]) > 10 and run.save(tmp_path / "again").is_dir()
+
+
+def test_runs_are_compared_by_their_folders_and_by_known_ways_only(run, tmp_path):
+    other = run.save(tmp_path / "other")
+    assert run.compare(str(other)).metrics[0]["difference"] == 0.0
+    with pytest.raises(rig_nodes.RigError, match="alignment by 'order': expected by 'events' or 'correlation'"):
+        run.compare(run, by="order")
+
+
+@pytest.mark.parametrize("how", ["stdin", "script"])
+def test_a_sweep_with_processes_needs_no_guard_in_a_script(how, tmp_path):
+    code = (
+        "print('begun')\nimport rig_nodes\n"
+        f"table = rig_nodes.sweep('hydmag', {str(SHORT)!r}, {{'rest': ['50 ms', '0.06 s']}}, jobs=2)\n"
+        "print(list(table['end']), table['rest'].tolist(), list(table['to_gear']))\n"
+    )
+    (tmp_path / "mine.py").write_text(code)
+    arguments = {"args": [sys.executable, "-"], "input": code} if how == "stdin" else {"args": [sys.executable, "mine.py"]}
+    done = subprocess.run(**arguments, cwd=tmp_path, capture_output=True, text=True, timeout=200)
+    assert done.stdout == "begun\n['ended', 'ended'] [0.05, 0.06] ['II', 'II']\n" and "Traceback" not in done.stderr, done.stderr
+
+
+def test_members_lost_with_their_processes_are_run_by_the_next_call(tmp_path, monkeypatch):
+    vary = {"rest": ["50 ms", "60 ms"]}
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            swept, "_one_by_one", lambda _run, items: [(k, None, Lost("2 processes were killed")) for k, _ in enumerate(items)]
+        )
+        with pytest.raises(rig_nodes.RigError, match="member 1: 2 processes were killed"):
+            rig_nodes.sweep("hydmag", SHORT, vary, folder=tmp_path / "sweep")
+    assert list(rig_nodes.sweep("hydmag", SHORT, vary, folder=tmp_path / "sweep")["end"]) == ["ended", "ended"]
+
+
 def test_a_signal_is_an_array_with_times_and_a_unit(run):
     p2 = run.signals["p2"]
-    assert isinstance(p2, np.ndarray) and p2.unit == "Pa" and len(p2.time) == len(p2)
+    assert p2.unit == "Pa" and len(p2.time) == len(p2) and np.array_equal(p2, p2.values)
     assert math.isclose(p2.to("MPa").max(), p2.max() / 1e6) and math.isclose(p2.to("bar").to("Pa").max(), p2.max())
     late = p2[p2.time > 9.0]
     assert late.time[0] > 9.0 and len(late.time) == len(late) < len(p2)
-    assert type(p2 - p2.mean()) is np.ndarray and type(np.diff(p2)) is np.ndarray
+    for made in (p2 - p2.mean(), np.diff(p2), np.gradient(p2, p2.time), np.sort(p2), p2.round(), -p2, p2[None], p2[::2] * 2.0):
+        assert type(made) is np.ndarray
+    assert p2[::-1].time[0] == p2.time[-1] and p2[p2 > 1e6].time.shape == p2[p2 > 1e6].values.shape and p2[3] == p2.values[3]
+    assert np.allclose(copy.deepcopy(late), late) and np.max([p2.to("MPa")]) == p2.to("MPa").max()
     again = pickle.loads(pickle.dumps(late))
     assert again.unit == "Pa" and np.array_equal(again.time, late.time)
     with pytest.raises(rig_nodes.RigError, match="p2 is in Pa and not to be had in 'rpm'; expected one of Pa, kPa, MPa, bar"):
@@ -113,6 +185,8 @@ def test_tables_name_what_they_do_not_have(run):
         run.shifts["t_c"]
     with pytest.raises(rig_nodes.RigError, match="there is no row 7; the table has 2 rows"):
         run.shifts[7]
+    assert repr(run.shifts[:1]).splitlines()[0].split()[:3] == ["from_gear", "to_gear", "t_order_s"] and len(run.events[:3]) == 3
+    assert run.shifts.to_arrow()["k"].to_pylist() == list(run.shifts["k"])
     frame = run.shifts.to_pandas()
     assert frame.loc[0, "k"] == run.shifts["k"][0] and frame.attrs["units"]["e_loss_j"] == "J"
 
@@ -128,7 +202,7 @@ def test_a_data_frame_has_the_rows_of_the_logger_and_the_last_value_of_slower_si
         with pytest.raises(rig_nodes.RigError, match=sentence):
             run.to_pandas(names)
     arrow = run.to_arrow(["p1"], period=0.01)
-    assert arrow.column("t").to_pylist()[:2] == [0.0, 0.01] and arrow.field("p1").metadata[b"unit"] == b"Pa"
+    assert arrow.column("time").to_pylist()[:2] == [0.0, 0.01] and arrow.field("p1").metadata[b"unit"] == b"Pa"
 
 
 def test_values_of_loops_are_columns_of_each_shift_and_in_the_names_of_the_report(rig, tmp_path, capsys):
@@ -237,4 +311,4 @@ def test_a_class_of_ones_own_is_the_controller_and_a_failed_run_says_why(rig):
 def test_a_rig_without_gears_is_run_and_drawn_too():
     run = rig_nodes.load("chain_saw").simulate(seed=2)
     assert run.end["state"] == "ended" and len(run.shifts) == 0 and len(run.plot().axes) > 1
-    assert "no rows" in repr(run)
+    assert repr(run).endswith("no shifts: the rig has no gears") and "no shifts: the rig has no gears" in run._repr_html_()

@@ -155,6 +155,7 @@ def test_a_wrong_choice_is_one_sentence(pytester, test, options, sentence):
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines([sentence])
     result.stdout.no_fnmatch_line("*pytest_plugin.py*")
+    result.stdout.no_fnmatch_line("*During handling of*")
 
 
 def failure(function, *arguments, **named) -> str:
@@ -181,6 +182,8 @@ def test_a_shift_that_is_missing_or_not_valid_is_said(demo):
         assert_shift(demo, "I-II", tc="< 1 s")
     with pytest.raises(RigError, match="t_c is '600 ms', expected e.g. '< 600 ms'"):
         assert_shift(demo, "I-II", t_c="600 ms")
+    with pytest.raises(RigError, match="t_c is 0.7, expected e.g. '< 600 ms'"):
+        assert_shift(demo, "I-II", t_c=0.7)
     with pytest.raises(RigError, match="'600 MPa' is a pressure, expected a time"):
         assert_shift(demo, "I-II", t_c="< 600 MPa")
 
@@ -189,6 +192,8 @@ def test_events_are_looked_for_in_their_order(demo):
     assert_events(demo, "shift to I ordered", "shift_done", "shift to II ordered", "sequence_done")
     said = failure(assert_events, demo, "shift to II ordered", "rig_tripped")
     assert said.startswith("no 'rig_tripped' after 'shift to II ordered' at 3.845 s; after it came 5.320 s ")
+    assert "; did you mean 'shift_done' or" in failure(assert_events, demo, "shift_dnoe")
+    assert "did you mean" not in failure(assert_events, demo, "sequence_done", "shift_done")
 
 
 def test_an_event_that_must_not_come_is_said_with_its_time(demo):

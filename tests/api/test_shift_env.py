@@ -89,7 +89,14 @@ def test_currents_as_the_alfa46_gives_them_make_its_shift(runs):
         sample = env.session.rig.sample + 1
         _, _, terminated, _, info = env.step(np.array([one[sample] for one in set_to]))
     assert_same_rows(env, run.recording)
-    assert info["metrics"]["valid"]
+    assert info["metrics"]["valid"] and (info["metrics"]["from_gear"], info["metrics"]["to_gear"]) == ("I", "II")
+
+
+@pytest.mark.parametrize("action", [[0.1], [0.1, np.nan], [[0.1, 0.1]]])
+def test_an_action_of_another_shape_or_without_a_value_is_refused(currents, action):
+    currents.reset(seed=1)
+    with pytest.raises(RigError, match="^action is .*, expected 2 numbers: valve_zr_p1, valve_zr_p2$"):
+        currents.unwrapped.step(np.array(action))
 
 
 def test_the_same_seed_and_actions_give_the_same_episode(currents):

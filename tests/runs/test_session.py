@@ -18,11 +18,16 @@ from rig_nodes.runs import session as module
 OTHERS = ("three_speed", "hydmag_engine", "ural2", "chain_saw")
 
 
+def given(setting, value: float) -> float | str:
+    """A value as Session.set takes it: with its unit where a torque is possible too."""
+    return f"{value!r} Pa" if "torque" in setting.setpoint.command.takes.values() else value
+
+
 def begun(config, **options) -> Session:
     """A rig whose devices are all on, each at a third of its range, in its first gear when it has gears."""
     session = Session(config, **options)
     for step, setting in session.rig.settings.steps.items():
-        session.set(step, setting.low + (setting.high - setting.low) / 3.0)
+        session.set(step, given(setting, setting.low + (setting.high - setting.low) / 3.0))
     if session.rig.embedded:
         session.set("shift", config.transmission.names[1])
     session.advance(0.4)
@@ -42,7 +47,7 @@ def check_branches(session: Session, other: Session) -> None:
     hash_, row, rows, events, *state = end_of(session)
     straight = (hash_, row, rows, list(events), *state)
     for step, setting in session.rig.settings.steps.items():
-        session.set(step, setting.low)
+        session.set(step, given(setting, setting.low))
     session.advance(0.1)
     for one, moment in ((session, kept), (session, kept), (other, pickle.loads(pickle.dumps(kept)))):
         one.restore(moment)
@@ -193,6 +198,12 @@ def test_a_torque_is_taken_for_a_load(config):
         ("shift", "V", "there is no gear 'V'; known are neutral, I, II"),
         ("current", [0.1, 0.0, 0.0], "this rig runs its controller inside"),
         ("wet_clutch.mass", 1.0, "there is no setpoint or setting"),
+        ("motor", object(), "motor is <object object.*; expected a number in SI, or a text with its unit"),
+        ("alfa46.t12", [1.0], r"alfa46.t12 is \[1.0\]; expected a number in SI"),
+        ("load", 40.0, "load is 40 without a unit, and it takes a torque or a pressure; write '40 Nm' or '40 Pa'"),
+        ("load", "-5 Nm", "load is -5 Nm; expected a torque of 0 Nm or more"),
+        ("current", 0.7, r"current is 0.7; expected a number for each of output_1 \(valve_zr_p1\), output_2"),
+        ("current", None, "current is None; expected a number for each of output_1"),
     ],
 )
 def test_what_cannot_be_set_is_refused_in_a_sentence(config, name, value, sentence):
@@ -202,7 +213,7 @@ def test_what_cannot_be_set_is_refused_in_a_sentence(config, name, value, senten
 
 def test_wrong_commands_from_outside_are_refused(config):
     session = Session(config, controller="external")
-    with pytest.raises(RigError, match="the setpoint must be 3 finite numbers"):
+    with pytest.raises(RigError, match=r"must be 3 finite numbers, one for each of output_1 \(valve_zr_p1\), .*, output_3$"):
         session.set("current", [0.1])
     session.set("current", [0.1, 0.0, 0.0])
     with pytest.raises(RigError, match="a command for this millisecond already"):
@@ -213,6 +224,22 @@ def test_wrong_commands_from_outside_are_refused(config):
         session.set("duty", [0.1, 0.0, 0.0])
     with pytest.raises(RigError, match="cannot advance by 0.0001 s"):
         session.advance(1e-4)
+
+
+def test_times_have_units_and_other_objects_are_refused_in_a_sentence(config):
+    session = Session(config)
+    session.advance("20 ms")
+    assert session.time == 0.02
+    for call, sentence in (
+        (lambda: session.advance(None), "dt is None; expected a number in SI, or a text with its unit"),
+        (lambda: session.advance("1 rpm"), "dt: '1 rpm' is an angular velocity, expected a time"),
+        (lambda: session.restore(None), r"restore takes a result of snapshot\(\), found None"),
+        (lambda: session.restore({}), "restore takes a result of snapshot"),
+        (lambda: session.play("demo"), "play takes a sequence as rig_nodes.runs.load_sequence returns it, found 'demo'"),
+        (lambda: session.read("n_wejj"), "'n_wejj' is not a transducer; did you mean 'n_wej'"),
+    ):
+        with pytest.raises(RigError, match=sentence):
+            call()
 
 
 def test_a_session_shows_its_state_to_people(config):

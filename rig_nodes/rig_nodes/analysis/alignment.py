@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..bags import Recording
-from ..base import RigError
+from ..base import RigError, brief
 from .definitions import BEFORE
 
 EVENTS, CORRELATION = "events", "correlation"
@@ -86,8 +86,10 @@ def align(first: Recording, other: Recording, by: str | None = None) -> Clock:
     Raises
     ------
     RigError
-        When the orders are not the same, no common signal changes, or the signals do not show the same.
+        When ``by`` is neither, the orders are not the same, no common signal changes, or the signals do not show the same.
     """
+    if by not in (None, EVENTS, CORRELATION):
+        raise RigError(f"alignment by {brief(by)}: expected by '{EVENTS}' or '{CORRELATION}'")
     gears = [[order[1:] for order in one.orders] for one in (first, other)]
     if by == EVENTS and (not gears[0] or gears[0] != gears[1]):
         raise RigError("the recordings do not hold the same orders of gears; align them by correlation")

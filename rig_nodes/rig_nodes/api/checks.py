@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis import Limit, judged, number, results_of, shift_name, shown, shown_transmission
-from ..base import UNITS, RigError, dimension_of_text, quantity, unknown
+from ..base import UNITS, RigError, brief, dimension_of_text, meant, quantity, unknown
 
 if TYPE_CHECKING:
     from .run import Run
@@ -79,9 +79,9 @@ def assert_shift(run: Run, way: str, **limits: str) -> None:
 
 def _limit(name: str, way: str, text: str) -> Limit:
     """Return a limit of a result from "< 600 ms" or "0.9 .. 1.0"."""
-    found = re.fullmatch(r"\s*(<=?|>=?)\s*(.+?)\s*", text)
-    if not found and ".." not in text:
-        raise RigError(f"{name} is '{text}', expected e.g. '< 600 ms', '> 0.9' or '0.9 .. 1.0'")
+    found = re.fullmatch(r"\s*(<=?|>=?)\s*(.+?)\s*", str(text))
+    if not found and ".." not in str(text):
+        raise RigError(f"{name} is {brief(text)}, expected e.g. '< 600 ms', '> 0.9' or '0.9 .. 1.0'")
     return Limit(name, way, SIGNS[found[1]].format(found[2]) if found else text, name)
 
 
@@ -115,7 +115,9 @@ def assert_events(run: Run, *expected: str) -> None:
         if at is None:
             came = [f"{one['time']:.3f} s {one['text']}" for one in events[place : place + MOST]]
             more = f"; and {len(events) - place - MOST} more" if len(events) > place + MOST else ""
-            raise AssertionError(f"no '{wanted}' after {after}; after it came {'; '.join(came) or 'nothing'}{more}")
+            nowhere = not any(_is(one, wanted) for one in events)
+            hint = f"; {meant(wanted, dict.fromkeys(one['name'] for one in events))}" if nowhere else ""
+            raise AssertionError(f"no '{wanted}' after {after}; after it came {'; '.join(came) or 'nothing'}{more}{hint}")
         place, after = at + 1, f"'{wanted}' at {events[at]['time']:.3f} s"
 
 

@@ -5,17 +5,16 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis import build_report, gather, info_of, write_report
 from ..bags import OpenedBags, Profile, is_loggers_file, not_sqlite, read_measurement, read_profile, sequence_name, write_bag
-from ..base import RigError, quantity, quoted
+from ..base import RigError, brief, quantity, quoted
 from .rig import Rig, load
 from .run import Run
+from .temporary import Temporary
 
 if TYPE_CHECKING:
     from ..bags import Measurement
@@ -65,6 +64,8 @@ def open(
     rig_nodes.base.errors.RigError: log.csv: its rig is not given, and the results depend on this rig's inertias, ratios and
     instrument errors; name it by --rig NAME, in Python by rig=NAME, or in a profile
     """
+    if not isinstance(path, str | Path):
+        raise RigError(f"path is {brief(path)}, expected that of a run's folder, a bag or a logger's file")
     if is_loggers_file(str(path)):
         return _imported(Path(path), rig, profile, orders, period)
     if given := [name for name, one in (("rig", rig), ("profile", profile), ("orders", orders), ("period", period)) if one]:
@@ -88,13 +89,9 @@ def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, ord
     found = read_measurement(path, read, rig.config.as_dict() if rig else None, "rig=" if rig else "", orders)
     if found is None:
         raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which ./rig import {quoted(path)} proposes")
-    folder = Path(tempfile.mkdtemp(prefix="rig-run-"))
-    try:
-        report = imported(found, folder, path)
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-    return Run(folder, report, temporary=True)
+    with Temporary() as kept:
+        report = imported(found, kept.folder, path)
+    return Run(kept.folder, report, kept)
 
 
 def imported(found: Measurement, folder: Path, path: Path) -> dict:

@@ -8,14 +8,20 @@ pytest loads it by an entry point in every project of the environment, so it imp
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pytest
 
 import rig_nodes
 
 from ..base import RigError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+T = TypeVar("T")
 
 # what can be chosen: the name in the marker, beside that of the option and of the ini file
 NAMES = {"name": "rig", "sequence": "rig_sequence", "seed": "rig_seed", "settings": "rig_set", "bag": "rig_bag"}
@@ -77,16 +83,22 @@ def _chosen(request: pytest.FixtureRequest) -> dict[str, Any]:
     return out
 
 
+def _made(make: Callable[[], T]) -> T:
+    """Return what a fixture makes, or fail with the sentence alone: within ``except`` pytest would print it twice."""
+    try:
+        return make()
+    except RigError as error:
+        said = str(error)
+    pytest.fail(said, pytrace=False)
+
+
 @pytest.fixture
 def rig(request: pytest.FixtureRequest) -> rig_nodes.Rig:
     """The rig that was chosen, with its settings."""
     chosen = _chosen(request)
     if "name" not in chosen:
         pytest.fail("no rig is named; give --rig NAME, rig = NAME in the ini file, or @pytest.mark.rig(NAME)", pytrace=False)
-    try:
-        return rig_nodes.load(chosen["name"], **chosen["settings"])
-    except RigError as error:
-        pytest.fail(str(error), pytrace=False)
+    return _made(lambda: rig_nodes.load(chosen["name"], **chosen["settings"]))
 
 
 @pytest.fixture
@@ -94,16 +106,12 @@ def run(request: pytest.FixtureRequest, rig: rig_nodes.Rig) -> rig_nodes.Run:
     """A simulated run of the rig; tests with the same choice share it."""
     chosen, runs = _chosen(request), request.config.stash[RUNS]
     asked = {"sequence": chosen.get("sequence", "demo"), **{name: chosen[name] for name in ONLY_MARKED if name in chosen}}
-    try:
-        seed = int(chosen.get("seed", 1))
-    except ValueError:
-        pytest.fail(f"seed is '{chosen['seed']}', expected a whole number", pytrace=False)
+    seed = str(chosen.get("seed", 1))
+    if not re.fullmatch(r"-?\d+", seed):
+        pytest.fail(f"seed is '{seed}', expected a whole number", pytrace=False)
     key = repr((rig.source, sorted(rig.settings.items()), seed, asked))
     if key not in runs:
-        try:
-            runs[key] = rig.simulate(**asked, seed=seed)
-        except RigError as error:
-            pytest.fail(str(error), pytrace=False)
+        runs[key] = _made(lambda: rig.simulate(**asked, seed=int(seed)))
     return runs[key]
 
 
@@ -115,7 +123,4 @@ def bag(request: pytest.FixtureRequest) -> rig_nodes.Run:
         pytest.fail(
             "no bag is named; give --rig-bag PATH, rig_bag = PATH in the ini file, or @pytest.mark.rig(bag=PATH)", pytrace=False
         )
-    try:
-        return rig_nodes.open(Path(chosen["bag"]))
-    except RigError as error:
-        pytest.fail(str(error), pytrace=False)
+    return _made(lambda: rig_nodes.open(Path(chosen["bag"])))

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from html import escape
 from numbers import Integral
@@ -14,12 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import write_report
-from ..base import RigError, brief, shown_in
+from ..base import STARTING, RigError, brief, shown_in, waiting
 from ..controllers import IN_PROCESS, load_controller
 from ..rig import POINT, RigConfig, driveline_svg, load_rig, with_overrides
 from ..runs import Ordered, Session, check_controller, check_level, load_sequence, sequence_of
 from .run import Run
 from .simulated import simulated
+from .temporary import Temporary
 
 if TYPE_CHECKING:
     from ..controllers import Plug
@@ -105,8 +104,10 @@ class Rig:
         seed : int
             Seed of the transducers' noise and errors.
         controller : str or type, optional
-            A controller in place of the rig's own, as after ``--controller``, or a class with ``initialize``, ``step`` and
-            ``terminate``, which then runs in this process.
+            A controller in place of the rig's own, as after ``--controller``, or a class, which then runs in this process.
+            Its ``initialize(info)`` receives a ``ControllerInfo``; ``step(inputs)`` receives each millisecond a
+            ``ControllerInputs`` and returns a ``ControllerOutputs`` of ``rig_nodes.controllers``, whose help has the fields;
+            ``terminate()`` ends it.
         level : str, optional
             What the controller returns, ``"duty"`` or ``"current"``, where it can return both.
         delay : int
@@ -151,14 +152,10 @@ class Rig:
         read.check_rig(self.config)
         seed = _seed(seed)
         plug, spec = self._plug(controller, level, delay)
-        folder = Path(tempfile.mkdtemp(prefix="rig-run-"))
-        try:
-            report = simulated(folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
-            write_report(folder, report)
-        except BaseException:
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
-        run = Run(folder, report, temporary=True)
+        with Temporary() as kept:
+            report = simulated(kept.folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
+            write_report(kept.folder, report)
+        run = Run(kept.folder, report, kept)
         if run.end["state"] == "interrupted":
             raise KeyboardInterrupt(run.end["reason"])
         return run
@@ -204,9 +201,12 @@ class Rig:
         """
         seed = _seed(seed)
         if controller == EXTERNAL:
-            return Session(self.config, seed, EXTERNAL, level, delay)
-        plug, _ = self._plug(controller, level, delay)
-        return Session(self.config, seed) if plug is None else Session(self.config, seed, plug, level, delay)
+            chosen = (EXTERNAL, level, delay)
+        else:
+            plug, _ = self._plug(controller, level, delay)
+            chosen = () if plug is None else (plug, level, delay)
+        with waiting(STARTING):
+            return Session(self.config, seed, *chosen)
 
     @property
     def gears(self) -> dict[str, float]:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import shutil
-import weakref
 from base64 import b64encode
 from functools import cached_property
 from html import escape
@@ -36,7 +35,8 @@ from ..bags import Signals as Groups
 from ..base import RigError, not_written, optional, quantity
 from .compared import Compared
 from .signals import Signals
-from .table import Table, column_unit
+from .table import GEARS, Table, column_unit
+from .temporary import Temporary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_ROWS = 1_000_000  # of a recording that is compared, 100 s at 10 kHz
+NO_GEARS = "no shifts: the rig has no gears"
 BESIDE = ("why", "undefined")  # keys of a shift in the report that hold no value
 
 
@@ -57,7 +58,8 @@ class Run:
     Attributes
     ----------
     folder : Path
-        The run's folder or bag. That of a run that was not saved is temporary and goes with this object.
+        The run's folder or bag; after :meth:`save` the saved folder. That of a run that was not saved is temporary and goes
+        with this object and its signals.
 
     Examples
     --------
@@ -70,18 +72,16 @@ class Run:
     'the rig is ready'
     """
 
-    def __init__(self, folder: Path, report: dict | None = None, temporary: bool = False) -> None:
-        """Take a run's folder or bag; ``report`` is its report where it is known, and a temporary folder is removed at the end."""
+    def __init__(self, folder: Path, report: dict | None = None, temporary: Temporary | None = None) -> None:
+        """Take a run's folder or bag; ``report`` is its report where it is known, ``temporary`` keeps a temporary folder."""
         self.folder, self._temporary = folder, temporary
         if report is not None:
             self.report = report
-        if temporary:
-            weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     @cached_property
     def signals(self) -> Signals:
         """The signals by name, in SI, e.g. ``run.signals["p1"]``."""
-        return Signals(self.folder)
+        return Signals(self.folder, self._temporary)
 
     @cached_property
     def report(self) -> dict[str, Any]:
@@ -118,7 +118,7 @@ class Run:
         box, keys = shown_transmission(report), [key for key in metric_keys() if key not in BESIDE]
         rows, units = [], {}
         for row, verdict in zip(report["shifts"], verdicts_in(report)):
-            gears = {name: box.short(row[name]) for name in ("from_gear", "to_gear")}
+            gears = {name: box.short(row[name]) for name in GEARS}
             loops = loop_columns(row)
             units |= {name: unit for name, (_, unit) in loops.items()}
             metrics = {key: row.get(key) for key in keys} | {name: value for name, (value, _) in loops.items()}
@@ -173,6 +173,7 @@ class Run:
                 shutil.copy(self.folder, target)
         except OSError as error:
             raise not_written(target, error) from None
+        self.folder, self._temporary = target.absolute(), None
         return target
 
     def to_pandas(
@@ -226,7 +227,7 @@ class Run:
         Returns
         -------
         pyarrow.Table
-            The time ``t`` [s] and a column for each signal, null where it has no value; unit and description are in the fields'
+            The ``time`` [s] and a column for each signal, null where it has no value; unit and description are in the fields'
             metadata.
 
         Raises
@@ -238,11 +239,12 @@ class Run:
         --------
         >>> table = rig_nodes.load("hydmag").simulate("demo").to_arrow(["p1"], period=0.01)
         >>> table.column_names, table.field("p1").metadata[b"unit"]
-        (['t', 'p1'], b'Pa')
+        (['time', 'p1'], b'Pa')
         """
         chosen, rows = self._rows(signals, period, units)
         schema = arrow_schema(chosen)
-        return optional("pyarrow").concat_tables([schema.empty_table(), *(arrow_table(one, schema) for one in rows)])
+        table = optional("pyarrow").concat_tables([schema.empty_table(), *(arrow_table(one, schema) for one in rows)])
+        return table.rename_columns(["time", *table.column_names[1:]])
 
     def _rows(self, names: Sequence[str] | None, period: float | str | None, units: str) -> tuple[Groups, Iterator[Rows]]:
         """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""
@@ -292,13 +294,13 @@ class Run:
             raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
         return draw_figure(figure_of_shift(self.report, shift, *of))
 
-    def compare(self, *others: Run, by: str | None = None) -> Compared:
+    def compare(self, *others: Run | str | Path, by: str | None = None) -> Compared:
         """Compare with other runs, as `rig compare`.
 
         Parameters
         ----------
-        *others : Run
-            The other runs.
+        *others : Run, str or Path
+            The other runs, or what :func:`rig_nodes.open` takes.
         by : str, optional
             How they are aligned, ``"events"`` or ``"correlation"``; by default by events where all hold the same orders.
 
@@ -321,7 +323,9 @@ class Run:
         """
         if not others:
             raise RigError("compare takes one or more other runs, e.g. run.compare(other)")
-        return Compared([one.source() for one in (self, *others)], by)
+        from .opened import open  # which makes runs
+
+        return Compared([(one if isinstance(one, Run) else open(one)).source() for one in (self, *others)], by)
 
     def source(self) -> Source:
         """Return the run as a comparison takes it; RigError for a rig without gears."""
@@ -336,7 +340,11 @@ class Run:
         return Source(name, bag.thinned(), bag.record, shifts_report(bag))
 
     def __repr__(self) -> str:
-        return f"{self._head}\n{self.shifts!r}"
+        return f"{self._head}\n{self.shifts!r}" if self._gears else f"{self._head}\n{NO_GEARS}"
+
+    @property
+    def _gears(self) -> bool:
+        return bool(self.signals.about.structure.gears)
 
     @property
     def _head(self) -> str:
@@ -355,4 +363,5 @@ class Run:
             picture = f'<img width="770" src="data:image/png;base64,{b64encode(drawn._repr_png_()).decode()}">'
         except RigError:
             pass  # without matplotlib there is no picture
-        return f"<p>{escape(self._head)}</p>{self.shifts._repr_html_()}{picture}"
+        shifts = self.shifts._repr_html_() if self._gears else f"<p>{NO_GEARS}</p>"
+        return f"<p>{escape(self._head)}</p>{shifts}{picture}"

@@ -14,12 +14,13 @@ import numpy as np
 
 from ..analysis import BEFORE, every_metric, shift_metrics
 from ..bags import Recording
-from ..base import ROW, SAMPLE, RigError, optional, unknown
+from ..base import ROW, SAMPLE, RigError, brief, optional, unknown
 from ..controllers import load_controller
 from ..plant import HIGH, LOW
 from ..runs import ORDER, Session, load_sequence
 from ..studies import BOUNDS, settings, values_of
 from .rig import Rig, load
+from .table import GEARS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -253,10 +254,19 @@ class ShiftEnv(gymnasium.Env):
         truncated : bool
             Always False.
         info : dict
-            At the end ``metrics``, a row as in report.json, or ``reason``.
+            At the end ``metrics``, a row as of ``Run.shifts``, or ``reason``.
+
+        Raises
+        ------
+        RigError
+            When the action has another shape, or a number is NaN.
         """
         session, space = self.session, self.action_space
-        values = np.minimum(np.maximum(action, space.low), space.high).tolist()
+        given = np.asarray(action, float)
+        if given.shape != space.shape or np.isnan(given).any():
+            names = self.valves if self._currents else self.points
+            raise RigError(f"action is {brief(given.tolist())}, expected {len(names)} numbers: {', '.join(names)}")
+        values = np.minimum(np.maximum(given, space.low), space.high).tolist()
         rig, first = session.rig, session.rig.sample
         end = self._ordered + self._window
         if self._currents:
@@ -314,4 +324,5 @@ class ShiftEnv(gymnasium.Env):
         channels = {name: np.ascontiguousarray(rows[:, rig.channels.index(name)]) for name in box.channels}
         order = (self._ordered * SAMPLE, *self._gears)
         begin = first + 1 - len(self._before)
-        return shift_metrics(Recording(begin * ROW, ROW, channels, [order], box), order)
+        row = shift_metrics(Recording(begin * ROW, ROW, channels, [order], box), order)
+        return row | {name: box.short(row[name]) for name in GEARS}

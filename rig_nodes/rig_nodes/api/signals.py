@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The signals of a run as numpy arrays that know their times and their unit; ``run.signals`` is a Signals."""
+"""The signals of a run with their times and their unit; ``run.signals`` is a Signals."""
 
 from __future__ import annotations
 
@@ -11,19 +11,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..bags import Bag, Logger
 from ..bags import Signals as Groups
 from ..base import UNITS, RigError, brief, unknown
 
 
-class Signal(np.ndarray):
+class Signal(NDArrayOperatorsMixin):
     """Values (n,) of a signal with their times.
 
-    It is an array like any other: what is computed of it is a plain array. A slice or a selection of it keeps its times.
+    It is used as an array: numpy takes it, it has an array's operators and methods, and what is computed of it is a plain array. A
+    slice or a selection of it keeps its times.
 
-    Attributes
+    Parameters
     ----------
+    values : (n,) array of float
+        The values.
     time : (n,) array of float
         Time of each value [s].
     name : str
@@ -37,36 +41,41 @@ class Signal(np.ndarray):
     --------
     >>> run = rig_nodes.load("hydmag").simulate("demo")
     >>> p1 = run.signals["p1"]
-    >>> p1.unit, p1.to("MPa").unit
-    ('Pa', 'MPa')
+    >>> p1.unit, p1.to("MPa").unit, bool(p1.max() == p1.values.max())
+    ('Pa', 'MPa', True)
     >>> bool((p1[p1.time > 5.0].time > 5.0).all())
     True
     """
 
-    time: np.ndarray | None = None  # as of an array of another shape that is made of a signal
-    name = unit = text = ""
+    def __init__(self, values: np.ndarray, time: np.ndarray, name: str, unit: str, text: str = "") -> None:
+        self.values, self.time, self.name, self.unit, self.text = np.asarray(values, float), time, name, unit, text
 
-    def __new__(cls, values: np.ndarray, time: np.ndarray, name: str, unit: str, text: str = "") -> Signal:
-        """Make a signal of values (n,) and times (n,) [s]."""
-        signal = np.asarray(values, float).view(cls)
-        signal.time, signal.name, signal.unit, signal.text = time, name, unit, text
-        return signal
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.values, dtype) if copy else np.asarray(self.values, dtype)
 
-    def __array_finalize__(self, obj: object) -> None:
-        if isinstance(obj, Signal) and obj.shape == self.shape:
-            self.time, self.name, self.unit, self.text = obj.time, obj.name, obj.unit, obj.text
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        plain = [one.values if isinstance(one, Signal) else one for one in inputs]
+        if "out" in options:
+            options["out"] = tuple(one.values if isinstance(one, Signal) else one for one in options["out"])
+        return getattr(ufunc, method)(*plain, **options)
 
-    def __array_wrap__(self, array: np.ndarray, context: object = None, return_scalar: bool = False) -> Any:
-        return array[()] if return_scalar or array.ndim == 0 else np.asarray(array)
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name == "values":  # of a copy that has no values yet
+            raise AttributeError(name)
+        return getattr(self.values, name)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __iter__(self) -> Iterator[float]:
+        return iter(self.values)
 
     def __getitem__(self, key: Any) -> Any:
-        values = self.view(np.ndarray)[key]
-        if np.ndim(values) != 1 or self.time is None or isinstance(key, tuple):
+        key = key.values if isinstance(key, Signal) else key
+        values = self.values[key]
+        if values.ndim != 1 or isinstance(key, tuple):
             return values
         return Signal(values, self.time[key], self.name, self.unit, self.text)
-
-    def __reduce__(self) -> tuple:
-        return Signal, (np.asarray(self), self.time, self.name, self.unit, self.text)
 
     def to(self, unit: str) -> Signal:
         """Return the signal in another unit.
@@ -92,14 +101,12 @@ class Signal(np.ndarray):
             raise RigError(
                 f"{self.name} is in {self.unit} and not to be had in {brief(unit)}; expected one of {known or self.unit}"
             )
-        return Signal(np.asarray(self) * (factor / UNITS[unit][1]), self.time, self.name, unit, self.text)
+        return Signal(self.values * (factor / UNITS[unit][1]), self.time, self.name, unit, self.text)
 
     def __repr__(self) -> str:
-        if self.time is None:
-            return repr(np.asarray(self))
         if not len(self):
             return f"{self.name} [{self.unit}], no values"
-        low, high = (f"{value:.4g}" for value in (np.nanmin(self), np.nanmax(self)))
+        low, high = (f"{value:.4g}" for value in (np.nanmin(self.values), np.nanmax(self.values)))
         ends = f"{self.time[0]:.4g} to {self.time[-1]:.4g} s"
         return f"{self.name} [{self.unit}], {len(self)} values, {low} to {high}, {ends}"
 
@@ -111,6 +118,8 @@ class Signals(Mapping[str, Signal]):
     ----------
     path : Path
         Folder of the run, or its bag.
+    owner : object, optional
+        What keeps a temporary folder; it stays as long as these signals.
 
     Attributes
     ----------
@@ -127,8 +136,8 @@ class Signals(Mapping[str, Signal]):
     rig_nodes.base.errors.RigError: there is no signal 'M_wjy' in the run; did you mean 'M_wyj' or 'M_wej'?
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, owner: object = None) -> None:
+        self._path, self._owner = path, owner
         chosen = Groups(path)
         self._groups, self.about = chosen.groups, chosen.small
         self._places = {column.name: (group, column) for group in self._groups for column in group.columns}

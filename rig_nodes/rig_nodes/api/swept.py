@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
-from ..base import RigError
+from ..base import SI, STARTING, UNITS, RigError, brief, waiting
 from ..runs import Workers
-from ..studies import Plan, Store, make_plan, manifest_of, rows_of, run_sweep
+from ..studies import Plan, Store, Varied, make_plan, manifest_of, rows_of, run_sweep
 from .rig import Rig, load
-from .table import Table, column_unit
+from .table import GEARS, Table, column_unit
 
 
 def sweep(
@@ -37,7 +37,7 @@ def sweep(
     rig : Rig or str
         The rig, whose settings all members share.
     sequence : str or Path
-        Name of a sequence, or its file.
+        Name of a sequence, or its file; steps are written to a file first.
     vary : mapping
         By the name of a parameter or setting the values that it takes: a list of texts with units, of a setting also
         of numbers in SI, or a text as after ``--vary``: ``"20 Nm .. 100 Nm in 5"``, ``"-250 ms .. -150 ms step 10 ms"``.
@@ -55,12 +55,13 @@ def sweep(
     Returns
     -------
     Table
-        A row for each shift: ``member``, what was varied, ``end`` and the metrics, as results.parquet has them.
+        A row for each shift: ``member``, what was varied in SI, the names of the gears, ``end`` and the metrics.
 
     Raises
     ------
     RigError
-        When a name, a unit or a value does not fit the rig or the sequence.
+        When a name, a unit or a value does not fit the rig or the sequence, or processes were killed before they had finished a
+        member; with ``folder``, the next call goes on.
 
     Examples
     --------
@@ -68,8 +69,10 @@ def sweep(
     >>> table["alfa46.t12"], table.units["alfa46.t12"], table["t_c_s"].shape
     (array([-0.24, -0.24, -0.18, -0.18]), 's', (4,))
     """
-    if jobs < 1:
-        raise RigError(f"jobs is {jobs}, expected at least 1")
+    if not isinstance(jobs, int) or jobs < 1:
+        raise RigError(f"jobs is {brief(jobs)}, expected a whole number of at least 1")
+    if not isinstance(sequence, str | Path):
+        raise RigError("a sweep takes the name of a sequence or its file; write steps to a YAML file, under description and steps")
     rig = rig if isinstance(rig, Rig) else load(rig)
     given = {name: spec if isinstance(spec, str) else [rig.text_of(name, one) for one in spec] for name, spec in vary.items()}
     draft = Plan(str(sequence), rig.source, samples=samples, repeats=repeats, seed=seed, fixed=rig.settings)
@@ -77,10 +80,18 @@ def sweep(
     with contextlib.ExitStack() as stack:
         place = Path(folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))
         store = stack.enter_context(Store(place, manifest_of(plan, False)))
-        run_sweep(plan, store, _one_by_one if jobs == 1 else stack.enter_context(Workers(jobs)).stream)
+        starting = stack.enter_context(contextlib.ExitStack())
+        starting.enter_context(waiting(STARTING))
+        stream = _one_by_one if jobs == 1 else stack.enter_context(Workers(jobs)).stream
+        run_sweep(plan, store, stream, lambda _done, _entry: starting.close())
         entries = sorted(store.entries(), key=lambda entry: entry["member"])
     rows = [row for entry in entries for row in rows_of(plan, entry)]
-    units = {one.name: one.unit or "" for one in plan.varied}
+    box = rig.config.transmission if rig.config.structure.gears else None
+    for row in rows:
+        row |= {name: box.short(row[name]) for name in GEARS if box and row.get(name) is not None}
+    units = {}
+    for one in plan.varied:
+        units[one.name] = _to_si(rows, one)
     for entry in entries:
         units |= {name: unit for row in entry["shifts"] for name, (_, unit) in loop_columns(row).items() if name not in units}
     varied = list(units)
@@ -88,6 +99,18 @@ def sweep(
     return Table(
         {name: units.get(name, column_unit(name)) for name in dict.fromkeys(key for row in rows for key in row)}, rows, shown
     )
+
+
+def _to_si(rows: list[dict], one: Varied) -> str:
+    """Convert what was varied in all rows to SI where its unit can be written, and return the unit."""
+    if not one.unit:
+        return ""
+    dimension, factor = UNITS[one.unit]
+    if dimension not in SI:
+        return one.unit
+    for row in rows:
+        row[one.name] *= factor
+    return SI[dimension].strip("-")
 
 
 def _one_by_one(function: Callable[[Any], Any], items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:

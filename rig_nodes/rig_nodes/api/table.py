@@ -19,7 +19,9 @@ from ..base import RigError, brief, optional, unknown
 
 if TYPE_CHECKING:
     import pandas
+    import pyarrow
 
+GEARS = ("from_gear", "to_gear")  # columns whose cells are names in Python, numbers in files
 MOST_ROWS = 40  # that a repr shows
 
 
@@ -27,7 +29,7 @@ class Table:
     """Rows of numbers and words under named columns.
 
     ``table["name"]`` is a column as an array (rows,): numbers in the column's unit, NaN where there is none, or words.
-    ``table[0]`` is a row as a dict, and iteration gives one row after the other.
+    ``table[0]`` is a row as a dict, ``table[:3]`` a table, and iteration gives one row after the other.
 
     Parameters
     ----------
@@ -42,9 +44,9 @@ class Table:
     --------
     >>> table = Table({"gear": "", "t_c_s": "s"}, [{"gear": "II", "t_c_s": 0.67}, {"gear": "I"}])
     >>> table
-    gear  t_c_s [s]
-    II         0.67
-    I             -
+    gear  t_c_s
+    II     0.67
+    I         -
     >>> table["t_c_s"]
     array([0.67,  nan])
     >>> table[0]["gear"], len(table), table.units["t_c_s"]
@@ -71,7 +73,11 @@ class Table:
     def __getitem__(self, key: int) -> dict[str, Any]: ...
     @overload
     def __getitem__(self, key: str) -> np.ndarray: ...
-    def __getitem__(self, key: int | str) -> dict[str, Any] | np.ndarray:
+    @overload
+    def __getitem__(self, key: slice) -> Table: ...
+    def __getitem__(self, key: int | str | slice) -> dict[str, Any] | np.ndarray | Table:
+        if isinstance(key, slice):
+            return Table(self.units, self._rows[key], self._shown)
         if not isinstance(key, str):
             if not isinstance(key, int | np.integer) or not -len(self) <= key < len(self):
                 raise RigError(f"there is no row {brief(key)}; the table has {len(self)} rows, the first is 0")
@@ -96,12 +102,27 @@ class Table:
         frame.attrs["units"] = dict(self.units)
         return frame
 
+    def to_arrow(self) -> pyarrow.Table:
+        """Return the table as one of Arrow.
+
+        Raises
+        ------
+        RigError
+            When pyarrow is not installed.
+        """
+        return optional("pyarrow").Table.from_pylist(self._rows)
+
     def _cells(self) -> list[list[str]]:
         """Return the head and the rows as text, the first and the last ones of many."""
         rows = [[_text(row[name]) for name in self._shown] for row in self._rows]
         if len(rows) > MOST_ROWS:
             rows = [*rows[: MOST_ROWS // 2], ["..."] * len(self._shown), *rows[-MOST_ROWS // 2 :]]
-        return [[f"{name} [{self.units[name]}]" if self.units[name] else name for name in self._shown], *rows]
+        return [[self._title(name) for name in self._shown], *rows]
+
+    def _title(self, name: str) -> str:
+        """Return the name of a column with its unit, where the name does not end with it."""
+        unit = self.units[name]
+        return f"{name} [{unit}]" if unit and not name.endswith(f"_{unit.lower()}") else name
 
     @property
     def _more(self) -> str:

@@ -104,6 +104,12 @@ class CommandedRig(RigBase):
         self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
 
     @property
+    def output_names(self) -> str:
+        """Names of the controller's outputs in their order, each with its valve."""
+        valves = dict(zip(self._wiring, self.valve_names))
+        return ", ".join(f"output_{k + 1}" + (f" ({valves[k]})" if k in valves else "") for k in range(len(self._nothing)))
+
+    @property
     def newest_command(self) -> int:
         """The sample that the newest command answers; -1 before the first command and on a rig without a controller."""
         return self.sample - 1 if self.embedded else self._last_command
@@ -285,7 +291,7 @@ class CommandedRig(RigBase):
         if {outputs} != set(map(len, vectors)) or not all(map(math.isfinite, values)):
             numbers = f"must be {outputs} finite numbers"
             what = f"duty and setpoint {numbers} each" if level == "duty" else f"the setpoint {numbers}"
-            raise RigError(f"valve command for sample {sample} refused: {what}")
+            raise RigError(f"valve command for sample {sample} refused: {what}, one for each of {self.output_names}")
         if not self._last_command < sample <= self.sample:
             raise RigError(
                 f"valve command for sample {sample} refused: expected one after {self._last_command} and not after {self.sample}"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES, RigError
+from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES, RigError, brief, meant
 from ..driveline import KIN1
 from ..plant import (
     BY_DUTY,
@@ -311,7 +311,7 @@ class RigBase(ABC):
         try:
             return float(self.row()[self.channels.index(name)])
         except ValueError:
-            raise RigError(f"'{name}' is not a transducer; known are {', '.join(self.channels)}") from None
+            raise RigError(f"{brief(name)} is not a transducer; {meant(name, self.channels)}") from None
 
     def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
         """Take the next rows of the logger, each of them once.

@@ -12,19 +12,19 @@ import html
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..base import TICK_SAMPLES, RigError, dimension_of_text, quantity, unknown
+from ..base import TICK_SAMPLES, RigError, brief, dimension_of_text, quantity, shown_in, unknown
 from ..controllers import LEVELS, Plug
 from ..plant import relief_setting_for
 from ..rig import CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED
 from .recorded import Listener, played, signals_of
 from .rig import Rig
+from .sequence import Sequence
 from .simulation import LocalBench, advance_with, rig_for, runner_on
 
 if TYPE_CHECKING:
     from collections.abc import Sequence as Values
 
     from ..rig import RigConfig
-    from .sequence import Sequence
     from .snapshot import Snapshot
 
 Event = tuple[float, str, str, float]
@@ -150,13 +150,13 @@ class Session:
         """Why the rig is tripped; empty when it is not."""
         return self.rig.reason
 
-    def advance(self, dt: float) -> None:
+    def advance(self, dt: float | str) -> None:
         """Let time pass. A rig that trips goes on in its safe state, until :meth:`reset`.
 
         Parameters
         ----------
-        dt : float
-            Time [s], a whole number of milliseconds.
+        dt : float or str
+            Time [s] or a text with its unit, e.g. "10 ms"; a whole number of milliseconds.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class Session:
             For any other time.
         """
         rig = self.rig
-        end = rig.sample + rig.samples_in(dt)
+        end = rig.sample + rig.samples_in(quantity(dt, "time", "dt") if isinstance(dt, str) else _number(dt, "dt"))
         self._note_trip()
         while rig.sample < end:
             if self._plug is not None and not rig.safe:
@@ -199,6 +199,8 @@ class Session:
         SequenceFailed
             When a step does not end in time.
         """
+        if not isinstance(sequence, Sequence):
+            raise RigError(f"play takes a sequence as rig_nodes.runs.load_sequence returns it, found {brief(sequence)}")
         self._listen(signals_of(sequence))
         listener = self._listener
         runner = runner_on(self.rig, listener, self.rig.config, sequence, self._plug)
@@ -224,9 +226,11 @@ class Session:
             Key of a device in sequences, e.g. "motor", "load" or "oil"; "shift" for an order of a gear; the name of a setting that
             can change in a run, e.g. "alfa46.t12"; or "current" or "duty" where the controller is outside.
         value : float, str, bool, None or sequence of float
-            A number [SI] or a text with its unit, e.g. "1500 rpm"; a load takes a torque too, e.g. "80 Nm". None switches a device
-            off. For "shift" the name of the gear; with the controller outside it is the gear that your controller reports. For
-            "current" and "duty" one number for each output of the controller [A] or 0 to 1; they hold until the next ones.
+            A number [SI] or a text with its unit, e.g. "1500 rpm". A load takes texts only, a torque ("80 Nm") or the pressure of
+            its relief valve ("4 MPa"). None switches a device off. For "shift" the name of the gear; with the controller outside it
+            is the gear that your controller reports. A setting of the Alfa46 acts from the next order on: a running shift keeps its
+            profiles. For "current" and "duty" one number for each output of the controller [A] or 0 to 1, three of hydmag:
+            output_1 (valve_zr_p1), output_2 (valve_zr_p2), output_3; they hold until the next ones.
 
         Raises
         ------
@@ -241,9 +245,9 @@ class Session:
         elif name in LEVELS:
             self._take_command(name, value)
         elif name.startswith(OWN):
-            self._bench.change(f"{CONTROLLER}.{name}", float(value))
+            self._bench.change(f"{CONTROLLER}.{name}", _number(value, name))
         elif name in settings:
-            number = settings[name].value_of(value, name) if isinstance(value, (str, bool)) else value
+            number = settings[name].value_of(value, name) if isinstance(value, (str, bool)) else _number(value, name)
             self._bench.change(name, float(number))
         else:
             raise RigError(unknown("setpoint or setting", name, [*settings.steps, ORDER, *LEVELS, *settings]))
@@ -253,13 +257,20 @@ class Session:
         if value is None:
             self._bench.set(step, 0.0, False)
             return
-        takes = setting.setpoint.command.takes.values()
+        takes = dict.fromkeys(setting.setpoint.command.takes.values())
         if isinstance(value, str) and dimension_of_text(value) == "torque" and "torque" in takes:
             torque, load = quantity(value, "torque", step), getattr(rig.config, setting.setpoint.device)
+            if torque < 0.0:
+                raise RigError(f"{step} is {value}; expected a torque of 0 Nm or more, which acts against the motion")
             value = relief_setting_for(torque, rig.measurement(rig.config.structure.output.speed), load)
         elif isinstance(value, str):
             value = quantity(value, setting.dimension, step)
-        self._bench.set(step, float(value), True)
+        else:
+            value = _number(value, step)
+            if len(takes) > 1:  # a bare number of Nm would be a few Pa
+                ways = " or ".join(f"'{value:g} {shown_in(one)[0]}'" for one in takes)
+                raise RigError(f"{step} is {value:g} without a unit, and it takes a {' or a '.join(takes)}; write {ways}")
+        self._bench.set(step, value, True)
 
     def _order(self, gear: object) -> None:
         if not self.rig.shifts:
@@ -277,7 +288,10 @@ class Session:
     def _take_command(self, level: str, values: Values[float]) -> None:
         if self.rig.newest_command == self.rig.sample:
             raise RigError("the valves have a command for this millisecond already; advance before the next one")
-        command = level, tuple(values)
+        try:
+            command = level, tuple(map(float, values))
+        except (TypeError, ValueError):
+            raise RigError(f"{level} is {brief(values)}; expected a number for each of {self.rig.output_names}") from None
         self._give(*command)
         self._command = command
         self._plug = self._listener.controller = None  # who commands by hand takes over from a plugged controller
@@ -370,6 +384,8 @@ class Session:
             When the snapshot is of another configuration or seed, or with a plugged controller.
         """
         self._check_kept()
+        if not isinstance(snapshot, SessionSnapshot):
+            raise RigError(f"restore takes a result of snapshot(), found {brief(snapshot)}")
         self.rig.restore(snapshot.rig)
         self._command, self._gear = snapshot.command
         self.events[:] = snapshot.events
@@ -400,3 +416,11 @@ class Session:
             cells.append(f"<tr><td>{html.escape(name)}</td><td>{html.escape(shown)}</td></tr>")
         head = html.escape(f"{self.rig.config.name}: {', '.join(self._facts())}")
         return f"<table><caption>{head}</caption>{''.join(cells)}</table>"
+
+
+def _number(value: object, what: str) -> float:
+    """Return a number of any numeric type; RigError for anything else."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise RigError(f"{what} is {brief(value)}; expected a number in SI, or a text with its unit") from None

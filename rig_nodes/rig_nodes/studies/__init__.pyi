@@ -12,7 +12,7 @@ from .benchmark.rigs import bench_rigs as bench_rigs
 from .benchmark.starts import bench_demo as bench_demo, bench_graph as bench_graph
 from .benchmark.step_cost import controllers_table as controllers_table
 from .sweep.cluster import dask_stream as dask_stream
-from .sweep.plan import Plan as Plan, make_plan as make_plan, plan_of as plan_of, plugged_of as plugged_of, read_plan as read_plan
+from .sweep.plan import Plan as Plan, Varied as Varied, make_plan as make_plan, plan_of as plan_of, plugged_of as plugged_of, read_plan as read_plan
 from .sweep.run import forget_unfinished as forget_unfinished, manifest_of as manifest_of, run_sweep as run_sweep
 from .sweep.store import RESULTS as RESULTS, SWEEP as SWEEP, SWEEP_JOURNAL as SWEEP_JOURNAL, Store as Store, begun as begun, decode as decode, open_journal as open_journal, parquet as parquet, read_manifest as read_manifest, rows_of as rows_of
 from .tune.beginning import read_beginnings as read_beginnings

@@ -199,7 +199,7 @@ def _chosen(groups: list[Group], patterns: Sequence[str], path: Path) -> list[Gr
     for pattern in patterns:
         found = fnmatch.filter(names, pattern) if any(c in pattern for c in "*?[") else [n for n in names if n == pattern]
         if not found:
-            raise RigError(f"--signals {pattern}: {path} has {unknown('signal', pattern, names).removeprefix('there is ')}")
+            raise RigError(f"signals {pattern}: {path} has {unknown('signal', pattern, names).removeprefix('there is ')}")
         wanted.update(found)
     kept = [Group(g.topic, g.logger, tuple(c for c in g.columns if c.name in wanted)) for g in groups]
     return [group for group in kept if group.columns]

@@ -330,7 +330,7 @@ def make_plan(draft: Plan, vary: dict, wheres: dict[str, str] | None = None) -> 
             raise RigError(f"{where}: it is set for all members too; give it once")
         varied.append(_read(name, spec, where, config, load, loaded))
     if not varied:
-        raise RigError('a sweep needs something to vary: --vary NAME="LOW .. HIGH" or NAME="A, B, C"')
+        raise RigError('a sweep needs something to vary: by the name of each parameter "LOW .. HIGH" or "A, B, C"')
     for name, low, high in (("samples", 1, MOST_MEMBERS), ("seed", 0, 2**62), ("repeats", 1, MOST_MEMBERS)):
         value = getattr(draft, name)
         if value is not None and not low <= value <= high:
@@ -352,7 +352,9 @@ def _place(name: str) -> str:
 def _check_method(method: str, samples: int | None, varied: list[Varied], wheres: dict[str, str]) -> None:
     if method in DRAWN:
         if not samples:
-            raise RigError(f"method {method} draws its members; give their number with --samples (samples: in a file)")
+            raise RigError(
+                f"method {method} draws its members; give their number with --samples (in a file and in Python: samples)"
+            )
         return
     if samples:
         raise RigError(f"method {method} has as many members as its values make; samples belong to {' and '.join(DRAWN)}")

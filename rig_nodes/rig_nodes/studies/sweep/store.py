@@ -167,11 +167,11 @@ def begun(folder: Path, name: str, manifest: dict, what: str, apart: Iterable[st
     path = folder / name
     if not path.exists():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"{folder}: it exists and holds no {what}; choose a new name with --out")
+            raise RigError(f"{folder}: it exists and holds no {what}; choose a new one")
         return False
     before = _read_json(path, what)
     if (why := differs(before, manifest | {key: before.get(key) for key in apart})) is not None:
-        raise RigError(f"{folder} holds another {what} ({why} is not the same); choose a new folder with --out")
+        raise RigError(f"{folder} holds another {what} ({why} is not the same); choose a new one")
     return True
 
 
