@@ -71,7 +71,7 @@ def no_shift(report: dict) -> str:
     run = report["run"]
     if run.get("imported"):
         return (
-            "no shift: the orders of gears are not given; import the file with --orders, e.g. "
+            "no shift: the orders of gears are not given; import the file with --orders, in Python orders=, e.g. "
             f"'{example_of_orders(shown_transmission(report))}', or with a column of the ordered gear; 'rig compare' takes the "
             "orders of another run"
         )

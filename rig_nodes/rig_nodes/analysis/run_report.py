@@ -202,7 +202,7 @@ def report_of_recording(recording: Recording, record: Mapping) -> dict:
     """
     if not recording.orders:
         example = example_of_orders(recording.transmission)
-        raise RigError(f"the recording holds no order of a gear; give them with --orders, e.g. '{example}'")
+        raise RigError(f"the recording holds no order of a gear; give them with --orders, in Python orders=, e.g. '{example}'")
     problems: list[str] = []
     instruments = instruments_of(record)
     metrics = _metrics(recording, shifts(recording), instruments, None, problems)

@@ -136,7 +136,7 @@ class Sequence:
                 what, name, known = of_rig
                 raise RigError(
                     f"sequence '{self.name}' is for a rig like {self.rig}, not for '{config.name}': {step.where}: "
-                    f"{unknown(what, name, map(str, known))}; leave out --rig, or name one like {self.rig}"
+                    f"{unknown(what, name, map(str, known))}; choose a rig like {self.rig}"
                 )
             if step.by_torque:
                 device = config.settings.steps[step.kind].setpoint.device
@@ -197,8 +197,8 @@ def load_sequence(
         if own or written_for in (str(rig), config.name) or not _suits(nodes, path, written_for):
             return error
         return RigError(
-            f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
-            f"--rig, or name one like {written_for}"
+            f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; "
+            f"choose a rig like {written_for}"
         )
 
     return checked(node, path, values or {}, config, str(rig), refused)

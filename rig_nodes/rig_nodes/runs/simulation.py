@@ -158,7 +158,7 @@ class LocalBench:
 def check_controller(config: RigConfig) -> None:
     """Raise RigError for a rig on which no shift controller can act."""
     if not config.structure.shifts:
-        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller, --level and --delay")
+        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out controller, level and delay")
 
 
 def check_delay(delay: int, speed: float | None) -> None:

@@ -152,7 +152,8 @@ class Clock:
         if len(steps) < 3 or span < SUREST * digit:
             raise RigError(
                 f"{self._foreign.path}: its {len(times)} rows have only {len(distinct)} different times from {distinct[0]:.10g} s "
-                "on, too few for a clock; export more digits (from Excel: a format with milliseconds), or give --period"
+                "on, too few for a clock; export more digits (from Excel: a format with milliseconds), or give --period, in "
+                "Python period="
             )
         self._refuse_hour(times, np.diff(times), digit)
         usual = steps[1:] < 1.5 * digit

@@ -161,7 +161,8 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
         if channel.over and profile.time is None and profile.period is None:
             raise RigError(
                 f"{one.where}: '{channel.head}' is recorded over {channel.over} and not over time; name a column of times "
-                "in a profile, e.g. time: {column: NAME, unit: s}, or give the time between its rows by --period"
+                "in a profile, e.g. time: {column: NAME, unit: s}, or give the time between its rows by --period, in Python "
+                "by period="
             )
     if not found:
         raise RigError(f"{path}: no column is taken from it")

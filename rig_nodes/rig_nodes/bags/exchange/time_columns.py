@@ -135,7 +135,7 @@ def axis_of(foreign: Foreign, profile: Profile, columns: Sequence[Channel]) -> A
         period, place = foreign.period
         note = f"the time between rows, {period * 1e3:.7g} ms, is from {place}"
         return Axis(None, Stamps(period * np.arange(len(longest.values))), (note,))
-    raise RigError(f"{foreign.path}: has no time column; add one, e.g. 't [s]', or give --period, e.g. '0.1 ms'")
+    raise RigError(f"{foreign.path}: has no time column; add one, e.g. 't [s]', or give --period, in Python period=, e.g. '0.1 ms'")
 
 
 def stamps_of(foreign: Foreign, channel: Channel, unit: str | None = None, date: Channel | None = None) -> Stamps:
