@@ -167,7 +167,7 @@ def begun(folder: Path, name: str, manifest: dict, what: str, apart: Iterable[st
     path = folder / name
     if not path.exists():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"{folder}: it exists and holds no {what}; choose a new one")
+            raise RigError(f"{folder}: it exists and holds no {what}; choose a new name")
         return False
     before = _read_json(path, what)
     if (why := differs(before, manifest | {key: before.get(key) for key in apart})) is not None:
