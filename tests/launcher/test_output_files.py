@@ -181,6 +181,8 @@ def test_an_older_product_of_the_same_kind_is_replaced(tmp_path, monkeypatch, ca
     monkeypatch.chdir(tmp_path)
     for words in (
         ["report", str(SAMPLE), "--html", "page.html"],
+        ["report", str(SAMPLE), "--picture", "shift.png"],
+        ["report", str(SAMPLE), "--picture", "shift.svg"],
         ["compare", str(SAMPLE), str(SAMPLE), "--json", "c.json", "--html", "c.html", "--rrd", "c.rrd"],
         ["modes", "clutch_bench", "--json", "m.json", "--picture", "m.svg"],
         ["check", "clutch_bench", "--picture", "p.svg"],
@@ -194,7 +196,19 @@ def test_an_older_product_of_the_same_kind_is_replaced(tmp_path, monkeypatch, ca
         assert [main(words) for _ in range(2)] == [0, 0], capsys.readouterr().err
     build_rig_fmu(Path("a.fmu"), "hydmag", {}, 2)
     assert KINDS["fmu"].own(b"", Path("a.fmu"))
-    assert set(KINDS) - {"page", "rrd", "json", "svg", "dbc", "registers", "record", "foxglove", "plotjuggler", "fmu"} == {
+    assert set(KINDS) - {
+        "page",
+        "picture",
+        "rrd",
+        "json",
+        "svg",
+        "dbc",
+        "registers",
+        "record",
+        "foxglove",
+        "plotjuggler",
+        "fmu",
+    } == {
         "pdf",  # tests/analysis/test_report_page.py and tests/view/test_view_pixels.py write these twice
         "png",
         "controller-fmu",

@@ -88,10 +88,15 @@ def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     package = tmp_path / "rig_nodes"
     (package / "plant").mkdir(parents=True)
     (package / "plant" / "valve.py").write_text("a = 1\n")
-    monkeypatch.setattr(rig_nodes.base.compiled, "__file__", str(package / "base/compiled.py"))
-    before = rig_nodes.base.compiled.cache_key()
-    (package / "plant" / "valve.py").write_text("a = 2\n")
-    assert rig_nodes.base.compiled.cache_key() != before
+    how = package / "base" / "compiled.py"
+    how.parent.mkdir()
+    how.write_text("options = 1\n")
+    monkeypatch.setattr(rig_nodes.base.compiled, "__file__", str(how))
+    keys = [rig_nodes.base.compiled.cache_key()]
+    for source in (package / "plant" / "valve.py", how):
+        source.write_text("a = 2\n")
+        keys.append(rig_nodes.base.compiled.cache_key())
+    assert len(set(keys)) == 3
 
 
 def test_compiled_code_that_others_could_have_written_is_not_run(tmp_path):

@@ -148,7 +148,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         codes.append(code)
 
     # what runs at the lowest priority waits as soon as any other part or test wants its core
-    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(cores) as below, ThreadPoolExecutor(at_a_time) as after:
+    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(at_a_time) as below, ThreadPoolExecutor(at_a_time) as after:
         try:
             others = {name: below.submit(run, name, True) for name in beside}
             for name, (output, code) in zip(first, together.map(run, first)):
