@@ -65,3 +65,32 @@ def test_it_leaves_no_process_and_no_file(checkout, tmp_path, number, code):
     while is_alive(child) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not is_alive(child) and not (root / ".venv" / "tmp").exists() and os.listdir(elsewhere) == []
+
+
+# the same, with the signal sent while the tool's process is being started
+MEANWHILE = SETS_UP.replace(
+    "rig.install_packages",
+    """
+class Popen(rig.subprocess.Popen):
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        sys.stdout.write(str(self.pid))
+        os.kill(os.getpid(), int(sys.argv[3]))
+
+
+rig.subprocess.Popen = Popen
+rig.install_packages""",
+)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_signal_while_a_tool_starts_ends_it(checkout, tmp_path, number, code):
+    (tmp_path / ".venv").mkdir()
+    ended = subprocess.run(
+        [sys.executable, "-c", MEANWHILE, str(checkout / "rig"), str(tmp_path), str(int(number))],
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert ended.returncode == code and ended.stderr.endswith("rig: set-up stopped; the next start takes it up again\n")
+    assert not is_alive(int(ended.stdout))
