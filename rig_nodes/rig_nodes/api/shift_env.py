@@ -8,6 +8,8 @@ A sequence brings the rig to the order of the shift; what happens from there on 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +25,6 @@ from .rig import Rig, load
 from .table import GEARS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     import gymnasium
@@ -113,22 +114,25 @@ class ShiftEnv(gymnasium.Env):
         loaded = rig if isinstance(rig, Rig) else load(rig)
         self.config = loaded.config
         if actions not in ACTIONS:
-            raise RigError(f"actions is '{actions}', expected 'currents' or 'profile'")
+            raise RigError(f"actions is {brief(actions)}, expected 'currents' or 'profile'")
         if not self.config.structure.shifts:
             raise RigError(f"'{self.config.name}' has no shift controller, so it has no shifts to learn")
         ways = self.config.transmission.ways()
         way = next(iter(ways), "") if way is None else way
-        if way not in ways:
-            raise RigError(unknown("shift", way, ways))
+        if not isinstance(way, str) or way not in ways:
+            raise RigError(unknown("shift", str(way), ways))
         self._sequence = load_sequence(sequence, {}, loaded.source, None, self.config)
         self._way, self._gears = way, ways[way]
         self._orders = self._number_of()
         self._currents = actions == "currents"
-        self._samples, self._window = self._whole(step, "step", window), self._whole(window, "window", 1.7)
-        self._weights = {**(WEIGHTS if weights is None else weights)}
-        for key in self._weights:
+        self._window = self._whole(window, "window", 1.7)
+        self._samples = self._whole(step, "step", window)
+        self._weights = _mapping(WEIGHTS if weights is None else weights, "weights", "a number by the key of a metric")
+        for key, weight in self._weights.items():
             if key not in {one.key for one in every_metric()}:
-                raise RigError(unknown("metric", key, [one.key for one in every_metric()]))
+                raise RigError(unknown("metric", str(key), [one.key for one in every_metric()]))
+            if not _is_number(weight) or not np.isfinite(weight):
+                raise RigError(f"weights: {key} is {brief(weight)}, expected a number")
         self.session = Session(self.config)
         self.transducers = self.session.transducers
         self.valves, self.points = self.session.rig.valve_names, tuple(BOUNDS)
@@ -155,9 +159,9 @@ class ShiftEnv(gymnasium.Env):
 
     @staticmethod
     def _whole(seconds: float, what: str, most: float) -> int:
-        samples = round(seconds / SAMPLE)
-        if abs(samples * SAMPLE - seconds) > 1e-9 or not SAMPLE <= seconds <= most:
-            raise RigError(f"{what} is {seconds} s, expected whole milliseconds from 0.001 to {most} s")
+        samples = round(seconds / SAMPLE) if _is_number(seconds) and np.isfinite(seconds) else 0
+        if not samples or abs(samples * SAMPLE - seconds) > 1e-9 or not SAMPLE <= seconds <= most:
+            raise RigError(f"{what} is {brief(seconds)}, expected a time in s, whole milliseconds from 0.001 to {most}")
         return samples
 
     def _actions(self) -> Box:
@@ -174,9 +178,12 @@ class ShiftEnv(gymnasium.Env):
             torque = self.transducers.index(box.input.torque)
             limits = {box.output.speed: (STANDS, np.inf), box.input.torque: (float(space.low[torque]), float(space.high[torque]))}
         self._lowest, self._highest = (np.full(len(self.transducers), end) for end in (-np.inf, np.inf))
-        for name, (low, high) in limits.items():
+        for name, ends in _mapping(limits, "limits", "the lowest and highest reading by the name of a transducer").items():
             if name not in self.transducers:
-                raise RigError(unknown("transducer", name, self.transducers))
+                raise RigError(unknown("transducer", str(name), self.transducers))
+            low, high = ends if isinstance(ends, tuple | list) and len(ends) == 2 else (None, None)
+            if not (_is_number(low) and _is_number(high) and low < high):
+                raise RigError(f"limits: {name} is {brief(ends)}, expected two numbers, the lower one first")
             place = self.transducers.index(name)
             self._lowest[place], self._highest[place] = low, high
 
@@ -326,3 +333,13 @@ class ShiftEnv(gymnasium.Env):
         begin = first + 1 - len(self._before)
         row = shift_metrics(Recording(begin * ROW, ROW, channels, [order], box), order)
         return row | {name: box.short(row[name]) for name in GEARS}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _mapping(given: object, what: str, expected: str) -> dict:
+    if not isinstance(given, Mapping):
+        raise RigError(f"{what} is {brief(given)}, expected {expected}")
+    return {**given}
