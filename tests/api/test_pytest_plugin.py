@@ -9,6 +9,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -25,6 +26,27 @@ STEPS = [{"oil": {"pressure": "4 MPa"}}, {"wait": {"for": "300 ms"}}, {"shift": 
 """
 
 
+class Keeps:
+    """Plugin that notes the modules of a run of pytest within this process, which pytester would have loaded once more."""
+
+    modules: ClassVar = {}
+
+    def pytest_unconfigure(self):
+        self.modules.update({name: module for name, module in sys.modules.items() if name.partition(".")[0] == "rig_nodes"})
+
+
+@pytest.fixture(autouse=True)
+def _whole():
+    """Begins before pytester and ends after it."""
+    yield
+    sys.modules.update(Keeps.modules)
+
+
+def within(pytester, *options):
+    """Run pytest with the plugin in this process."""
+    return pytester.runpytest_inprocess(*PLUGIN, *options, plugins=[Keeps()])
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     """A saved run of the demo."""
@@ -35,7 +57,7 @@ def demo(tmp_path_factory):
 
 def test_the_examples_pass(pytester):
     shutil.copytree(EXAMPLES, pytester.path, dirs_exist_ok=True)
-    result = pytester.runpytest_inprocess(*PLUGIN, "--junitxml=found.xml")
+    result = within(pytester, "--junitxml=found.xml")
     result.assert_outcomes(passed=5)
     suite = ElementTree.parse(pytester.path / "found.xml").getroot().find("testsuite")
     assert suite.get("tests") == "5" and suite.get("failures") == "0"
@@ -74,7 +96,7 @@ def test_marker_command_line_and_ini_file_choose_in_this_order(pytester):
             assert (rig.name, values.t12, values.t21) == ("hydmag", -0.12, -0.13)
         """
     )
-    pytester.runpytest_inprocess(*PLUGIN, "--rig", "three_speed", "--rig-set", "alfa46.t12=-120 ms").assert_outcomes(passed=2)
+    within(pytester, "--rig", "three_speed", "--rig-set", "alfa46.t12=-120 ms").assert_outcomes(passed=2)
 
 
 def test_tests_with_the_same_choice_share_a_run(pytester):
@@ -96,7 +118,7 @@ def test_other(run, request):
     assert run is not request.config.first and run.report["run"]["seed"] == 2
 """
     )
-    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=3)
+    within(pytester).assert_outcomes(passed=3)
 
 
 def test_a_bag_is_opened_where_it_is_named(pytester, demo, tmp_path):
@@ -110,8 +132,8 @@ def test_a_bag_is_opened_where_it_is_named(pytester, demo, tmp_path):
             assert_shift(bag, "I-II", t_c="< 700 ms")
         """
     )
-    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
-    pytester.runpytest_inprocess(*PLUGIN, "--rig-bag", "nowhere").stdout.fnmatch_lines(["*nowhere*there is no*"])
+    within(pytester).assert_outcomes(passed=1)
+    within(pytester, "--rig-bag", "nowhere").stdout.fnmatch_lines(["*nowhere*there is no*"])
 
 
 def test_a_failure_is_one_message_without_the_inside_of_the_assertion(pytester, demo):
@@ -126,7 +148,7 @@ def test_a_failure_is_one_message_without_the_inside_of_the_assertion(pytester, 
             assert_shift(bag, "I-II", t_c="< 600 ms")
         """
     )
-    result = pytester.runpytest_inprocess(*PLUGIN, "--junitxml=found.xml")
+    result = within(pytester, "--junitxml=found.xml")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["E *AssertionError: shift 1, I -> II at 3.85 s: t_c is 673 +- 1 ms, expected < 600 ms"])
     result.stdout.no_fnmatch_line("*checks.py*")
@@ -151,7 +173,7 @@ def test_a_failure_is_one_message_without_the_inside_of_the_assertion(pytester, 
 )
 def test_a_wrong_choice_is_one_sentence(pytester, test, options, sentence):
     pytester.makepyfile(test)
-    result = pytester.runpytest_inprocess(*PLUGIN, *options)
+    result = within(pytester, *options)
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines([sentence])
     result.stdout.no_fnmatch_line("*pytest_plugin.py*")
