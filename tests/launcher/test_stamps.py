@@ -57,7 +57,7 @@ def test_set_up_killed_while_messages_were_built(launcher, small_checkout):
     launcher.write_stamp(venv, dict(launcher.read_stamp(venv), later=["view"]))
     (small_checkout / ".venv/lib/librig_msgs.so").unlink()
     assert launcher.find_stale(str(small_checkout)) == (None, None), "who does not ask for ROS does not wait for it"
-    assert launcher.find_stale(str(small_checkout), ["ros"]) == ("ros", "rig_msgs is not built yet")
+    assert launcher.find_stale(str(small_checkout), ["ros"]) == ("ros", "the messages of ROS 2 are not built yet")
 
 
 def test_what_is_asked_for_is_added_once(launcher, small_checkout):
