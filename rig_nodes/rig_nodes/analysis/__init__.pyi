@@ -32,7 +32,7 @@ from .quality import FAILED as FAILED, bounds_of as bounds_of, GRADES as GRADES,
 from .ranges import LOGGER as LOGGER, range_lines as range_lines
 from .report_text import format_report as format_report, no_shift as no_shift, numbered_way as numbered_way, shift_name as shift_name
 from .results import ENDS as ENDS, Result as Result, number as number, results_of as results_of, spread as spread, spread_cells as spread_cells, spread_lines as spread_lines
-from .run_report import REPORT_FILE as REPORT_FILE, build_report as build_report, info_of as info_of, is_of as is_of, plain as plain, read_report as read_report, shown_transmission as shown_transmission, verdicts_in as verdicts_in, write_report as write_report
+from .run_report import REPORT_FILE as REPORT_FILE, build_report as build_report, info_of as info_of, is_of as is_of, plain as plain, read_report as read_report, shown_transmission as shown_transmission, verdicts_in as verdicts_in, without_trips as without_trips, write_report as write_report
 from .run_settings import settings_of_run as settings_of_run
 from .runs_table import Member as Member, judged_members as judged_members, member_of as member_of, members_in as members_in, named_shifts as named_shifts, read_procedure as read_procedure, table_of as table_of, warnings_of as warnings_of, write_procedure as write_procedure
 from .shift import shift_metrics as shift_metrics, shifts as shifts, with_ends as with_ends, without_slip as without_slip

@@ -23,7 +23,7 @@ from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
 from .quality import sentence_of
 from .ranges import range_lines
-from .run_report import RUN_KEYS, shown_transmission, verdicts_in, window_of
+from .run_report import RUN_KEYS, shown_transmission, verdicts_in, window_of, without_trips
 from .state_at_order import begun_lines
 
 WHERE_DEFINED = (
@@ -182,6 +182,8 @@ def _run_lines(run: dict) -> list[str]:
     end = run["end"]
     reason = end.get("reason") if isinstance(end, dict) else end
     lines.append(f"end: {reason or 'unknown'}")
+    if off := without_trips(run):
+        lines.append(f"trips: {off}")
     if run.get("recovered"):
         lines.append(f"bag: damaged; {run['recovered']}")
     return lines + [f"problem: {problem}" for problem in run.get("problems", [])]

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..bags import NOTHING, UNREADABLE, Bag, Recording, example_of_orders, holds_rig, limits, orders_in, rig_record
 from ..base import RigError, atomic_write
-from ..rig import End, Inertias, Transmission, load_rig, transmission_of
+from ..rig import TRIPS, WATCHED, End, Inertias, Transmission, load_rig, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
@@ -154,6 +154,12 @@ def no_rig(error: Exception) -> RigError:
         f"the configuration of the run does not name its rig and instruments ({type(error).__name__}: {error}); "
         f"expected what `rig run` and `rig simulate` put into a bag"
     )
+
+
+def without_trips(run: Mapping) -> str:
+    """Return a sentence when the trips of a run were off; empty otherwise."""
+    trips = (run.get("configuration") or {}).get(TRIPS) or {}
+    return "" if trips.get(WATCHED, True) else "the trips were off: nothing kept the machine within its limits"
 
 
 def info_of(bag: Bag | Gathered) -> dict:

@@ -33,16 +33,21 @@ _TRIPPED = 3  # RigState.TRIPPED
 
 @dataclass(frozen=True)
 class RunEnd:
-    """How a run ended: ``state`` as in its report (ended, failed, tripped, interrupted), and the reason."""
+    """How a run ended: ``state`` as in its report (ended, failed, tripped, interrupted), the reason, and the name of its trip."""
 
     state: str
     reason: str
+    trip: str = ""
+
+    def plain(self) -> dict[str, str]:
+        """Return it as a report holds it, with the name of a trip only where there is one."""
+        return {"state": self.state, "reason": self.reason} | ({"trip": self.trip} if self.trip else {})
 
     @classmethod
     def of(cls, record: Mapping[str, str]) -> RunEnd | None:
         """Return what a bag's record of the end says; None without one, and for a recorder that did not know."""
         state = record.get("state", STOPPED)
-        return None if state == STOPPED else cls(state, record.get("reason", ""))
+        return None if state == STOPPED else cls(state, record.get("reason", ""), record.get("trip", ""))
 
 
 def end_of_run(bag: Bag) -> RunEnd | None:
@@ -74,7 +79,7 @@ def with_end(bag: Bag, run: dict) -> dict:
     if sentence := cut_off(bag):
         return {**run, "end": {"state": CUT_OFF, "reason": sentence}}
     found = end_of_run(bag) if unknown else None
-    return run if found is None else {**run, "end": {"state": found.state, "reason": found.reason}}
+    return run if found is None else {**run, "end": found.plain()}
 
 
 def faults_of(bag: Bag, run: dict) -> list[str]:

@@ -364,9 +364,9 @@ class BagWriter:
         """Begin the next file with the next chunk."""
         self._split = True
 
-    def end(self, state: str, reason: str) -> None:
+    def end(self, state: str, reason: str, trip: str = "") -> None:
         """Say how the run ended (run_end.RunEnd); :meth:`close` stores it as the last record of the bag."""
-        self._end = {"state": state, "reason": reason}
+        self._end = {"state": state, "reason": reason} | ({"trip": trip} if trip else {})
 
     @property
     def counts(self) -> dict[str, int]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from ..base import DEFAULT_RIG, RIG_FILE, RigError, find_config, installed, rig_folders, with_bases
 from ..plant import VALUES
+from .output_files import STDOUT
 
 if TYPE_CHECKING:
     import argparse
@@ -35,6 +36,7 @@ WHAT = {
         "values of a rig with unit, range and whether they change while it runs",
         "--set NAME=VALUE, ./rig set NAME VALUE",
     ),
+    "trips": ("limits at which a rig goes into its safe state, with delay, reaction and source", "--set trips.NAME.limit=VALUE"),
     "parts": ("types of devices with unit and range of each value", "part: NAME in a rig's rig.yaml"),
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
     "metrics": ("results of a shift with unit, meaning and where they are shown", "./rig report RUN --limit 'NAME=.. VALUE'"),
@@ -52,10 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rig",
         metavar="NAME",
         help="rig, its folder or .yaml file: only its sequences and procedures (default: "
-        f"all); whose devices, settings, topics and signals (default: {DEFAULT_RIG})",
+        f"all); whose devices, settings, trips, topics and signals (default: {DEFAULT_RIG})",
     )
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="for programs")
+    form.add_argument("--json", nargs="?", const=STDOUT, choices=(STDOUT,), metavar=STDOUT, help="for programs, to stdout")
     form.add_argument(
         "--markdown",
         action="store_true",
@@ -165,6 +167,10 @@ def _settings(rig: str | None) -> list[dict[str, str]]:
     ]
 
 
+def _trips(rig: str | None) -> list[dict[str, str]]:
+    return [trip.row() for trip in _known(rig).trips]
+
+
 def _topics(rig: str | None) -> list[dict[str, str]]:
     return _rows_of(_known(rig).catalogue.all_topics)
 
@@ -255,6 +261,7 @@ OF_A_RIG = {
     "procedures": _of_rigs("procedures"),
     "devices": _devices,
     "settings": _settings,
+    "trips": _trips,
     "topics": _topics,
     "signals": _signals,
 }

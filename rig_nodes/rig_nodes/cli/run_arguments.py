@@ -15,6 +15,7 @@ from .shared_arguments import add_list, add_set
 LOST = 3  # exit code of a run that was completed but lost messages or time
 LEAST_COME = 2.0  # s, least time that a program needs until it is discovered
 MOST_COME = 60.0  # s, longest wait for a program
+NO_TRIPS = "trips.watched=off"  # the setting of --no-trips; help need not load the rig room for it
 MOST_DELAY = 50  # samples, half of the time after which a silent controller causes the safe state
 
 
@@ -76,6 +77,13 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
     parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file (default: the one that the sequence is of)")
     parser.add_argument("--seed", type=seed, default=1, help="seed of the transducers' noise and errors (default: 1)")
     add_set(parser, 'change one value of the rig, e.g. alfa46.t12="200 ms"')
+    parser.add_argument(
+        "--no-trips",
+        action="append_const",
+        const=NO_TRIPS,
+        dest="settings",
+        help="let the rig go on beyond the limits of `rig list trips`, to see what breaks; every report of the run says so",
+    )
     add_list(parser, "--with", "NAME=VALUE", "parameters", 'give a parameter of the sequence a value, e.g. speed="1500 rpm"')
     parser.add_argument(
         "--controller",

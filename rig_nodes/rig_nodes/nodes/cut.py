@@ -14,7 +14,7 @@ import time
 from typing import TYPE_CHECKING
 
 from ..plant import Answer
-from ..runs import Rig, RigStatus, topic_of
+from ..runs import NO_ANSWER, Rig, RigStatus, topic_of
 from .device import Device, receive
 from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile
@@ -114,6 +114,6 @@ class CutEnds:
     def _look_after(self, device: str, waited: float) -> None:
         answer = topic_of(device, "answer")
         if not self._nodes[device].inputs[answer].get_publisher_count():
-            self._rig.trip(f"{device}: nobody sends {answer} any more")
+            self._rig.trip(f"{device}: nobody sends {answer} any more", NO_ANSWER)
         elif self._timeout is not None and waited > self._timeout:
-            self._rig.trip(f"{device}: no answer on {answer} within {self._timeout:g} s of real time")
+            self._rig.trip(f"{device}: no answer on {answer} within {self._timeout:g} s of real time", NO_ANSWER)

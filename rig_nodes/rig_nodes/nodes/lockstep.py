@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from ..base import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE_NS, STATUS, TICK_SAMPLES, Frames, Link, LinkClosed
 from ..controllers import Answer, ControllerFailed, ControllerRecord, Status, record_of
 from ..rig import CONTROLLER_COMMAND
-from ..runs import RigStatus, give_answer
+from ..runs import BAD_CONTROLLER, PROCESS_LOST, RigStatus, give_answer
 from .realtime import take_core
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class Lockstep:
                 except LinkClosed:
                     if not self._cause():
                         raise
-                    rig.trip(self._cause())
+                    rig.trip(self._cause(), PROCESS_LOST)
                     self._done = True
                 if rig.safe:
                     time.sleep(TICK_SAMPLES * SAMPLE_NS * 1e-9)  # nothing to hurry for
@@ -202,7 +202,7 @@ class Lockstep:
             if answer is None:
                 rig.explain_silence(controller.trouble)
         except ControllerFailed as failure:
-            rig.trip(str(failure))
+            rig.trip(str(failure), BAD_CONTROLLER)
             answer = None
         if answer is not None:
             give_answer(rig, controller, sample, answer)

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from ..base import SAMPLE_NS, TICK_SAMPLES, RigError, printable
 from ..controllers import announce, from_environment
-from ..runs import BY_HAND, SCALAR_SAMPLES, Outputs, Rig, RigStatus, check_delay, run_record
+from ..runs import BY_HAND, ENDED_EARLY, PROCESS_LOST, SCALAR_SAMPLES, Outputs, Rig, RigStatus, check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, own_nodes, pace_of, sender
@@ -114,7 +114,7 @@ class Container:
     def obey(self, order: dict) -> None:
         """Do an order of the supervisor, which is the first to detect that a process of the graph is gone or was started again."""
         if "trip" in order:
-            self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"]))
+            self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"], PROCESS_LOST))
         if "event" in order:
             self.commands.put("supervisor", self.commands.event, order["event"], order["text"])
 
@@ -213,7 +213,7 @@ class Container:
             self._log(*now, was=self._seen[0])
         if now != self._seen or rig.sample % 1000 == 0:
             self._seen = now
-            self.process.status("state", state=rig.status.name, reason=rig.reason, t=rig.time)
+            self.process.status("state", state=rig.status.name, reason=rig.reason, trip=rig.tripped_by, t=rig.time)
         if not self.process.stopping:
             return False
         if self._last_ticks is None:
@@ -222,9 +222,12 @@ class Container:
                 return True
             self._last_ticks = LAST_TICKS
             if orphaned:
-                rig.trip(ORPHANED)
+                rig.trip(ORPHANED, PROCESS_LOST)
             elif rig.status != RigStatus.TRIPPED:
-                rig.trip("the run was ended before its sequence was done" if self.by_sequence else "the rig was ended by hand")
+                rig.trip(
+                    "the run was ended before its sequence was done" if self.by_sequence else "the rig was ended by hand",
+                    ENDED_EARLY,
+                )
         self._last_ticks -= 1
         return self._last_ticks < 0
 
@@ -264,6 +267,7 @@ class Container:
             "time_s": self.rig.time,
             "state": self.rig.status.name,
             "reason": self.rig.reason,
+            "trip": self.rig.tripped_by,
             "interrupted": self.process.interrupted,
             "refused": dict(self.commands.refused),
             "real_time_priority": self.clock.real_time_priority,

@@ -83,6 +83,8 @@ class RigHealth:
             )
             return Health("rig", WARN, f"starting: {what}", self._clock)
         text = "running: the motor is on" if status == RigStatus.RUNNING else "ready: the motor is off"
+        if near := [trip.quantity.text for trip in self.rig.watched.near()]:
+            return Health("rig", WARN, f"{text}, but near the limit: {', '.join(near)}", self._clock)
         if late:
             return Health("rig", WARN, f"{text}, but ticks start more than 5 ms late: the machine is too busy", self._clock)
         return Health("rig", OK, text, self._clock)
@@ -91,6 +93,7 @@ class RigHealth:
         values = {
             "state": self.rig.status.name,
             "reason": self.rig.reason,
+            "trip": self.rig.tripped_by,
             "time_s": self.rig.time,
             "overruns": self.clock.overruns,
             "refused_commands": sum(tuple(self.commands.refused.values())),

@@ -8,7 +8,7 @@ from .settings_changed import changed_settings as changed_settings
 from .commands import Setpoint as Setpoint
 from .configuration import RigConfig as RigConfig, check_gearbox as check_gearbox, load_gearbox_rig as load_gearbox_rig, load_rig as load_rig, rig_name as rig_name, with_overrides as with_overrides
 from .cross_checks import cross_check as cross_check
-from .driveline import build_driveline as build_driveline, inertias_of as inertias_of, inputs_of as inputs_of, owns_shaft as owns_shaft, shaft_of as shaft_of
+from .driveline import bodies_shown as bodies_shown, build_driveline as build_driveline, inertias_of as inertias_of, inputs_of as inputs_of, owns_shaft as owns_shaft, shaft_of as shaft_of
 from .effects import leave_out as leave_out
 from .picture import driveline_svg as driveline_svg
 from .quantities import QUANTITIES as QUANTITIES
@@ -20,4 +20,5 @@ from .signal_catalogue import Catalogue as Catalogue, Offer as Offer, QOS as QOS
 from .signals import CONTROLLER_COMMAND as CONTROLLER_COMMAND, CONTROLLER_EVENTS as CONTROLLER_EVENTS, CONTROLLER_FAILED as CONTROLLER_FAILED, CONTROLLER_SILENT as CONTROLLER_SILENT, GEAR_WAS as GEAR_WAS, SHIFT_ORDERED as SHIFT_ORDERED, TORQUES as TORQUES, absolute_pressures as absolute_pressures, torque_signals as torque_signals
 from .structure import Device as Device, End as End, Structure as Structure, Transducer as Transducer, structure_of as structure_of
 from .transducer_types import TRANSDUCER_TYPES as TRANSDUCER_TYPES, measured_range as measured_range
+from .trips import GEAR as GEAR, HYSTERESIS as HYSTERESIS, MEASURED as MEASURED, SHIFTING as SHIFTING, Sum as Sum, TRIPS as TRIPS, Trip as Trip, WATCHED as WATCHED
 from .transmission import Clutch as Clutch, Inertias as Inertias, NEUTRAL as NEUTRAL, Shift as Shift, Transmission as Transmission, ranges_of as ranges_of, slip_of as slip_of, transmission_of as transmission_of

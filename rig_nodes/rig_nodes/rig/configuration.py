@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,7 @@ from .signals import unnamed
 from .structure import Device, Structure
 from .transducer_types import TRANSDUCER_TYPES
 from .transmission import Transmission, made_of, tied_to
+from .trips import TRIPS, WATCHED, Trip, default_of, read_trips, trip_settings, trips_of
 from .turning import check_driveline
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
@@ -82,6 +83,12 @@ class RigConfig:
         Clutch pressures that are prescribed; None when valves make them.
     description : str
         One line of text about the rig.
+    trip_values : mapping of str to float
+        Limits [SI] and delays [s] of trips that differ from what follows from the devices, by "NAME.limit" and "NAME.delay".
+    trips_watched : bool
+        False when no trip is watched.
+    trip_sources : mapping of str to str
+        Source of these limits, by the name of the trip; a record does not hold them.
     """
 
     name: str
@@ -94,6 +101,9 @@ class RigConfig:
     cut_out: tuple[str, ...] = ()
     prescribed: Prescribed | None = None
     description: str = ""
+    trip_values: Mapping[str, float] = field(default_factory=dict)
+    trips_watched: bool = True
+    trip_sources: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def __getattr__(self, name: str) -> Any:
         sections = self.__dict__.get("sections", {})
@@ -152,13 +162,22 @@ class RigConfig:
     @cached_property
     def settings(self) -> Settings:
         """All that can be changed, by name."""
-        return settings_of(self.structure, self.sections)
+        known = settings_of(self.structure, self.sections)
+        known.update((one.name, one) for one in trip_settings(self))
+        return known
+
+    @cached_property
+    def trips(self) -> tuple[Trip, ...]:
+        """What is watched while the rig runs, whether it trips or not (``trips_watched``)."""
+        return trips_of(self)
 
     def value(self, name: str) -> Any:
         """Return the present value of a setting [SI]; for a point of a profile its time [s] and its current [A]."""
         owner, _, key = name.partition(".")
         if found := _POINT_KEY.fullmatch(name):
             return self.alfa46.profiles[_place(*found.groups())]
+        if owner == TRIPS:
+            return default_of(self, key)
         if key == "source":
             return SOURCES[owner in self.cut_out]
         return getattr(self.values(owner), key)
@@ -184,13 +203,17 @@ class RigConfig:
                 profiles[_place(*found.groups())] = value
             else:
                 own.setdefault(owner, {})[key] = value
-        replaced = {owner: replace(self.values(owner), **those) for owner, those in own.items()}
+        replaced: dict[str, Any] = {}
+        if trips := own.pop(TRIPS, None):
+            replaced["trips_watched"] = bool(trips.pop(WATCHED, self.trips_watched))
+            replaced["trip_values"] = {**self.trip_values, **trips}
+        replaced |= {owner: replace(self.values(owner), **those) for owner, those in own.items()}
         if self.alfa46:
             replaced["alfa46"] = Alfa46Config(replaced.get("alfa46", self.alfa46.values), profiles)
         return self.replaced(**replaced)
 
     def as_dict(self) -> dict:
-        """Return plain SI values and the structure, for a run's record; without the tick of no cut and the usual logger's rate."""
+        """Return plain SI values and the structure, for a run's record; without what is as usual."""
         out = {name: asdict(value) for name, value in (("kernel", self.kernel), *self.sections.items())}
         if out["instruments"]["logger_rate"] == LOGGER_RATE:
             del out["instruments"]["logger_rate"]
@@ -198,6 +221,8 @@ class RigConfig:
             out["cut"] = {**asdict(self.cut), "devices": list(self.cut_out)}
         if self.prescribed:
             out["prescribed"] = self.prescribed.as_dict()
+        if self.trip_values or not self.trips_watched:
+            out[TRIPS] = {**self.trip_values, **({} if self.trips_watched else {WATCHED: False})}
         if self.alfa46:
             out |= {"wiring": list(self.wiring), "alfa46": self.alfa46.as_dict()}
         return {"name": self.name, "structure": self.structure.plain(), **out}
@@ -231,7 +256,19 @@ def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, so
     return tuple(one.name for one in structure.devices if one.name in wanted)
 
 
-_TOP = ("description", "base", "controller", "controller_values", "step", "instruments", "effects", "cut", "prescribed", *KEYS)
+_TOP = (
+    "description",
+    "base",
+    "controller",
+    "controller_values",
+    "step",
+    "instruments",
+    "effects",
+    "cut",
+    "prescribed",
+    TRIPS,
+    *KEYS,
+)
 
 
 def _read(node: Map, path: str | Path, name: str) -> RigConfig:
@@ -287,7 +324,10 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
         for name in lacking:
             raise RigError(f"{where_of(path, node['names'], name)}: names.{name}: {unknown('signal', name, known)}")
     _check_view(config, node, path)
-    return config
+    if TRIPS not in node:
+        return config
+    values, sources = read_trips(node[TRIPS], path, config)
+    return config.replaced(trip_values=values, trip_sources=sources)
 
 
 def _check_errors_given(structure: Structure, node: Map, path: str | Path) -> None:

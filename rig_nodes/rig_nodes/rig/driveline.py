@@ -75,6 +75,16 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
     return out
 
 
+def bodies_shown(structure: Structure) -> tuple[str, ...]:
+    """Return the bodies whose speed is needed by a transducer, a device, the input or the output, in the order of the file."""
+    used = {one.shows.removesuffix(".speed") for one in structure.transducers}
+    used |= {body for device in structure.devices for body in parts.bodies_of(device.part, device.wires)}
+    ends = ("driving", "driven")  # of a device between two bodies that pushes both
+    used |= {device.wires[end] for device in structure.devices for end in ends if end in parts.part(device.part).wires}
+    used |= {end.body for end in (structure.input, structure.output) if end}
+    return tuple(body for body in structure.bodies if body in used)
+
+
 def has_element(device: Device) -> bool:
     """Return whether a device is a friction element of the driveline."""
     return "element" in parts.part(device.part).wires

@@ -27,7 +27,7 @@ CLUTCHES = "clutches"
 # keys of a rig's file from which structure is read here, and those whose values are read elsewhere
 KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "signals", "names", "view")
 DEVICE_KEYS = ("part", "called", "release_rate", "source")
-RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # names with which other settings begin
+RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", "trips", GROUND)  # names with which other settings begin
 # keys of the input and the output of the transmission
 _END_KEYS = ("body", "speed", "torque")
 

@@ -22,6 +22,7 @@ from .configuration import NoValues, RigConfig
 from .prescribed import OUTPUT_SPEEDS, Prescribed
 from .sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
 from .structure import structure_of
+from .trips import TRIPS, WATCHED
 
 
 def config_of_record(record: Mapping, where: str) -> RigConfig:
@@ -72,6 +73,8 @@ def _config(record: Mapping) -> RigConfig:
     sections["effects"] = EffectsConfig(**record["effects"])
     cut = dict(record.get("cut") or {"tick": SAMPLE})
     cut_out = tuple(cut.pop("devices", ()))
+    trips = dict(record.get(TRIPS) or {})
+    watched = bool(trips.pop(WATCHED, True))
     return RigConfig(
         record["name"],
         structure,
@@ -82,6 +85,8 @@ def _config(record: Mapping) -> RigConfig:
         CutConfig(**cut),
         cut_out,
         _prescribed(record.get("prescribed")),
+        trip_values=trips,
+        trips_watched=watched,
     )
 
 

@@ -20,6 +20,7 @@ from ..controllers import LEVELS, refusal
 from ..plant import BY_DUTY, BY_SETPOINT
 from ..plant import alfa46_law as law
 from .rig_base import RigBase
+from .trips import BAD_CONTROLLER
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -155,8 +156,8 @@ class CommandedRig(RigBase):
         """
         late, self._silent = self._silent and not self.stopped_by_person, False
         if late:
-            self.reason = reason
-        self.trip(reason)
+            self.reason, self.tripped_by = reason, BAD_CONTROLLER
+        self.trip(reason, BAD_CONTROLLER)
         return late
 
     def _act_due(self) -> None:
@@ -226,6 +227,7 @@ class CommandedRig(RigBase):
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = duty, setpoint
         self._gear, self._shifting = int(gear), bool(shifting)
+        self.watched.says(self._gear, self._shifting)
         self._to_come.append((sample + self.delay, self._act_duty, duty if self._may_act("duty", values) else self._nothing))
         self._act_due()
 
@@ -264,6 +266,7 @@ class CommandedRig(RigBase):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
+        self.watched.says(self._gear, self._shifting)
         current, held = (values, int(flags)) if self._may_act("current", values) else (self._nothing, 0)
         self._to_come.append((sample + self.delay, self._act_current, current, held))
         self._act_due()

@@ -22,6 +22,7 @@ from ..rig import CONTROLLER_COMMAND
 from .cuts import topic_of
 from .rig import Rig
 from .topics import SCALAR_SAMPLES, Readings, States
+from .trips import WARNING
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 BLOCK = "/instruments/hmg4000"
@@ -173,6 +174,9 @@ class Outputs:
         return topic, stamp, encode(stamp, seq, *values)
 
     def _watch_status(self) -> None:
+        for stamp, sentence, value in self.rig.warnings:
+            self._queued.append(("/rig/events", stamp, WARNING, sentence, value))
+        self.rig.warnings.clear()
         status = self.rig.status
         if status != self._status:
             self._status = status

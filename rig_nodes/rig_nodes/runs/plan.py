@@ -16,7 +16,7 @@ from ..base import RigError
 from ..driveline import System, losses
 from ..plant import Instance, Meter, Plan, derived_of_pack
 from ..plant import part as parts
-from ..rig import CLUTCHES, Device, RigConfig, build_driveline, inertias_of, inputs_of, leave_out, shaft_of
+from ..rig import CLUTCHES, Device, RigConfig, bodies_shown, build_driveline, inertias_of, inputs_of, leave_out, shaft_of
 
 UNMOVED = 1e6  # kg m2 on an input whose speed is to stay constant; no published torque or energy contains it
 HELD = "output_speed"  # name of what bounds the output's speed, where pressures are prescribed
@@ -49,7 +49,7 @@ class _Planner:
             heavy = {**inertias, self.structure.of_role(parts.SOURCE)[0].wires["body"]: UNMOVED}
             self.system = build_driveline(self.structure, heavy, self.values)
         self.losses = self.structure.of_role(parts.LOSS)
-        self.bodies = self._bodies()
+        self.bodies = bodies_shown(self.structure)
         self.meters = {one.name: self._meter(one) for one in self.structure.of_role(parts.METER)}
         self.lines = tuple(self.structure.line_of(one.name) for one in self.structure.of_role(parts.OIL)) + tuple(
             one.name for one in self.structure.clutches if "line" in parts.part(self._part(one)).wires
@@ -63,15 +63,6 @@ class _Planner:
 
     def _wired(self, device: Device) -> tuple[str, ...]:
         return parts.part(self._part(device)).wires
-
-    def _bodies(self) -> tuple[str, ...]:
-        """The bodies whose speed is needed by a transducer, a device, the input or the output."""
-        used = {one.shows.removesuffix(".speed") for one in self.structure.transducers}
-        used |= {body for device in self.structure.devices for body in parts.bodies_of(device.part, device.wires)}
-        ends = ("driving", "driven")  # of a device between two bodies that pushes both
-        used |= {device.wires[end] for device in self.structure.devices for end in ends if end in self._wired(device)}
-        used |= {end.body for end in (self.structure.input, self.structure.output) if end}
-        return tuple(body for body in self.structure.bodies if body in used)
 
     def turns(self, body: str, system: System | None = None) -> np.ndarray:
         """Return the speed of a body by the driveline's speeds (speeds,)."""

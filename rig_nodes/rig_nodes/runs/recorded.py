@@ -27,6 +27,7 @@ from .sequence import Sequence
 from .sequence_runner import SequenceFailed
 from .simulation import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Readings, States
+from .trips import WARNING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,7 +50,7 @@ class Run:
     end : dict
         ``state`` (ended, failed, tripped) and ``reason``.
     events : list of (float, str, str, float)
-        Time [s], name, text and value of each event of sequencer and controller.
+        Time [s], name, text and value of each event of sequencer and controller, and of each warning of a trip.
     plant_states : dict of str to (rows,) array
         By signal, its true values on the rows of the recording [SI]. They are taken once a controller sample, so all rows of
         that millisecond have the same value.
@@ -160,6 +161,8 @@ class Listener:
             samples = 1
             self._readings.fields[CONTROLLER_COMMAND] = self._states.command()
         self._go(samples)
+        self.events += [(stamp / 1e9, WARNING, sentence, value) for stamp, sentence, value in self.rig.warnings]
+        self.rig.warnings.clear()
 
     def _go(self, samples: int) -> None:
         if self.plant_states is None and self.controller is None:
@@ -333,7 +336,7 @@ def _record(
         for _ in played(rig, listener, runner):
             rows.keep_up(rig.sample)
         if rig.status == RigStatus.TRIPPED:
-            end = {"state": "tripped", "reason": rig.reason}
+            end = {"state": "tripped", "reason": rig.reason, "trip": rig.tripped_by}
             rows.take(rig.sample)
             listener.controller = None  # it is not asked any more
             listener.advance(AFTER_TRIP)

@@ -25,6 +25,7 @@ from ..rig import CHANGED, CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, SH
 from .bag_outputs import BagOutputs
 from .outputs import Outputs
 from .rig import Rig
+from .trips import BAD_CONTROLLER
 
 SAMPLES = "/instruments/controller"
 RUN_INFO = "/rig/run_info"
@@ -208,7 +209,7 @@ def _stop(rig: Rig, found: _Inputs, sample: int) -> None:
     """Stop the rig where a person or a controller that failed stopped the recorded one."""
     for topic, name, text, _ in found.events.get(sample, ()):
         if topic == RIG_EVENTS and name == TRIPPED and (text == E_STOP or text.startswith("controller ")) and not rig.safe:
-            rig.e_stop() if text == E_STOP else rig.trip(text)
+            rig.e_stop() if text == E_STOP else rig.trip(text, BAD_CONTROLLER)
 
 
 def _command(rig: Rig, found: _Inputs, sample: int) -> None:

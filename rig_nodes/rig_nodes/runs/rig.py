@@ -29,13 +29,14 @@ from .plan import plan_of
 from .rig_base import RigStatus
 from .shown_state import ShownState, facts_of
 from .snapshot import Snapshot
+from .trips import NO_ANSWER, NO_COMMAND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 # plain values of a rig's state
 VALUES = (
-    *("sample", "config", "level", "reason", "stopped_by_person", "idle_command"),
+    *("sample", "config", "level", "reason", "tripped_by", "stopped_by_person", "idle_command"),
     *("_by", "_gear", "_shifting", "_flags", "_silent", "_trouble", "_last_command", "_held_open", "_ordered"),
 )
 
@@ -111,7 +112,9 @@ class Rig(CommandedRig, ShownState):
         config, structure = self.config, self.config.structure
         self.drive = structure.of_role(parts.SOURCE)[0].name
         planned = plan_of(config)
-        self.build(planned.plan, Gauges(config, self.seed, tuple(planned.plan.channels)))
+        self.build(
+            planned.plan, Gauges(config, self.seed, tuple(planned.plan.channels)), config.trips if config.trips_watched else ()
+        )
         self.facts = facts_of(config, self.world, planned.true)
         self.clutch_names = self.facts.clutches
         self.valve_names = tuple(one.name for one in structure.valves)
@@ -151,9 +154,9 @@ class Rig(CommandedRig, ShownState):
             return
         if self.shifts and not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
             self._silent = True
-            self.trip(self._silence())
+            self.trip(self._silence(), NO_COMMAND)
         elif silence := self.cuts.silence():
-            self.trip(silence)
+            self.trip(silence, NO_ANSWER)
 
     def _advance_acting(self, samples: int) -> bool:
         """Move by samples and let every command act at its boundary; False when the plant trips the rig before the end."""
@@ -272,7 +275,8 @@ class Rig(CommandedRig, ShownState):
         for one in (setting.setpoint for setting in self.settings.steps.values()):
             if not self.shifts or one.device == self.drive:
                 self.device(one.device)[one.command.enabled] = 0.0
-        self.reason, self.stopped_by_person = "", False
+        self.reason, self.tripped_by, self.stopped_by_person = "", "", False
+        self.watched.reset()
         self._silent, self._trouble = False, ""
         self._last_command = -1
         self._to_come.clear()
@@ -415,7 +419,8 @@ class Rig(CommandedRig, ShownState):
     def _arrays(self) -> tuple[np.ndarray, ...]:
         """Everything that a step or a setting changes, without the rings."""
         law_of = (self._law_config, self._law_profiles, self._law_outputs, self._law_state)
-        return (self.world.record, *law_of, self._duty, self._setpoint, *self.gauges.moved)
+        watch = (self.watched.arrays.trips, self.watched.arrays.said)
+        return (self.world.record, *law_of, self._duty, self._setpoint, *self.gauges.moved, *watch)
 
     def _places(self) -> list[int]:
         """Places in the ring of the rows that the next step reads: of this sample and of that before it."""

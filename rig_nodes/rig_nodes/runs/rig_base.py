@@ -22,6 +22,8 @@ from ..plant import (
     BY_DUTY,
     NONE,
     NOT_SETTLED,
+    TRIPPED,
+    WARNED,
     WHOLE,
     GaugeArrays,
     Law,
@@ -36,12 +38,13 @@ from ..plant import (
     shown_dtype,
 )
 from ..plant import alfa46_law as law
-from ..rig import Catalogue
+from ..rig import Catalogue, Trip
 from .gauges import Gauges
-from .trips import Tripped, not_finite, not_settled
+from .trips import NO_NUMBER, RED_BUTTON, UNSETTLED, Tripped, not_finite, not_settled
+from .watch import Watched
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 LOG_SAMPLES = 2_000  # rings of rows, of the embedded controller's commands and of the state at each tick: 2 s
 
@@ -70,6 +73,10 @@ class RigBase(ABC):
         Number of the logger's rows in a controller sample.
     reason : str
         Reason of a trip.
+    tripped_by : str
+        Name of the trip; empty when there is none.
+    warnings : list of (int, str, float)
+        Warnings that nobody has taken yet: simulated time [ns], sentence, value [SI].
     world : World
         What the engine moves.
     drive : str
@@ -106,10 +113,11 @@ class RigBase(ABC):
         self._steps_per_sample = round(steps)
         self.row_period, self.rows_per_sample = 1.0 / rate, round(rate * SAMPLE)
         self._drained = 0  # logger rows handed out
-        self.reason, self.stopped_by_person = "", False
+        self.reason, self.tripped_by, self.stopped_by_person = "", "", False
+        self.warnings: list[tuple[int, str, float]] = []
         self.logger_names = [s.name for s in catalogue.logger_channels()]
 
-    def build(self, plan: Plan, gauges: Gauges) -> None:
+    def build(self, plan: Plan, gauges: Gauges, trips: Sequence[Trip] = ()) -> None:
         """Make the world and the first row.
 
         Parameters
@@ -118,6 +126,8 @@ class RigBase(ABC):
             The rig's plan.
         gauges : Gauges
             The transducers of the plan's channels.
+        trips : sequence of Trip
+            What is watched.
 
         Raises
         ------
@@ -146,6 +156,7 @@ class RigBase(ABC):
         self._plant = Plant(world.record, world.numbers, world.moved, world.finite, world.kept, self.step, steps, NONE)
         self._gauges = GaugeArrays(self._shown, *gauges.arrays)
         self._law = Law(self._law_config, self._law_profiles, self._law_outputs, self._law_state)
+        self.watched = Watched(trips, world)
         self._rings = Rings(self._log, self._commands, self._moments, self._capacities)
         with compiling_in_parallel(plan.driven) as cold:
             first_row(self._log, self._plant, self._gauges)
@@ -158,17 +169,21 @@ class RigBase(ABC):
         end, world = self.sample + samples, self.world
         while self.sample < end:
             self.sample, how = self._advance(end - self.sample)
-            if how != WHOLE and self.status != RigStatus.TRIPPED:
+            if how == WARNED:
+                self._warn()
+            elif how != WHOLE and self.status != RigStatus.TRIPPED:
                 self.trip_for(how, world.names, world.kept[1, : world.finite].view(float))
                 return False
         return True
 
     @cached_property
     def _compiled(self) -> Callable[..., tuple[int, int]]:
-        return advance.entry_for(0, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
+        return advance.entry_for(0, self.sample, self._by, self._plant, self._gauges, self._law, self._rings, self.watched.arrays)
 
     def _advance(self, samples: int) -> tuple[int, int]:
-        return self._compiled(samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings)
+        return self._compiled(
+            samples, self.sample, self._by, self._plant, self._gauges, self._law, self._rings, self.watched.arrays
+        )
 
     def device(self, name: str) -> np.void:
         """Return the states of a device by its name [SI], which can be read and set."""
@@ -192,15 +207,25 @@ class RigBase(ABC):
     def status(self) -> RigStatus:
         """The rig's present state, as in rig_msgs/RigState."""
 
-    def trip(self, reason: str) -> None:
-        """Go into the safe state: no drive torque and no clutch clamped; the first reason stays until the reset."""
+    def trip(self, reason: str, name: str) -> None:
+        """Go into the safe state: no coil has current, the drive no torque, and the load's relief valve is open.
+
+        All three begin with the next step. The first reason stays until the reset.
+
+        Parameters
+        ----------
+        reason : str
+            The sentence for people.
+        name : str
+            Name of the trip, of the rig's trips or of runs.trips.
+        """
         if self.status != RigStatus.TRIPPED:
-            self.reason = reason
+            self.reason, self.tripped_by = reason, name
         self._safe[0] = 1.0
         self._enabled["enabled"] = 0.0
 
     def trip_for(self, how: int, names: list[str], values: np.ndarray) -> None:
-        """Trip for a sample over which the plant could not be moved.
+        """Trip for a sample in which a trip fired, or over which the plant could not be moved.
 
         Parameters
         ----------
@@ -212,13 +237,24 @@ class RigBase(ABC):
             The values that resulted.
         """
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
-        self.trip(not_settled(when, self.world.plan.driven) if how == NOT_SETTLED else not_finite(when, names, values))
+        if how == TRIPPED:
+            self._warn()
+            first = self.watched.latched()[0]
+            self.trip(first.sentence(self.watched.value(first), self.time), first.name)
+        elif how == NOT_SETTLED:
+            self.trip(not_settled(when, self.world.plan.driven), UNSETTLED)
+        else:
+            self.trip(not_finite(when, names, values), NO_NUMBER)
+
+    def _warn(self) -> None:
+        """Keep the warnings of this sample until they are taken."""
+        self.warnings += [(self.time_ns, sentence, value) for sentence, value in self.watched.warnings(self.time)]
 
     def e_stop(self) -> None:
         """Press the red button: go into the safe state, which only ``reset`` ends."""
         self.stopped_by_person = True
         self._safe[0] = 0.0  # a person's stop replaces whatever tripped before
-        self.trip("emergency stop")
+        self.trip("emergency stop", RED_BUTTON)
 
     def check_runs(self) -> None:
         """Raise Tripped when the rig is in its safe state."""

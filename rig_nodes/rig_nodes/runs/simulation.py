@@ -23,6 +23,7 @@ from .rig import Rig
 from .rig_base import RigStatus
 from .sequence import Sequence
 from .sequence_runner import SequenceFailed, SequenceRunner
+from .trips import BAD_CONTROLLER, NO_COMMAND
 
 if TYPE_CHECKING:
     from .recorded import Listener
@@ -291,7 +292,7 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
         if answer is None:
             rig.explain_silence(controller.trouble)
     except ControllerFailed as failure:
-        rig.trip(str(failure))
+        rig.trip(str(failure), BAD_CONTROLLER)
     if rig.delay > 0:
         rig.advance_samples(1)
     if answer is not None:
@@ -299,7 +300,7 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
     if rig.delay == 0:
         rig.advance_samples(1)
     if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
-        rig.trip(f"none of the first {sample + 1} samples was answered: {controller.trouble}")
+        rig.trip(f"none of the first {sample + 1} samples was answered: {controller.trouble}", NO_COMMAND)
     return answer is not None
 
 
@@ -446,7 +447,7 @@ def _moved(
         for _ in range(AFTER_TRIP):
             uninterrupted(outputs.boundary)
             rig.advance_samples(1)
-        return {"state": "tripped", "reason": rig.reason}
+        return {"state": "tripped", "reason": rig.reason, "trip": rig.tripped_by}
     except SequenceFailed as failure:
         tell(rig.time, f"failed: {failure}")
         return {"state": "failed", "reason": str(failure)}

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trips that end a run by themselves: what a rig in its safe state says of a plant that could not be moved.
+"""The trips that every rig has besides those of its limits (rig.trips), by name, and the sentences of a plant that cannot be moved.
 
-runs.rig_base trips a rig for them, runs.rig for commands that fall silent. A limit that trips a rig has its sentence here.
+Whatever brings a rig into its safe state gives one of these names with its reason.
 """
 
 from __future__ import annotations
@@ -12,6 +12,16 @@ import numpy as np
 
 from ..base import Floats, RigError
 
+RED_BUTTON = "e_stop"  # a person pressed the red button
+NO_COMMAND, BAD_CONTROLLER = "controller_silent", "controller_failed"  # its commands are too old; it cannot go on
+NO_ANSWER, PROCESS_LOST = (
+    "device_silent",
+    "process_lost",
+)  # a device outside the plant does not answer; a process of the graph is gone
+ENDED_EARLY = "ended_early"  # somebody ended the run before its sequence was done
+NO_NUMBER, UNSETTLED = "no_finite_number", "not_settled"  # the plant could not be moved
+WARNING = "rig_warning"  # name of the event of a trip that is near
+FOLLOWING = (PROCESS_LOST, ENDED_EARLY)  # trips of a run that something else has ended already
 SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to
 
 

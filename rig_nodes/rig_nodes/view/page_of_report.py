@@ -36,6 +36,7 @@ from ..analysis import (
     spread_cells,
     undefined_lines,
     verdicts_in,
+    without_trips,
 )
 from ..rig import Transmission
 from .html_page import Cell, page, table
@@ -142,6 +143,8 @@ def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[s
     end = run.get("end")
     if isinstance(end, Mapping) and end.get("state") not in (None, "ended"):
         sentences.append(f"The run did not end as planned: {end.get('reason') or 'the reason is unknown'}.")
+    if off := without_trips(run):
+        sentences.append(f"{off[0].upper()}{off[1:]}.")
     sentences += run.get("problems", [])
     for place, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
         name = heading_of(place, row, box) if box else ""

@@ -17,6 +17,7 @@ from typing import Protocol
 from ...bags import LIBRARY_OF_RUN, Bag, BagWriter, OpenedBags, class_of, files_of_run, read_metadata
 from ...base import RigError
 from ...rig import Topic, catalogue, installed_topics
+from ...runs import FOLLOWING
 from .supervisor import MODULES, End, processes_of
 
 RUN_INFO = "rig_msgs/msg/RunInfo"
@@ -124,7 +125,13 @@ def end_of(facts: dict[str, dict], shifts: bool) -> End:
         return End("failed", what)
     if not container["reason"]:
         return End("ended", "the sequence ended" if outcome else "stopped")
-    return End("interrupted" if container["interrupted"] else "failed", container["reason"])
+    if container["interrupted"]:
+        return End("interrupted", container["reason"])
+    return (
+        End("tripped", container["reason"], trip=container["trip"])
+        if container["trip"] not in FOLLOWING
+        else End("failed", container["reason"])
+    )
 
 
 def open_bag(folder: Path) -> Bag:
@@ -252,7 +259,7 @@ def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: S
         "real_time_priority": container.get("real_time_priority"),
         "processes": processes,
         "restarts": [{key: restart[key] for key in ("process", "how", "t")} for restart in restarts],
-        "end": {"state": end.state, "reason": end.reason},
+        "end": end.plain(),
     }
     if bag.recovered:
         run["recovered"] = bag.recovered

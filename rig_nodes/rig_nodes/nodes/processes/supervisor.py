@@ -23,6 +23,7 @@ from pathlib import Path
 
 from ...base import pair
 from ...controllers import Domain, environment, participants
+from ...runs import FOLLOWING
 from .child import Child
 from .tap import tap_pair
 
@@ -94,16 +95,23 @@ class End:
     Parameters
     ----------
     state : str
-        "ended", "failed" or "interrupted".
+        "ended", "failed", "tripped" or "interrupted".
     reason : str
         The reason, as a sentence.
     by : int
         The signal that interrupted the run, or 0.
+    trip : str
+        Name of the trip that ended the run; empty when none did.
     """
 
     state: str
     reason: str
     by: int = 0
+    trip: str = ""
+
+    def plain(self) -> dict[str, str]:
+        """Return it as a report and a bag hold it, with the name of a trip only where there is one."""
+        return {"state": self.state, "reason": self.reason} | ({"trip": self.trip} if self.trip else {})
 
 
 END_BY_HAND = End("ended", "ended by hand")
@@ -132,7 +140,7 @@ class Supervisor:
         self.children: dict[str, Child] = {}
         self.restarts: list[dict] = []  # for each: process, how it ended, simulated time
         self.time = 0.0  # simulated time [s], as reported by the container
-        self.state, self.reason = "", ""  # state of the rig and its reason
+        self.state, self.reason, self.trip = "", "", ""  # state of the rig, its reason, and the name of its trip
         self.running = threading.Event()  # set once simulated time passes
         self.ended = threading.Event()
         self.end: End | None = None
@@ -269,7 +277,7 @@ class Supervisor:
             return
         if self.reason and self.state == message["state"]:
             self._unexplained = self.reason
-        self.state, self.reason = message["state"], message["reason"]
+        self.state, self.reason, self.trip = message["state"], message["reason"], message["trip"]
         if self.end is not None:
             self.end.reason = self._explained(self.end.reason)
         reason = f": {self.reason}" if self.reason else ""
@@ -278,6 +286,14 @@ class Supervisor:
             if self.reason not in self.end.reason:
                 self.end.reason += f"; safe state: {self.reason}"
             self._end_at = min(self._end_at, time.monotonic() + AFTER_TRIP)
+        self._name_trip()
+
+    def _name_trip(self) -> None:
+        """Have a run that failed because the rig tripped end as tripped."""
+        if self.end is not None and self.end.state == "failed" and self.trip and self.trip not in FOLLOWING:
+            self.end.state, self.end.trip = "tripped", self.trip
+            if self.reason in self.end.reason:
+                self.end.reason = self.reason  # without the step that could not go on
 
     def _explained(self, text: str) -> str:
         """Return a reason that contains the one of a trip with what the controller's plug told after it in its place."""
@@ -310,6 +326,7 @@ class Supervisor:
         """End after so many seconds; the first reason stays, and a user's request is served at once."""
         if self.end is None:
             self.end = end
+            self._name_trip()
         self._end_at = min(self._end_at, time.monotonic() + seconds)
 
     # ---- end
@@ -325,7 +342,7 @@ class Supervisor:
             group = [self.children[name] for name in names if name in self.children]
             for child in group:
                 if child.name == "recorder":
-                    child.send(end={"state": self.end.state, "reason": self.end.reason})
+                    child.send(end=self.end.plain())
                 # SIGINT tells the container to leave the rig in its safe state, with a reason in the bag.
                 early = child.name == "container" and self.end.state != "ended"
                 child.signal(signal.SIGINT if early else signal.SIGTERM)

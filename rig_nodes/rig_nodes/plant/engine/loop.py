@@ -20,6 +20,7 @@ from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
 from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .stages import command, fill, ordered, pickup
 from .step import plant_step
+from .watch import Watch, watched
 
 if TYPE_CHECKING:
     import numpy as np
@@ -275,14 +276,22 @@ def keep_encoders(shown: Record, counts: Floats, slot: int) -> None:
         counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]
 
 
+@njit(**INLINED)
+def look(sample: int, drive: int, numbers: Floats, law: Law, log: Floats, row: int, watch: Watch) -> int:
+    """Look at the trips after a sample, with what the embedded law reports if it drives; see :func:`watch.watched`."""
+    if drive == BY_LAW:
+        watch.said[0], watch.said[1] = law.state[0].gear, 1.0 if sample < law.state[0].shift_end else 0.0
+    return watched(watch, numbers, log, row)
+
+
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 def advance(
-    samples: int, first_sample: int, drive: int, plant: Plant, gauges: GaugeArrays, law: Law, rings: Rings
+    samples: int, first_sample: int, drive: int, plant: Plant, gauges: GaugeArrays, law: Law, rings: Rings, watch: Watch
 ) -> tuple[int, int]:
     """Advance everything by whole controller samples.
 
-    The call ends early with the sample in which something went wrong. After a sample with a value that is not finite, the plant has
-    the state of the sample's beginning, and the sample's rows show that state.
+    The call ends early with the sample in which something went wrong, or a trip fires or warns. After one with a value that is not
+    finite, the plant has the state of the sample's beginning, and the sample's rows show that state.
 
     Order at each controller sample: the duty computed from the last sample is applied, then (drive BY_LAW) the law computes the
     duty from this one. So the controller acts with one sample of delay, both in the engine and outside it. With BY_SETPOINT the
@@ -297,13 +306,13 @@ def advance(
         Number of the first one.
     drive : int
         BY_DUTY, BY_LAW or BY_SETPOINT.
-    plant, gauges, law, rings : Plant, Gauges, Law, Rings
-        What is moved, what it shows, the embedded controller, and what is written down.
+    plant, gauges, law, rings, watch : Plant, GaugeArrays, Law, Rings, Watch
+        What is moved, what it shows, the embedded controller, what is written down, and what trips the rig.
 
     Returns
     -------
     tuple of int
-        The sample that was reached, and WHOLE, NOT_FINITE or NOT_SETTLED.
+        The sample that was reached, and an outcome of plant.engine.outcome.
     """
     numbers, moved, kept, h, steps, hum, counts, log = (
         plant.numbers,
@@ -348,6 +357,8 @@ def advance(
                 put_back(world, moved, kept)
             elif world.driveline.count[N_CAPPED] != capped:
                 how = NOT_SETTLED
+            elif world.safe == 0.0:
+                how = look(s, drive, numbers, law, log, newest, watch)
         if reached % TICK_SAMPLES == 0:
             put_moment(rings.moments, rings.capacities, reached // TICK_SAMPLES, moved, world)
         if how != WHOLE:

@@ -298,7 +298,7 @@ class OtherSide:
             drive = port.enable and not port.safe
             motor_tick(side, port.speed, port.setpoint, drive, steps, self._h, self._values)
         elif self.device == LOAD:
-            load_tick(side, port.speed, port.setpoint, port.enable, steps, self._h, self._values)
+            load_tick(side, port.speed, port.setpoint, port.enable and not port.safe, steps, self._h, self._values)
         else:
             meets = ValvePort(port.current, current, port.pressure, port.supply, self._friction(port))
             valve_tick(side, meets, self._oil, steps, self._h, self._values)

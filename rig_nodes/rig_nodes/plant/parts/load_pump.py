@@ -130,7 +130,9 @@ def before(world: Record, k: int, h: float, t: float) -> None:
         me.pressure = me.held_pressure
         capacity = max(0.0, me.held_capacity)
     else:
-        me.pressure = pressure_after(me.pressure, me.setting, me.enabled > 0.0, line.middle[my.body], my.decay, my)
+        me.pressure = pressure_after(
+            me.pressure, me.setting, me.enabled > 0.0 and world.safe == 0.0, line.middle[my.body], my.decay, my
+        )
         capacity = torque_capacity(me.pressure, my)
     cap[KIN1, f], cap[HI1, f], cap[LO1, f] = capacity, capacity, -capacity
 

@@ -88,7 +88,7 @@ class Recording:
         self.outputs.finish()
         tripped = self.rig.status == RigStatus.TRIPPED
         end = (
-            {"state": "tripped", "reason": self.rig.reason}
+            {"state": "tripped", "reason": self.rig.reason, "trip": self.rig.tripped_by}
             if tripped
             else {"state": "ended", "reason": "the importer ended the run"}
         )

@@ -1,0 +1,443 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The trips of a rig: what is watched while it runs, and from which value on the rig goes into its safe state.
+
+rig.configuration makes them from what a rig says of its devices; plant.engine.watch evaluates them after every controller sample.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from ..base import SWITCH, Map, RigError, brief, check_keys, quantity, shown_in, unknown, where_of
+from ..plant import part as parts
+from .driveline import bodies_shown
+from .quantities import QUANTITIES
+from .settings import Setting
+from .structure import Device
+from .transducer_types import TRANSDUCER_TYPES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .configuration import RigConfig
+
+TRIPS, WATCHED = "trips", "watched"  # owner of the settings of trips, and that which turns all of them off
+REACTION = "safe state at the next step: coils without current, drive torque off, load relief open"
+RESET = "by hand (rig reset)"
+HYSTERESIS = 0.02  # assumed: share of a limit by which a value must fall below it before its time begins anew
+WARNING = 0.9  # assumed: share of a limit at which a warning is given
+FIRST_SPN = 520_192  # of the suspect parameters that SAE J1939 leaves to a manufacturer, 520 192 to 524 287
+MOST_DELAY = 60.0  # s
+MOST_TIMES = 1e3  # by which a limit can be more than the one that follows from the rig
+# failure mode identifiers of SAE J1939-73
+TOO_HIGH, TOO_LOW, ERRATIC, ABOVE_RANGE, OPEN, SHORTED, NOT_RESPONDING = 0, 1, 2, 3, 5, 6, 7
+GEAR, SHIFTING, MEASURED = "gear", "shifting", "@"  # what the controller reports; before the name of what a transducer shows
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A weighted sum of numbers of a rig that runs.
+
+    Parameters
+    ----------
+    text : str
+        What it is, for people.
+    terms : tuple of (str, float)
+        Names of numbers with their weights: those of ``Plan.channels``, "NAME.slip" of a clutch, GEAR, SHIFTING, and the name of a
+        transducer behind MEASURED.
+    magnitude : bool
+        True when its sign does not count.
+    """
+
+    text: str
+    terms: tuple[tuple[str, float], ...]
+    magnitude: bool = False
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What must be true for a trip to be watched: a sum above a threshold [SI], or below it."""
+
+    sum: Sum
+    above: bool
+    threshold: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Trip:
+    """One trip, as in the summary table of an on-board diagnosis.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    quantity : Sum
+        What is watched.
+    dimension : str
+        Dimension of base.units.
+    limit : float
+        Threshold [SI].
+    source : str
+        Source of the threshold.
+    fmi : int
+        Failure mode identifier of SAE J1939-73.
+    delay : float
+        Time for which the criterion must hold [s].
+    above : bool
+        True when it trips above the limit, False when below it.
+    enabled : tuple of Condition
+        It is watched while all of them hold.
+    rises : bool
+        True when the quantity counts from the moment at which all conditions became true.
+    spn : int
+        Suspect parameter number.
+    """
+
+    name: str
+    quantity: Sum
+    dimension: str
+    limit: float
+    source: str
+    fmi: int
+    delay: float
+    above: bool = True
+    enabled: tuple[Condition, ...] = ()
+    rises: bool = False
+    spn: int = 0
+
+    @property
+    def warning(self) -> float | None:
+        """The value at which a warning is given [SI]; None for a trip of what is right or wrong and does not approach a limit."""
+        return WARNING * self.limit if self.fmi == TOO_HIGH else None
+
+    @property
+    def clear(self) -> float:
+        """The value at which the time of the criterion begins anew [SI]."""
+        return self.limit * (1.0 - HYSTERESIS if self.above else 1.0 + HYSTERESIS)
+
+    def written(self, value: float) -> str:
+        """Return a value of its quantity [SI] as people read it."""
+        unit, factor = _shown(self.dimension)
+        return f"{value * factor:.5g} {unit}"
+
+    def sentence(self, value: float, when: float) -> str:
+        """Return the reason of the trip by the value [SI] and the time [s] at which it happened."""
+        held = f" for {self.delay * 1e3:g} ms" if self.delay else ""
+        return f"trip {self.name}: the {self._passed(value, self.limit)}{held}, at {when:.3f} s"
+
+    def warns(self, value: float, when: float) -> str:
+        """Return the sentence of the warning by the value [SI] and the time [s] at which it was passed."""
+        return f"warning {self.name}: the {self._passed(value, self.limit, 'near')}, at {when:.3f} s"
+
+    def _passed(self, value: float, limit: float, how: str = "") -> str:
+        way = how or ("above" if self.above else "below")
+        return f"{self.quantity.text} is {self.written(value)}, {way} its limit of {self.written(limit)}"
+
+    def row(self) -> dict[str, str]:
+        """Return the row of the summary table."""
+        warning = self.warning
+        return {
+            "trip": self.name,
+            "quantity": self.quantity.text,
+            "criterion": "above" if self.above else "below",
+            "threshold": self.written(self.limit),
+            "enabled while": " and ".join(dict.fromkeys(one.text for one in self.enabled)) or "always",
+            "delay": f"{self.delay * 1e3:g} ms",
+            "hysteresis": f"{HYSTERESIS * 100.0:g} %",
+            "warning": "none" if warning is None else self.written(warning),
+            "reaction": REACTION,
+            "reset": RESET,
+            "SPN": str(self.spn),
+            "FMI": str(self.fmi),
+            "source": self.source,
+        }
+
+
+def _shown(dimension: str) -> tuple[str, float]:
+    """The unit that people read of a dimension, and the factor to it from SI."""
+    of = next((one.quantity for one in TRANSDUCER_TYPES.values() if one.dimension == dimension), dimension)
+    if of in QUANTITIES:
+        return QUANTITIES[of].display, QUANTITIES[of].scale
+    unit, factor = shown_in(dimension)
+    return unit, 1.0 / factor
+
+
+def trips_of(config: RigConfig) -> tuple[Trip, ...]:
+    """Return the trips of a rig with its own limits.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig; its ``trip_values`` and ``trip_sources`` replace what follows from its devices.
+
+    Returns
+    -------
+    tuple of Trip
+        The trips in their order, numbered from FIRST_SPN.
+    """
+    out = []
+    for number, trip in enumerate(_derived(config)):
+        own = {
+            key: config.trip_values[f"{trip.name}.{key}"]
+            for key in ("limit", "delay")
+            if f"{trip.name}.{key}" in config.trip_values
+        }
+        source = config.trip_sources.get(trip.name, "set for this run") if own else trip.source
+        out.append(replace(trip, **own, source=source, spn=FIRST_SPN + number))
+    return tuple(out)
+
+
+def trip_settings(config: RigConfig) -> list[Setting]:
+    """Return the settings of a rig's trips: limit and delay of each, and whether they are watched at all."""
+    out = [Setting(f"{TRIPS}.{WATCHED}", "Whether the trips are watched; off: the rig goes on until it breaks", SWITCH)]
+    for trip in _derived(config):
+        name = f"{TRIPS}.{trip.name}"
+        most = MOST_TIMES * trip.limit
+        out += [
+            Setting(f"{name}.limit", f"Limit of the {trip.quantity.text}", trip.dimension, 0.0, most),
+            Setting(f"{name}.delay", f"Time for which {trip.name} must be past its limit", "time", 0.0, MOST_DELAY),
+        ]
+    return out
+
+
+def read_trips(node: Map, path: str | Path, config: RigConfig) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the limits and delays that a rig's file gives itself, and their sources by the names of the trips.
+
+    Parameters
+    ----------
+    node : Map
+        What stands under ``trips``: by name a map with ``limit`` or ``delay``, each [value with unit, "its source"].
+    path : str or Path
+        The file.
+    config : RigConfig
+        The rig without them.
+
+    Returns
+    -------
+    tuple of dict
+        Values [SI] as ``RigConfig.trip_values``, and sources.
+
+    Raises
+    ------
+    RigError
+        With file and line, when something is not right.
+    """
+    known, values, sources = {trip.name: trip for trip in config.trips}, {}, {}
+    check_keys(path, node, known, (), TRIPS)
+    for name in node:
+        check_keys(path, node[name], ("limit", "delay"), (), f"{TRIPS}.{name}", where_of(path, node, name))
+        for key, entry in node[name].items():
+            where = f"{where_of(path, node[name], key)}: {TRIPS}.{name}.{key}"
+            if not (isinstance(entry, list) and len(entry) == 2 and isinstance(entry[1], str) and entry[1].strip()):
+                raise RigError(f'{where} must be [value with unit, "its source"], found {brief(entry)}')
+            setting = config.settings[f"{TRIPS}.{name}.{key}"]
+            value = quantity(entry[0], setting.dimension, where)
+            if not setting.low <= value <= setting.high:
+                raise RigError(f"{where} is {entry[0]}, outside {setting.span()}")
+            values[f"{name}.{key}"], sources[name] = value, entry[1]
+    return values, sources
+
+
+def default_of(config: RigConfig, key: str) -> float | bool:
+    """Return the present value of the setting of a trip [SI], by its name without the owner, e.g. "overspeed_w0.limit"."""
+    if key == WATCHED:
+        return config.trips_watched
+    name, _, what = key.rpartition(".")
+    for trip in config.trips:
+        if trip.name == name:
+            return getattr(trip, what)
+    raise RigError(unknown("trip", name, [trip.name for trip in config.trips]))
+
+
+# ---- what follows from the devices
+
+
+def _derived(config: RigConfig) -> Iterator[Trip]:
+    structure = config.structure
+    yield from _speeds(config)
+    yield from _torques(config)
+    for oil in structure.of_role(parts.OIL):
+        yield from _oil(config, oil)
+    for valve in structure.valves:
+        yield from _valve(config, valve)
+    packs = [clutch for clutch in structure.clutches if "plates" in clutch.wires]
+    for clutch in packs:
+        yield from _plates(config, clutch)
+    if structure.shifts and structure.input:
+        yield from _gears(config, {clutch.name: clutch for clutch in packs})
+    yield from _transducers(config)
+
+
+def _speeds(config: RigConfig) -> Iterator[Trip]:
+    """A speed too high of each body that has a speed of its own in the plant."""
+    structure = config.structure
+    measured = {one.shows.removesuffix(".speed"): one for one in structure.transducers if one.type == "speed"}
+    fastest = max((one.high for one in measured.values()), default=0.0)
+    limiters = [getattr(getattr(config, one.name), "cut_speed", 0.0) for one in structure.of_role(parts.SOURCE)]
+    limiter = max(limiters, default=0.0)
+    for body in bodies_shown(structure) if measured else ():
+        high = measured[body].high if body in measured else fastest
+        whose = f"the range of {measured[body].name}" if body in measured else "the largest range of a speed"
+        quantity_ = Sum(f"speed of {body}", ((f"{body}.speed", 1.0),), True)
+        source = f"assumed: four fifths of {whose}, so that it is still measured when it trips"
+        if limiter:
+            source = "assumed: 15 % above the cut_speed of the engine"
+        limit = 1.15 * limiter or 0.8 * high
+        yield Trip(f"overspeed_{body}", quantity_, "angular velocity", limit, source, TOO_HIGH, 0.01)
+
+
+def _torques(config: RigConfig) -> Iterator[Trip]:
+    """A torque too high of each drive with a limit of its own, and of each meter and shaft whose torque is measured."""
+    for device in config.structure.of_role(parts.SOURCE):
+        limit = getattr(getattr(config, device.name), "torque_limit", None)
+        if limit is not None:
+            watched = Sum(f"torque of {device.called}", ((f"{device.name}.torque", 1.0),), True)
+            source = "assumed: a tenth above its torque_limit, which its converter keeps to"
+            yield Trip(f"overtorque_{device.name}", watched, "torque", 1.1 * limit, source, TOO_HIGH, 0.02)
+    for one in config.structure.transducers:
+        if one.type == "torque":
+            full = getattr(config.instruments, f"{one.like}_range")
+            source = f"assumed: {one.name} bears a fifth more than its full scale"
+            watched = Sum(f"torque at {one.name}", ((one.shows, 1.0),), True)
+            yield Trip(f"overtorque_{one.name}", watched, "torque", 1.2 * full, source, TOO_HIGH, 0.02)
+
+
+def _oil(config: RigConfig, oil: Device) -> Iterator[Trip]:
+    """Oil that is too hot, and a supply that is lost while it feeds the clutches of a gear."""
+    hot = Sum(f"temperature of the oil of {oil.called}", ((f"{oil.name}.oil_temperature", 1.0),))
+    yield Trip(f"hot_{oil.name}", hot, "temperature", 110.0, "assumed: mineral oil ages quickly above it", TOO_HIGH, 0.1)
+    fed = [valve for valve in config.structure.valves if config.structure.oil_of(valve, "supply") == oil.name]
+    if not fed or not config.structure.shifts:
+        return
+    most = max(getattr(config, valve.name).pressure_limit for valve in fed)
+    watched = Sum(f"pressure of {oil.called}", ((f"{config.structure.line_of(oil.name)}.pressure", 1.0),))
+    in_gear = Condition(Sum("gear", ((GEAR, 1.0),)), True, 0.5, "a gear is ordered")
+    source = "assumed: a fifth of the highest pressure of its valves"
+    yield Trip(f"lost_{oil.name}", watched, "pressure", 0.2 * most, source, TOO_LOW, 0.5, False, (in_gear,))
+
+
+def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
+    """A clutch's pressure that is too high, and a coil whose current does not follow its voltage."""
+    values, clutch = getattr(config, valve.name), valve.wires["feeds"]
+    watched = Sum(f"pressure of {config.structure.device(clutch).called}", ((f"{config.structure.line_of(clutch)}.pressure", 1.0),))
+    source = f"assumed: a quarter above the highest pressure of {valve.called}"
+    yield Trip(f"overpressure_{clutch}", watched, "pressure", 1.25 * values.pressure_limit, source, TOO_HIGH, 0.05)
+    if valve.name in config.cut_out or not config.effects.current_loop:
+        return
+    current = next(one.name for one in config.structure.transducers if one.shows == f"{valve.name}.current")
+    # at rest the current of a coil is the mean voltage over its resistance
+    expected, shown = (f"{valve.name}.duty", values.coil_voltage / values.coil_resistance), (f"{MEASURED}{current}", 1.0)
+    for what, fmi, sign, text in (
+        ("open", OPEN, 1.0, "less than its voltage drives"),
+        ("short", SHORTED, -1.0, "more than its voltage drives"),
+    ):
+        watched = Sum(
+            f"current of {valve.called} {text}",
+            tuple((name, way * weight) for name, weight, way in ((*expected, sign), (*shown, -sign))),
+        )
+        source = "assumed: a quarter of the range of such coils; a hot coil has a third less current"
+        limit = 0.25 * values.coil_voltage / values.coil_resistance
+        yield Trip(f"coil_{what}_{valve.name}", watched, "current", limit, source, fmi, 0.2)
+
+
+HOT, NEW = 200.0, 40.0  # degC, assumed: mean temperature that wet linings bear, and that of plates before a shift
+PRESSED, CLAMPED = 4e6, 0.2e6  # Pa, assumed: what sintered wet linings bear, and from which on plates count as clamped
+
+
+def _pressure(config: RigConfig, clutch: Device) -> Sum:
+    """The pressure between the plates of a pack: its clamp force over the area of one surface."""
+    pack = getattr(config, clutch.wires["plates"])
+    area = math.pi * (pack.outer_radius**2 - pack.inner_radius**2)
+    return Sum(f"surface pressure of {clutch.called}", ((f"{clutch.name}.clamp", 1.0 / area),))
+
+
+def _slip(clutch: Device) -> Sum:
+    return Sum(f"slip of {clutch.called}", ((f"{clutch.name}.slip", 1.0),), True)
+
+
+def _plates(config: RigConfig, clutch: Device) -> Iterator[Trip]:
+    """Plates that are pressed too much, too hot, or heated too much by one slip."""
+    pressure, pack = _pressure(config, clutch), getattr(config, clutch.wires["plates"])
+    source = "assumed: what wet linings bear"
+    yield Trip(f"surface_pressure_{clutch.name}", pressure, "pressure", PRESSED, source, TOO_HIGH, 0.05)
+    hot = Sum(f"temperature of the plates of {clutch.called}", ((f"{clutch.name}.temperature", 1.0),))
+    yield Trip(f"hot_plates_{clutch.name}", hot, "temperature", HOT, f"{source}, as a mean of the pack", TOO_HIGH, 0.05)
+    heat = Sum(f"heat of one slip of {clutch.called}", ((f"{clutch.name}.heat", 1.0),))
+    slips = Condition(_slip(clutch), True, 1.0, f"{clutch.called} slips")
+    presses = Condition(Sum("torque", ((f"{clutch.name}.static", 1.0),)), True, 1.0, "its plates touch")
+    limit, source = pack.heat_capacity * (HOT - NEW), f"heat_capacity by {HOT - NEW:g} K: what heats them to {HOT:g} degC"
+    yield Trip(f"slip_energy_{clutch.name}", heat, "energy", limit, source, TOO_HIGH, 0.0, True, (slips, presses), True)
+
+
+def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
+    """Clutches of two gears clamped at a time, a clutch that slips or is open in its gear, and speeds against a gear's ratio."""
+    structure = config.structure
+    into, out = structure.input, structure.output
+    together = {frozenset(pair) for gear in structure.gears for pair in combinations(gear.clutches, 2)}
+    turns = Condition(Sum("speed", ((f"{into.body}.speed", 1.0),), True), True, 5.0, "the input turns")
+    for a, b in combinations([name for name in packs if any(name in gear.clutches for gear in structure.gears)], 2):
+        if frozenset((a, b)) in together:
+            continue
+        clamped = Condition(_pressure(config, packs[a]), True, CLAMPED, f"{packs[a].called} is clamped")
+        watched = Sum(f"surface pressure of {packs[b].called} beside {packs[a].called}", _pressure(config, packs[b]).terms)
+        source = "assumed: a twentieth of what linings bear, and longer than any overlap of a shift"
+        yield Trip(f"tie_up_{a}_{b}", watched, "pressure", CLAMPED, source, NOT_RESPONDING, 1.0, True, (clamped, turns))
+    for number, gear in enumerate(structure.gears, 1):
+        is_in = Condition(Sum("gear", ((GEAR, 1.0), (SHIFTING, -0.5))), True, number - 0.25, f"gear {gear.name} is engaged")
+        not_above = Condition(Sum("gear", ((GEAR, 1.0),)), False, number + 0.25, "")
+        held = tuple(packs[name] for name in gear.clutches if name in packs)
+        engaged = (is_in, replace(not_above, text=is_in.text))
+        for clutch in held:
+            name, source = f"{gear.name}_{clutch.name}", "assumed: a tenth of a usual speed, for longer than a shift"
+            yield Trip(f"slip_in_gear_{name}", _slip(clutch), "angular velocity", 10.0, source, NOT_RESPONDING, 1.0, True, engaged)
+            source = "assumed: half of that from which on plates count as clamped"
+            yield Trip(
+                f"not_reached_{name}",
+                _pressure(config, clutch),
+                "pressure",
+                0.5 * CLAMPED,
+                source,
+                NOT_RESPONDING,
+                1.0,
+                False,
+                engaged,
+            )
+        ratio = config.transmission.ratios.get(number)
+        if ratio is None or len(held) < len(gear.held):
+            continue
+        speeds = Sum(
+            f"difference of {into.speed} and {out.speed} by the ratio of gear {gear.name}",
+            ((f"{MEASURED}{into.speed}", 1.0), (f"{MEASURED}{out.speed}", -ratio)),
+            True,
+        )
+        holds = tuple(Condition(_slip(one), False, 1.0, f"{one.called} holds") for one in held)
+        source = "assumed: ten times the resolution of such encoders, and more than a shaft's twist gives"
+        yield Trip(
+            f"contradicts_{into.speed}_{gear.name}",
+            speeds,
+            "angular velocity",
+            10.0,
+            source,
+            ERRATIC,
+            0.2,
+            True,
+            (*engaged, *holds),
+        )
+
+
+def _transducers(config: RigConfig) -> Iterator[Trip]:
+    """A transducer that shows the end of its range, as one does whose wire is broken or shorted."""
+    for one in config.structure.transducers:
+        full = getattr(config.instruments, f"{one.like}_range")
+        if not getattr(config.instruments, f"{one.like}_fitted", True) or one.type == "ratio":
+            continue  # a lever or a throttle may stand at its end
+        shown = Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), TRANSDUCER_TYPES[one.type].signed)
+        source = "assumed: the end of its full scale, which no healthy value reaches for so long"
+        yield Trip(f"out_of_range_{one.name}", shown, TRANSDUCER_TYPES[one.type].dimension, 0.998 * full, source, ABOVE_RANGE, 0.1)

@@ -1,0 +1,129 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The trip matrix: every trip of every installed rig at its threshold, by the compiled look at made numbers, without a run."""
+
+import numpy as np
+import pytest
+
+from rig_nodes.base import njit, rig_folders
+from rig_nodes.plant import TRIPPED, World
+from rig_nodes.plant.engine.watch import watched
+from rig_nodes.rig import GEAR, load_rig
+from rig_nodes.runs import plan_of
+from rig_nodes.runs.watch import Watched
+
+NOT_YET = -1
+
+
+@njit(cache=True)
+def look(watch, numbers, log, samples):
+    """Look for so many samples; return the first in which a trip fires, counted from 0, or NOT_YET."""
+    for sample in range(samples):
+        if watched(watch, numbers, log, 0) == TRIPPED:
+            return sample
+    return NOT_YET
+
+
+class Made:
+    """One trip of a rig on numbers that are made: the least ones that give its quantity and fulfil its conditions."""
+
+    def __init__(self, trip, world):
+        self.trip, self.one = trip, Watched([trip], world)
+        self.numbers, self.log = np.zeros(len(world.numbers)), np.zeros((1, len(world.plan.channels)), order="F")
+        self.samples = round(trip.delay / 1e-3)
+
+    def hold(self, value, fulfilled=True):
+        """Make the trip's quantity a value [SI], and its conditions true or all of them false."""
+        watch = self.one.arrays
+        sums = [int(watch.trips["sum"][0]), *watch.conditions.tolist()]
+        wanted = [value if self.trip.above else -value]
+        for each in self.trip.enabled:
+            apart = 0.25 if any(name == GEAR for name, _ in each.sum.terms) else each.threshold
+            wanted.append(each.threshold + apart * (1 if each.above == fulfilled else -1))
+        terms = [slice(watch.first[k], watch.first[k + 1]) for k in sums]
+        places = sorted({int(place) for term in terms for place in watch.places[term]})
+        weights = np.zeros((len(sums), len(places)))
+        for row, term in zip(weights, terms):
+            for place, weight in zip(watch.places[term], watch.weights[term]):
+                row[places.index(place)] += weight
+        made = np.linalg.lstsq(weights, np.array(wanted), rcond=None)[0]
+        if fulfilled:
+            assert np.allclose(weights @ made, wanted), f"{self.trip.name}: its conditions and its limit contradict each other"
+        for place, number in zip(places, made):
+            if place < 0:
+                watch.said[-1 - place] = number
+            elif place < len(self.numbers):
+                self.numbers[place] = number
+            else:
+                self.log[0, place - len(self.numbers)] = number
+
+    def look(self, samples):
+        return look(self.one.arrays, self.numbers, self.log, samples)
+
+
+@pytest.fixture(scope="module", params=list(rig_folders()))
+def made(request):
+    config = load_rig(request.param)
+    world = World(plan_of(config).plan)
+    return [Made(trip, world) for trip in config.trips]
+
+
+def beyond(trip, share):
+    """A value past the limit by a share of it, or short of it by a negative one."""
+    return trip.limit * (1.0 + share if trip.above else 1.0 - share)
+
+
+def test_every_trip_fires_once_its_delay_after_it_crosses_its_limit_and_not_at_one_per_cent_short(made):
+    for each in made:
+        trip = each.trip
+        if trip.rises:
+            each.hold(0.0, fulfilled=False)
+            assert each.look(1) == NOT_YET
+        each.hold(beyond(trip, -0.01))
+        assert each.look(each.samples + 10) == NOT_YET, trip.name
+        each.hold(beyond(trip, 0.001))
+        assert each.look(each.samples + 10) == each.samples, trip.name
+        assert each.one.latched() == (trip,), trip.name
+        assert each.one.value(trip) == pytest.approx(beyond(trip, 0.001)), trip.name
+
+
+def test_a_trip_whose_time_is_not_over_or_that_is_not_enabled_stays_silent(made):
+    for each in made:
+        each.one.reset()
+        if each.samples:
+            each.hold(beyond(each.trip, 0.001))
+            assert each.look(each.samples) == NOT_YET, each.trip.name
+            each.hold(beyond(each.trip, -0.05))
+            assert each.look(1) == NOT_YET
+            each.hold(beyond(each.trip, 0.001))
+            assert each.look(each.samples) == NOT_YET, f"{each.trip.name}: its time went on"
+        if each.trip.enabled:
+            each.hold(beyond(each.trip, 0.001), fulfilled=False)
+            assert each.look(each.samples + 10) == NOT_YET, each.trip.name
+
+
+def test_a_warning_comes_before_the_trip_once_until_it_is_over(made):
+    for each in made:
+        trip = each.trip
+        if trip.warning is None or trip.rises:
+            continue
+        each.one.reset()
+        each.hold(0.95 * trip.limit)
+        assert each.look(each.samples + 1) == NOT_YET
+        [(sentence, value)] = each.one.warnings(1.0)
+        assert sentence.startswith(f"warning {trip.name}: the {trip.quantity.text} is ") and value == pytest.approx(
+            0.95 * trip.limit
+        )
+        assert each.look(3) == NOT_YET and each.one.warnings(1.0) == []
+        each.hold(0.5 * trip.limit)
+        each.look(1)
+        each.hold(0.95 * trip.limit)
+        each.look(each.samples + 1)
+        assert len(each.one.warnings(2.0)) == 1, trip.name
+
+
+def test_every_trip_has_a_number_of_its_own_and_a_source(made):
+    numbers = [each.trip.spn for each in made]
+    assert len(set(numbers)) == len(numbers) and min(numbers) >= 520_192 and max(numbers) <= 524_287
+    assert all(each.trip.source for each in made) and len({each.trip.name for each in made}) == len(made)
