@@ -150,7 +150,7 @@ def test_no_two_curves_of_a_plot_have_the_same_colour(rig):
     alike = {title: names for title, names in plots_of(pages) if len({pages.colour(name) for name in names}) < len(names)}
     assert alike == {}
     setpoints = [name for _, names in plots_of(pages) for name in names if name.endswith("speed_setpoint")]
-    assert all(pages.colour(name) in pages_module.PALE for name in setpoints), "wide curves are pale"
+    assert all(pages.look(name).demanded for name in setpoints), "wide curves are pale"
 
 
 @pytest.mark.parametrize("rig", INSTALLED)

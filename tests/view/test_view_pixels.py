@@ -28,7 +28,8 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout, moments, picture
 from rig_nodes.view.campaign import write_campaign
 from rig_nodes.view.convert import make_close_view, make_tab_view
-from rig_nodes.view.pages import ALARM, OTHER, SUPPLY, WAITING, Pages, hues
+from rig_nodes.view.pages import ALARM, WAITING, Pages
+from rig_nodes.view.palette import OTHER, clutch_colour, rgb
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
@@ -38,7 +39,7 @@ WARM = ("Plate temperature", tuple(PAGES.plates))
 PLOTS = {"shifts": PAGES.shift_plots, "run": (*PAGES.run_left, *PAGES.run_right, WARM), "other": tuple(PAGES.other_plots)}
 EVERY_PLOT = [(tab, title, tuple(names)) for tab, plots in PLOTS.items() for title, names in plots]
 EVERY_CURVE = [(*plot[:2], name) for plot in EVERY_PLOT for name in plot[2]]
-COLOURS = set(PAGES.colours.values())
+COLOURS = {PAGES.colour(name) for name in PAGES.looks}
 LABELS = [PAGES.label(name) for _, names in PAGES.shift_plots for name in names]
 ENDS = layout.with_room((-layout.BEFORE, layout.AFTER), layout.room_for(LABELS, 2))  # s from the order on, of both columns
 
@@ -180,7 +181,12 @@ def test_upright_lines_stand_at_the_order_and_where_the_phases_begin(tabs, recor
     rows = json.loads((recorded / "report.json").read_text())["shifts"]
     for title, names in PAGES.shift_plots:
         for image, row in zip(pictures(tabs, "shifts", title, names), rows):
-            marks = ((OTHER, 0.0), (WAITING, row["kiss_s"]), (ALARM, row["t_c_s"] - row["t_p_s"]), (moments.LOCKED, row["t_c_s"]))
+            marks = (
+                (rgb(OTHER), 0.0),
+                (WAITING, row["kiss_s"]),
+                (ALARM, row["t_c_s"] - row["t_p_s"]),
+                (moments.LOCKED, row["t_c_s"]),
+            )
             found = {colour: upright(image, colour) for colour, _ in marks}
 
             def off(left):
@@ -236,7 +242,7 @@ def test_a_campaign_shows_its_metrics_over_what_was_varied(tmp_path):
     assert set(views) == {f"{m} over {c}" for m in ("t_c ms", "k") for c in ("speed [rpm]", "load [Nm]")} | {"Campaign"}
     first = views["t_c ms over speed [rpm]"]
     for place in range(2):
-        colour = hues(place)[0]
+        colour = rgb(clutch_colour(place))
         assert legend_text(first, colour) > 10, "no text of a way of shifting"
         for name in ("speed [rpm]", "load [Nm]"):
             assert curve_pixels(views[f"t_c ms over {name}"], colour) > 60
@@ -249,7 +255,7 @@ def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
     assert KINDS["png"].own(picture.read_bytes(), picture), "a later picture would be refused this name"
     image = image_of(picture.read_bytes())
     assert image.shape == tabs["other"].whole.shape and (image != tabs["other"].whole).mean() > 0.02
-    assert curve_pixels(image, SUPPLY) > 100, "the oil's temperature is in this tab"
+    assert curve_pixels(image, PAGES.colour("T_oil")) > 100, "the oil's temperature is in this tab"
 
 
 def test_a_killed_command_leaves_no_viewer(recorded, tmp_path):

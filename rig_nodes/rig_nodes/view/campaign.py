@@ -37,7 +37,7 @@ from ..rig import Transmission, transmission_of
 from . import layout
 from .convert import APPLICATION, VIEW_FILE, import_rerun
 from .document import markdown_table
-from .pages import hues
+from .palette import clutch_colour, rgb
 
 if TYPE_CHECKING:
     from rerun.blueprint import Blueprint
@@ -235,7 +235,7 @@ def write_campaign(path: str | Path, only: bool = False, picture: Path | None = 
                     if points:
                         at, y = zip((left, np.nan), *sorted(points))
                         place = f"{one.key}/{condition.replace('.', '_')}/{n}"
-                        look = rr.SeriesPoints(names=way, colors=hues(n)[0], markers="circle", marker_sizes=3.5)
+                        look = rr.SeriesPoints(names=way, colors=rgb(clutch_colour(n)), markers="circle", marker_sizes=3.5)
                         rec.log(place, look, static=True)
                         rec.send_columns(place, [rr.TimeColumn(AXIS, sequence=at)], rr.Scalars.columns(scalars=y))
         rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)

@@ -20,7 +20,7 @@ from ..rig import Signal
 from . import layout
 from .convert import APPLICATION, import_rerun
 from .curves import times
-from .pages import HUES, hues
+from .palette import CURVES, rgb
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -77,7 +77,7 @@ def write_compare_file(found: Comparison, signals: Mapping[str, Signal], path: P
         for curve in curves:
             shown = [np.asarray(signals[curve.name].shown(values), float) for values in curve.values]
             for n, values in enumerate(shown):
-                colour = hues(n)[0] if n < len(HUES) else None
+                colour = rgb(CURVES[n]) if n < len(CURVES) else None
                 line = rr.SeriesLines(names=found.names[n], colors=colour, widths=1.5, aggregation_policy="MinMax")
                 _send(rr, rec, f"{curve.name}/recordings/{n}", line, curve.time, values)
                 if n:

@@ -18,7 +18,8 @@ from ..bags import Bag
 from ..base import RigError
 from ..rig import Signal
 from . import layout
-from .pages import OTHER, Pages, Plates
+from .pages import Pages, Plates
+from .palette import OTHER, rgb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -275,6 +276,6 @@ class Curves:
                 t, values = np.array(rows).T
                 path = layout.mark_entity(title)
                 # both ends lie at the same time; averaging would reduce them to a point
-                line = self._rr.SeriesLines(names="shift ordered", colors=OTHER, widths=1.0, aggregation_policy="Off")
+                line = self._rr.SeriesLines(names="shift ordered", colors=rgb(OTHER), widths=1.0, aggregation_policy="Off")
                 self._rec.log(path, line, static=True)
                 self._send(path, t, values)

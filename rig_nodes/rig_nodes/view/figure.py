@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a figure of a run consists of, without any drawing: panels with curves, phases, marks, limits and numbers.
+"""What a figure consists of, without any drawing: panels with curves, phases, marks, limits and numbers.
 
-view.figure_of_shift and view.figure_of_run describe one, view.draw draws it.
+view.figure_of_shift and view.figure_of_run describe one, view.draw draws it; colours are names of view.palette.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from .pages import Pages
 
-SOLID, DASHED, DOTTED = "solid", "dashed", "dotted"
+SOLID, DASHED, DOTTED, POINTS = "solid", "dashed", "dotted", "points"
 GAP = 1e-6  # s by which a sample may lie outside a window, from rounding of its time
 
 
@@ -40,13 +40,17 @@ class Curve:
     text, short : str
         Its label in a wide and in a narrow column; empty for a curve that its colour and the panel's note explain.
     colour : str
-        Colour of curve and label.
+        Name of the colour of curve and label (palette.CURVES).
     style : str
-        SOLID, DASHED or DOTTED.
+        SOLID, DASHED, DOTTED or POINTS.
     t, y : (n,) array of float
-        Times in the figure's unit, and values in the panel's unit.
+        Times, or what else the columns show, in the figure's unit, and values in the panel's unit.
     scales : bool
         True when the panel's axis must hold all of it.
+    band : ((n,) array, (n,) array), optional
+        Lowest and highest values around it: an envelope, or a spread.
+    column : int, optional
+        The only column that shows it.
     """
 
     signal: str
@@ -57,6 +61,8 @@ class Curve:
     t: np.ndarray
     y: np.ndarray
     scales: bool = True
+    band: tuple[np.ndarray, np.ndarray] | None = None
+    column: int | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +95,7 @@ class Hatch:
 
 @dataclass(frozen=True)
 class Panel:
-    """A plot: its axis' title and unit, curves, marks and levels, and a note on its line styles."""
+    """A plot: title and unit of its axis, curves, marks and levels, a note on its line styles, and whether it is logarithmic."""
 
     title: str
     unit: str
@@ -98,6 +104,7 @@ class Panel:
     levels: tuple[Level, ...] = ()
     hatches: tuple[Hatch, ...] = ()
     note: str = ""
+    log: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,12 +139,13 @@ class Number:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the panels: its first and last time, the title of its axis, and its share of the width."""
+    """A column of the panels: first and last value of its axis, its title, share of the width, and whether it is logarithmic."""
 
     first: float
     last: float
     title: str
     share: float = 1.0
+    log: bool = False
 
 
 @dataclass(frozen=True)

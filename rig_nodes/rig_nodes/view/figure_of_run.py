@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from ..analysis import phases_of
 from .figure import DASHED, SOLID, Column, Curve, Description, Moment, Panel, Series, Stretch, cut
-from .report_plots import styles_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,9 +39,10 @@ def figure_of_run(report: Mapping, pages: Pages, signals: Mapping[str, Series], 
     panels = []
     for title, names in pages.shift_plots or (*pages.run_left, *pages.run_right):
         curves = []
-        for name, (colour, dashed) in styles_of(pages, names).items():
+        for name in names:
             if (found := cut(signals, name, pages, span)) is not None:
-                curves.append(Curve(name, name, name, colour, DASHED if dashed else SOLID, *found))
+                look = pages.look(name)
+                curves.append(Curve(name, name, name, look.colour, DASHED if look.demanded else SOLID, *found))
         if curves:
             panels.append(Panel(title, pages.signal(curves[0].signal).display_unit, tuple(curves)))
     rows = report["shifts"]

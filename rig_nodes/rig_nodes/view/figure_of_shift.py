@@ -57,6 +57,7 @@ from .figure import (
     Stretch,
     cut,
 )
+from .palette import INPUT, OTHER, OUTPUT, SETTLING, clutch_colour
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,9 +65,6 @@ if TYPE_CHECKING:
     from ..rig import Clutch, Transmission
     from .pages import Pages
 
-INPUT, OUTPUT, OTHER = "#00735a", "#b5307c", "#555555"
-CLUTCHES = ("#0b5ea8", "#c04f00", "#6b3fa0", "#7a6400", "#00707a")  # in the order of the transmission
-SETTLING = "settling"
 SIGNS = "①②③④⑤"
 AROUND = 0.08, 0.15  # shares of the shift that are shown before its order and after its end
 UNKNOWN = 1.5  # s shown after an order without an end
@@ -191,7 +189,7 @@ class _Shift:
         return (np.asarray(t) - self.row["t_order_s"]) * 1e3
 
     def colour(self, clutch: Clutch) -> str:
-        return CLUTCHES[self.box.clutches.index(clutch) % len(CLUTCHES)]
+        return clutch_colour(self.box.clutches.index(clutch))
 
     def curve(self, name: str, text: str, colour: str, style: str = SOLID, short: str = "", mean: float = 0.0) -> Curve | None:
         """Return the curve of a signal, as the metrics see it: as the mean over ``mean`` seconds."""

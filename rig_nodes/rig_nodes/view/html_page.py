@@ -21,7 +21,6 @@ WIDTH, LEFT, RIGHT = 560, 56, 10  # width of a plot's drawing, and of the margin
 LETTER = 9.3  # width of an average letter at the width of a phone, in the same units
 BINS = 400  # stretches of time of a plot, of each of which the lowest and highest value are drawn
 COLOURS = ("#1f5fa8", "#c0501a", "#3a8a3f", "#7a4aa0", "#8a6d1d", "#a8325a", "#2b8a8a", "#5a5f66")
-CONTRAST = 3.0  # of a curve on white, WCAG 2.1, 1.4.11
 # A phone is some 360 px wide, and a drawing of 560 units shrinks to this width, so its text is larger there.
 STYLE = """:root{color-scheme:light}*{box-sizing:border-box}
 body{font:14px/1.4 sans-serif;max-width:820px;margin:0 auto;padding:12px;color:#222;background:#fff;overflow-wrap:break-word}
@@ -97,21 +96,6 @@ def legend(names: Iterable[tuple[str, str]], title: str = "") -> str:
     """Return the line above a plot: its title, and each (name, colour) with a square of its colour."""
     keys = "".join(f'<span><i class="key" style="background:{colour}"></i> {escape(name)}</span>' for name, colour in names)
     return f'<p class="legend">{f"<b>{escape(title)}</b> " if title else ""}{keys}</p>'
-
-
-def on_white(colour: tuple[int, int, int]) -> str:
-    """Return a colour as hexadecimal text, darkened until it has enough contrast to white."""
-    part = np.array(colour, float)
-    while 1.05 / (0.05 + _luminance(part)) < CONTRAST:
-        part *= 0.95
-    return "#" + "".join(f"{round(value):02x}" for value in part)
-
-
-def _luminance(colour: np.ndarray) -> float:
-    """Return the relative luminance of a colour by WCAG 2.1."""
-    share = colour / 255.0
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return float(linear @ (0.2126, 0.7152, 0.0722))
 
 
 class Envelope:
@@ -210,7 +194,7 @@ class Axis:
         for one in self.phases:
             left, width = self.x(one.start), max(self.x(one.end) - self.x(one.start), 0.5)
             box = f'x="{left:.1f}" y="0" width="{width:.1f}" height="{height}"'
-            parts.append(f'<rect {box} fill="{one.colour}" fill-opacity="0.16"><title>{escape(one.name)}</title></rect>')
+            parts.append(f'<rect {box} fill="{one.colour}" fill-opacity="1"><title>{escape(one.name)}</title></rect>')
         for x in map(self.x, self.moments):
             ends = f'x1="{x:.1f}" y1="0" x2="{x:.1f}" y2="{height}"'
             parts.append(f'<line {ends} stroke="#555" stroke-width="0.8" stroke-dasharray="3 3"/>')

@@ -15,26 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis import (
-    FILL,
-    INERTIA,
-    INTERRUPTED,
-    LONGEST,
-    RPM,
-    TORQUE,
-    Part,
-    moments_of,
-    phases_of,
-    shift_metrics,
-    times_of,
-    without_slip,
-)
+from ..analysis import LONGEST, RPM, Part, moments_of, phases_of, shift_metrics, times_of, without_slip
 from ..bags import UNREADABLE, Recording, cdr
 from ..base import RigError
 from ..rig import NEUTRAL
 from . import layout
 from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
-from .pages import ALARM, OTHER, WAITING, Colour, Pages, Plots
+from .pages import ALARM, WAITING, Colour, Pages, Plots
+from .palette import OTHER, SETTLING, rgb
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -47,10 +35,9 @@ EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values
 STEP = 8.0  # s; part of a long stretch that is in memory at a time
 COARSE = 4  # with at least so many moments in one column, they are drawn at 1 kHz
-FILLING, LOCKED, UNDRIVEN = (0x6B, 0x7A, 0x8F), (0xB8, 0xBC, 0xC0), (0xA8, 0x3E, 0xA8)
-PHASE_COLOURS: dict[str, Colour] = {FILL: FILLING, TORQUE: WAITING, INTERRUPTED: UNDRIVEN, INERTIA: ALARM}
+LOCKED = (0xB8, 0xBC, 0xC0)
 MARK_COLOURS: dict[str, Colour] = {"kiss point": WAITING, "departure": ALARM, "lock-up": LOCKED}
-TIME_COLOUR, SETTLING = (0x4A, 0x5F, 0x78), (0x6E, 0x58, 0x78)
+TIME_COLOUR = (0x4A, 0x5F, 0x78)
 BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
 
 
@@ -135,20 +122,20 @@ def shift_page(pages: Pages, columns: Sequence[Sequence[layout.Shift]], rows: Se
 
 
 def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
-    marks: list[tuple[float, Colour]] = [(0.0, OTHER)]
+    marks: list[tuple[float, Colour]] = [(0.0, rgb(OTHER))]
     lanes: dict[str, list[tuple[Part, Colour]]] = {}
     if row is not None:
         since = [Part(one.name, one.start - shift.order, one.end - shift.order) for one in phases_of(row)]
         for one in since:  # a lane shows one phase at a time; one that overlaps another has a lane of its own
             apart = any(one.start < part.end - 1e-9 for part, _ in lanes.get("phases", []))
-            lanes.setdefault(one.name if apart else "phases", []).append((one, PHASE_COLOURS[one.name]))
+            lanes.setdefault(one.name if apart else "phases", []).append((one, rgb(one.name)))
         if not overlaid:
             spans = {
                 one.name: Part(f"{one.name} {1e3 * (one.end - one.start):.0f} ms", one.start, one.end) for one in times_of(row)
             }
             moved = {name: Part(one.name, one.start - shift.order, one.end - shift.order) for name, one in spans.items()}
             for lane, names in (("t_c_t_o", ("t_c", "t_o")), ("t_d", ("t_d",)), ("t_p", ("t_p",))):
-                if bars := [(moved[name], SETTLING if name == "t_o" else TIME_COLOUR) for name in names if name in moved]:
+                if bars := [(moved[name], rgb(SETTLING) if name == "t_o" else TIME_COLOUR) for name in names if name in moved]:
                     lanes[lane] = bars
             moments = moments_of(row)
             marks += [(moments[name] - shift.order, colour) for name, colour in MARK_COLOURS.items() if name in moments]
@@ -174,7 +161,7 @@ def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> l
     responses = []
     for n, row in enumerate(found.get("valve_responses", []), 1):
         begin, pulse, rise = row["t_order_s"], row["t_pulse_s"], row["t_rise_s"]
-        marks = [(0.0, OTHER), *((t - begin, colour) for t, colour in ((pulse, WAITING), (rise, ALARM)) if t is not None)]
+        marks = [(0.0, rgb(OTHER)), *((t - begin, colour) for t, colour in ((pulse, WAITING), (rise, ALARM)) if t is not None)]
         bars = {}
         if pulse is not None and rise is not None:
             bars = {"delay": [(Part(f"delay {1e3 * (rise - pulse):.0f} ms", pulse - begin, rise - begin), TIME_COLOUR)]}
@@ -196,7 +183,7 @@ def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> l
         }
         title = f"coast-down from {full * RPM:.0f} rpm at {cut:.3f} s"
         end = min(1.1 * last, ends[1] - cut)
-        moment = Moment("coast_down", title, cut, -0.1 * last, end, ((0.0, OTHER),), {}, drawn)
+        moment = Moment("coast_down", title, cut, -0.1 * last, end, ((0.0, rgb(OTHER)),), {}, drawn)
         out.append(Page("coast_down", "Coast-down", [[moment]], pages.coast_plots, ()))
     return out
 

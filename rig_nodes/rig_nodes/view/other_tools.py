@@ -17,13 +17,11 @@ from typing import TYPE_CHECKING
 
 from ..base import MAKER, atomic_write
 from ..rig import Signal
-from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
+from .pages import Pages
+from .palette import CURVES, rgb
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-# colours of the curves of states, in their order in a plot
-STATE_HUES = (INPUT, OUTPUT, OTHER, *(bright for bright, _ in HUES))
 
 
 def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
@@ -56,8 +54,8 @@ def _states(pages: Pages, names: list[str]) -> bool:
 
 
 def _colour(pages: Pages, names: list[str], name: str) -> str:
-    rgb = STATE_HUES[names.index(name) % len(STATE_HUES)] if _states(pages, names) else pages.colour(name)
-    return "#%02x%02x%02x" % rgb
+    shade = rgb(CURVES[names.index(name) % len(CURVES)]) if _states(pages, names) else pages.colour(name)
+    return "#%02x%02x%02x" % shade
 
 
 def _legend(signal: Signal) -> str:

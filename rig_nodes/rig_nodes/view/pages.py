@@ -1,10 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contents of a rig's view, derived from the rig's structure: plots (of view.plots), colours and widths of curves.
+"""The contents of a rig's view, derived from the rig's structure: plots (of view.plots), looks and widths of curves.
 
-view.layout, view.curves, view.live and view.other_tools use it. Colours belong to roles: driving side, driven side, each
-clutch, oil.
+view.layout, view.curves, view.live, view.other_tools and the figures use it.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING
 from ..bags import rig_record
 from ..plant import part as parts
 from ..rig import Catalogue, Device, Signal, Structure, Transmission, catalogue, structure_of, transmission_of
+from .palette import CLUTCHES, CURVES, INPUT, OTHER, OUTPUT, clutch_colour, rgb
 from .plots import BENCH_LEFT, BENCH_RIGHT, COAST, LEFT, PLOTS, RIGHT, SHIFT, VALVE
 
 if TYPE_CHECKING:
@@ -25,17 +25,7 @@ if TYPE_CHECKING:
 Colour = tuple[int, int, int]
 Plots = tuple[tuple[str, tuple[str, ...]], ...]  # title of a plot and its signals, which have the same display unit
 
-# One hue per place of measurement, distinct for the colour-blind and on dark and light backgrounds:
-# input shaft green, output shaft pink, first clutch blue, second orange, third violet. Bright colours show measured values,
-# pale colours show demanded values or the torque that could be transmitted.
-INPUT, OUTPUT = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0)
-FIRST, SECOND, THIRD = (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F), (0x8E, 0x6B, 0xE8)
-INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
-# (bright, pale) of clutches and of gears, each in their order
-HUES = ((FIRST, (0x9B, 0xCB, 0xF8)), (SECOND, (0xF8, 0xC4, 0x94)), (THIRD, (0xC9, 0xB8, 0xF4)))
-PALE = (INPUT_PALE, OUTPUT_PALE, *(pale for _, pale in HUES))
-SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
-# The colours of a clutch's states go from grey over yellow to the clutch's hue, which is also that of the gear at the same place.
+# The colours of a clutch's states go from grey over yellow to the clutch's, which is also that of the gear at the same place.
 IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xA0, 0x8C, 0x14), (0xD6, 0x45, 0x50)
 STATE_COLOURS = {
     "none": IDLE,
@@ -44,30 +34,20 @@ STATE_COLOURS = {
     "starting": IDLE,
     "slipping": WAITING,
     "ready": WAITING,
-    "running": INPUT,
+    "running": rgb(INPUT),
     "tripped": ALARM,
 }
-# for two curves of one plot that would have the same colour
-SPARE = (
-    *(bright for bright, _ in HUES),
-    OUTPUT,
-    INPUT,
-    SUPPLY,
-    (0x3F, 0xC1, 0xD6),
-    (0xE5, 0x57, 0x62),
-    (0xB6, 0xD9, 0x4C),
-    (0xB0, 0x7D, 0x54),
-    OTHER,
-    *PALE,
-)
 OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston", "heat")  # quantities of clutches that are shown in the clutch's hue
 _OF_VALVE = ("duty", "flow")
 
 
-def hues(place: int) -> tuple[Colour, Colour]:
-    """Return the bright and the pale hue of the clutch or gear at a place; further places begin again with the first hue."""
-    return HUES[place % len(HUES)]
+@dataclass(frozen=True)
+class Look:
+    """The look of a curve: the name of its colour, and whether it is of a demanded value: dashed, in the viewer pale."""
+
+    colour: str = OTHER
+    demanded: bool = False
 
 
 @dataclass(frozen=True)
@@ -292,64 +272,68 @@ class Pages:
         found = ((title, self._there(names)) for title, names in plots)
         return tuple((title, names) for title, names in found if names)
 
-    # ---- colours and widths of curves
+    # ---- looks of curves
 
     @cached_property
-    def colours(self) -> dict[str, Colour]:
-        """Colour of each signal that has one."""
+    def looks(self) -> dict[str, Look]:
+        """Look of each signal that has one: the colours belong to driving side, driven side, and each clutch."""
         structure, found = self.structure, {}
-        for one in structure.of_role(parts.SOURCE):
-            found |= dict.fromkeys(self.measured(at=one.name), INPUT) | dict.fromkeys(self.own(one, "work", "speed"), INPUT)
-            found |= dict.fromkeys((*self.own(one, "torque"), *self.setpoints(one)), INPUT_PALE)
-        for one in structure.of_role(parts.LOAD):
-            found |= dict.fromkeys(self.measured(at=one.name), OUTPUT) | dict.fromkeys(self.own(one, "work"), OUTPUT)
-            found |= dict.fromkeys(self.own(one, "torque", "relief_setting"), OUTPUT_PALE)
-        if self.box:
-            found |= dict.fromkeys((self.box.input.torque, self.box.input.speed, "loss_in"), INPUT)
-            found |= dict.fromkeys((self.box.output.torque, self.box.output.speed, "loss_out"), OUTPUT)
-        for one in structure.of_role(parts.OIL):
-            found |= dict.fromkeys(self.measured(f"{structure.line_of(one.name)}.pressure", f"{one.name}.oil_temperature"), SUPPLY)
-        for place, clutch in enumerate(structure.clutches):
-            bright, pale = hues(place)
-            valve = structure.valve_of(clutch.name)
-            names = [
-                *self.own(clutch, *_OF_CLUTCH),
-                f"{clutch.key}_plates",
-                *self.measured(f"{structure.line_of(clutch.name)}.pressure"),
-            ]
-            asked = [*self.own(clutch, "capacity")]
-            if valve is not None:
-                names += [*self.own(valve, *_OF_VALVE), *self.measured(f"{valve.name}.current")]
-                asked.append(f"I_set_{valve.key}")
-            if press := clutch.wires.get("press"):
-                names += self.measured(at=press, types=("pressure", "travel"))
-                asked += self.own(structure.device(press), "setting")
-            found |= dict.fromkeys(names, bright) | dict.fromkeys(asked, pale)
-        return self._told_apart(found | dict.fromkeys(self.measured(types=("force",)), SECOND))
 
-    def _told_apart(self, given: Mapping[str, Colour]) -> dict[str, Colour]:
-        """Return the colours with others where two curves of a plot would be alike; the first one of them keeps its own."""
+        def put(names: Iterable[str], colour: str, demanded: bool = False) -> None:
+            found.update(dict.fromkeys(names, Look(colour, demanded)))
+
+        for one in structure.of_role(parts.SOURCE):
+            put((*self.measured(at=one.name), *self.own(one, "work", "speed")), INPUT)
+            put((*self.own(one, "torque"), *self.setpoints(one)), INPUT, True)
+        for one in structure.of_role(parts.LOAD):
+            put((*self.measured(at=one.name), *self.own(one, "work")), OUTPUT)
+            put(self.own(one, "torque", "relief_setting"), OUTPUT, True)
+        if self.box:
+            put((self.box.input.torque, self.box.input.speed, "loss_in"), INPUT)
+            put((self.box.output.torque, self.box.output.speed, "loss_out"), OUTPUT)
+        for one in structure.of_role(parts.OIL):
+            put(self.measured(f"{structure.line_of(one.name)}.pressure", f"{one.name}.oil_temperature"), CLUTCHES[3])
+        for place, clutch in enumerate(structure.clutches):
+            colour, valve = clutch_colour(place), structure.valve_of(clutch.name)
+            pressure = self.measured(f"{structure.line_of(clutch.name)}.pressure")
+            put((*self.own(clutch, *_OF_CLUTCH), f"{clutch.key}_plates", *pressure), colour)
+            put(self.own(clutch, "capacity"), colour, True)
+            if valve is not None:
+                put((*self.own(valve, *_OF_VALVE), *self.measured(f"{valve.name}.current")), colour)
+                put((f"I_set_{valve.key}",), colour, True)
+            if press := clutch.wires.get("press"):
+                put(self.measured(at=press, types=("pressure", "travel")), colour)
+                put(self.own(structure.device(press), "setting"), colour, True)
+        put(self.measured(types=("force",)), CLUTCHES[1])
+        return self._told_apart(found)
+
+    def _told_apart(self, given: Mapping[str, Look]) -> dict[str, Look]:
+        """Return the looks with others where two curves of a plot would be alike; the first one of them keeps its own."""
         plots = (self.shift_plots, self.valve_plots, self.coast_plots, self.run_left, self.run_right, self._more, self.other_plots)
         shown = [tuple(names) for group in plots for _, names in group]
         beside: dict[str, set[str]] = {}
         for names in shown:
             for name in names:
                 beside.setdefault(name, set()).update(names)
-        found: dict[str, Colour] = {}
+        found: dict[str, Look] = {}
         for name in [*(one for one in beside if one in given), *(one for one in beside if one not in given)]:
             taken = {found[other] for other in beside[name] if other in found}
-            wanted = given.get(name, OTHER)
-            spare = (*PALE, *SPARE) if wanted in PALE else SPARE  # wide curves stay pale
+            wanted = given.get(name, Look())
+            spare = [Look(colour, how) for how in (wanted.demanded, not wanted.demanded) for colour in (*CLUTCHES, *CURVES)]
             found[name] = wanted if wanted not in taken else next((one for one in spare if one not in taken), wanted)
-        return {**given, **{name: colour for name, colour in found.items() if name in given or colour != OTHER}}
+        return {**given, **{name: look for name, look in found.items() if name in given or look != Look()}}
 
     @cached_property
     def _locked(self) -> dict[str, Colour]:
-        return {name: hues(place)[0] for place, clutch in enumerate(self.structure.clutches) for name in self.own(clutch, "mode")}
+        return {
+            name: rgb(clutch_colour(place))
+            for place, clutch in enumerate(self.structure.clutches)
+            for name in self.own(clutch, "mode")
+        }
 
     @cached_property
     def _states(self) -> dict[str, Colour]:
-        return STATE_COLOURS | {gear.name: hues(place)[0] for place, gear in enumerate(self.structure.gears)}
+        return STATE_COLOURS | {gear.name: rgb(clutch_colour(place)) for place, gear in enumerate(self.structure.gears)}
 
     @cached_property
     def _drives(self) -> tuple[set[str], set[str], set[str]]:
@@ -360,8 +344,13 @@ class Pages:
         return set(self.each(sources, "torque")), shafts, {name for one in sources for name in self.setpoints(one)}
 
     def colour(self, name: str) -> Colour:
-        """Return the colour of a signal, which is the same in every plot."""
-        return self.colours.get(name, OTHER)
+        """Return the colour of a signal in the viewer, which is the same in every plot."""
+        look = self.look(name)
+        return rgb(look.colour, look.demanded)
+
+    def look(self, name: str) -> Look:
+        """Return the look of a signal, which is the same in every plot."""
+        return self.looks.get(name, Look())
 
     def width(self, name: str) -> float:
         """Return the width of a curve in pixels; a setpoint is wider, so that it shows on both sides of the measured curve.
@@ -376,8 +365,8 @@ class Pages:
             return 3.0
         if name in setpoints:
             return 6.0
-        return 4.0 if self.colour(name) in PALE else 2.0
+        return 4.0 if self.look(name).demanded else 2.0
 
     def state_colour(self, name: str, label: str) -> Colour:
         """Return the colour of a state of a signal."""
-        return self._locked[name] if label == "locked" else self._states.get(label, OTHER)
+        return self._locked[name] if label == "locked" else self._states.get(label, rgb(OTHER))

@@ -17,15 +17,15 @@ import numpy as np
 from ..analysis import FILL, INERTIA, INTERRUPTED, LOGGER, TORQUE, moments_of, phases_of, shift_name, times_of
 from ..bags import PIECE, Bag
 from ..base import RigError
-from .html_page import COLOURS, Axis, Curve, Envelope, Stretch, captioned, legend, on_white
-from .pages import OTHER, PALE, Pages
+from .html_page import Axis, Curve, Envelope, Stretch, captioned, legend
+from .pages import Pages
+from .palette import LIGHT
 
 if TYPE_CHECKING:
     from ..rig import Signal, Transmission
 
 MOST_SHIFTS = 12  # largest number of shifts whose plots are on a page
 BEFORE, AFTER, UNKNOWN = 0.15, 0.2, 1.5  # s shown before the order, after the settled torque, and after an order without an end
-PHASES = {FILL: "#4a90d9", TORQUE: "#e0a020", INTERRUPTED: "#c04040", INERTIA: "#58a05a"}
 ENDS = {
     FILL: "fill, to the kiss point",
     TORQUE: TORQUE,
@@ -33,7 +33,6 @@ ENDS = {
     INERTIA: "inertia phase, to lock-up",
 }
 TIME = "#666"
-SPARE = (*COLOURS[4:], *COLOURS[:4])  # colours of signals without one of their own, those least like the others first
 
 
 class Plots:
@@ -110,7 +109,7 @@ class Plots:
 
     def _shift(self, number: int, row: Mapping) -> str:
         axis = Axis(*self._windows[number])
-        axis.phases = [Stretch(one.name, one.start, one.end, PHASES[one.name]) for one in phases_of(row)]
+        axis.phases = [Stretch(one.name, one.start, one.end, LIGHT[one.name]) for one in phases_of(row)]
         axis.moments = list(moments_of(row).values())
         bars = [Stretch(one.name, one.start, one.end, one.colour, ENDS[one.name]) for one in axis.phases]
         bars += [Stretch(one.name, one.start, one.end, TIME, f"{one.name} {1e3 * one.length:.0f} ms") for one in times_of(row)]
@@ -138,9 +137,9 @@ class Plots:
         return "".join(drawn)
 
     def _curves(self, number: int, names: Sequence[str]) -> list[Curve]:
-        """Return the curves of a plot, in the colours of the view unless two of them would be alike."""
-        styles = styles_of(self._pages, names)
-        curves = [Curve(name, colour, self._envelopes[number, name], dashed) for name, (colour, dashed) in styles.items()]
+        """Return the curves of a plot, the dashed ones last."""
+        looks = {name: self._pages.look(name) for name in names}
+        curves = [Curve(name, LIGHT[one.colour], self._envelopes[number, name], one.demanded) for name, one in looks.items()]
         return sorted(curves, key=lambda one: not one.dashed)
 
 
@@ -148,21 +147,6 @@ def heading_of(number: int, row: Mapping, box: Transmission) -> str:
     """Return the name of a shift as a heading, e.g. ``Shift 1, I → II at 3.85 s``."""
     name = shift_name(number, row, box, " → ")
     return name[0].upper() + name[1:]
-
-
-def styles_of(pages: Pages, names: Sequence[str]) -> dict[str, tuple[str, bool]]:
-    """Return by signal the colour of its curve in a plot on white, and True where the curve is dashed.
-
-    The colours are those of the view unless two of them would be alike.
-    """
-    found: dict[str, tuple[str, bool]] = {}
-    for name in names:
-        own = pages.colour(name)
-        style = on_white(own), own in PALE
-        if own == OTHER or style in found.values():
-            style = next((one for one in SPARE if (one, style[1]) not in found.values()), SPARE[0]), style[1]
-        found[name] = style
-    return found
 
 
 def window_of(row: Mapping, whole: tuple[float, float], next_order: float) -> tuple[float, float]:
