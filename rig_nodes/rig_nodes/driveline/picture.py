@@ -3,17 +3,21 @@
 
 """Draws a driveline as an SVG picture: its bodies, what joins two of them, and what sits on them.
 
-Used by driveline.builder for a description in Python, and by rig.picture for a rig. The bodies stand in columns by their
-distance from the first one; what joins two of them is a line with a symbol on it.
+Used by driveline.builder for a description in Python, and by rig.picture for a rig. A body is a bar, and what joins two of them
+is a horizontal line with a symbol on it, in a row in which it meets nothing else; texts stand between the rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 290, 110, 60  # size of a body, distances of columns and of rows, margin [px]
+EDGE, TOP = 24, 64  # margin, and the room for title and sides [px]
+HALF, ROW, NOTE, BRAKE = 23, 58, 20, 34  # half the height of a body with one row, and heights of a row, a note and a brake [px]
+BODY, GAP = 96, 64  # smallest width of a body, and of the room between two [px]
+LETTER, SMALL = 8.0, 6.9  # width of a letter of a text and of a small one [px]
+TRIES = 20_000  # arrangements that are tried, before a line may pass behind a body
 STYLE = (
     "text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}"
     ".body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}.massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}"
@@ -36,12 +40,15 @@ class Link:
         "mesh", "set", "clutch", "freewheel", "shaft" or "torque".
     text : str
         Text on the line.
+    sides : (str, str)
+        What the line is at a and at b, e.g. the teeth of both wheels.
     """
 
     a: str
     b: str
     kind: str
     text: str
+    sides: tuple[str, str] = ("", "")
 
 
 @dataclass
@@ -71,43 +78,116 @@ class Body:
     notes: list[str] = field(default_factory=list)
     end: str = ""
 
+    @property
+    def words(self) -> tuple[str, str]:
+        """The two lines of text in its bar."""
+        end = f" ({self.end})" if self.end and self.end != self.name else ""
+        return self.name + end, f"{self.inertia:.4g} kg m2" if self.inertia else "no inertia of its own"
 
-def _places(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, tuple[int, int]]:
-    """Return column and row of each body: columns by the number of joints from the input, the output alone in the last one.
+    @property
+    def held(self) -> list[tuple[str, str]]:
+        """Kind and text of what holds it to the ground."""
+        free = [("freewheel", f"{name} ({way})") for name, way in self.one_way]
+        return [("clutch", self.brake), *free] if self.brake else free
 
-    A body that is joined across a column stands above one that is joined to the next column, so that no line runs through a body.
+    @property
+    def width(self) -> float:
+        """Width of its bar, which holds all its texts [px]."""
+        name, inertia = self.words
+        under = [*(SMALL * len(note) + 4 for note in self.notes), *(LETTER * len(text) + 38 for _, text in self.held)]
+        return max(BODY, LETTER * len(name) + 20, SMALL * len(inertia) + 20, *under)
+
+    @property
+    def foot(self) -> float:
+        """Height of what is drawn under its bar [px]."""
+        return NOTE * len(self.notes) + BRAKE * len(self.held)
+
+
+def _columns(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, int]:
+    """Return the column of each body: by the number of joints from the input; two that are joined are never in the same one.
+
+    The output is behind all that lies between it and the input, and what only the input joins to it is on the input's left.
     """
     start = next((body.name for body in bodies if body.end == "input"), bodies[0].name)
-    end = next((body.name for body in bodies if body.end == "output"), None)
-    column, todo = {start: 0}, [start]
-    while todo:
-        here = todo.pop(0)
-        for link in links:
-            for one, other in ((link.a, link.b), (link.b, link.a)):
-                if one == here and other not in column and end not in (one, other):
-                    column[other] = column[here] + 1
-                    todo.append(other)
-    for body in bodies:
-        column.setdefault(body.name, 1 if body.name != end else 0)
+    end = next((body.name for body in bodies if body.end == "output" and body.name != start), None)
+    column = {start: 0}
+
+    def spread(todo: list[str]) -> None:
+        while todo:
+            here = todo.pop(0)
+            for link in links:
+                for one, other in ((link.a, link.b), (link.b, link.a)):
+                    if one == here and other not in column and other != end:
+                        column[other] = column[here] + 1
+                        todo.append(other)
+
+    spread([start])
     if end:
-        column[end] = 1 + max((column[body.name] for body in bodies if body.name != end), default=0)
-    span = {
-        body.name: max((abs(column[one.a] - column[one.b]) for one in links if body.name in (one.a, one.b)), default=0)
-        for body in bodies
-    }
-    across, places = any(value > 1 for value in span.values()), {}
-    for k in sorted(set(column.values())):
-        free = 0 if k in (0, column.get(end)) else int(across)
-        for body in sorted((body.name for body in bodies if column[body.name] == k), key=lambda body: -span[body]):
-            beside = [
-                places[other][1]
-                for link in links
-                for one, other in ((link.a, link.b), (link.b, link.a))
-                if one == body and other in places
-            ]
-            row = max(free, min(beside)) if beside and free else free
-            places[body], free = (k, row), row + 1
-    return places
+        column[end] = 1 + max(column.values())
+        spread([end])
+    for body in bodies:
+        if body.name not in column:
+            column[body.name] = 0
+            spread([body.name])
+    if end:
+        inner, todo = {end}, [end]
+        while todo:
+            here = todo.pop()
+            beside = {link.b if link.a == here else link.a for link in links if here in (link.a, link.b)}
+            todo += beside - inner - {start}
+            inner |= beside - {start}
+        column = {name: at if name == start or name in inner else -at for name, at in column.items()}
+        column = {name: at - min(column.values()) for name, at in column.items()}
+    while same := next((link for link in links if column[link.a] == column[link.b]), None):
+        here = column[same.b]
+        column = {name: at + (at > here or name == same.b) for name, at in column.items()}
+    return column
+
+
+def _crosses(rows: Mapping[int, int], links: Sequence[Link], column: Mapping[str, int]) -> bool:
+    """Return True when two bars or two lines meet, or a line a bar to which it does not belong."""
+    spans: dict[str, tuple[int, int]] = {}
+    for number, row in rows.items():
+        for body in (links[number].a, links[number].b):
+            low, high = spans.get(body, (row, row))
+            spans[body] = min(low, row), max(high, row)
+    lines = [(row, *sorted((column[links[number].a], column[links[number].b]))) for number, row in rows.items()]
+    for place, (body, (low, high)) in enumerate(spans.items()):
+        at = column[body]
+        for other, (first, last) in list(spans.items())[place + 1 :]:
+            if column[other] == at and low <= last and first <= high:
+                return True
+        if any(low <= row <= high and left < at < right for row, left, right in lines):
+            return True
+    return any(
+        row == other and left < last and first < right
+        for place, (row, left, right) in enumerate(lines)
+        for other, first, last in lines[place + 1 :]
+    )
+
+
+def _rows(links: Sequence[Link], column: Mapping[str, int]) -> dict[int, int] | None:
+    """Return the row of each line by its number, as few rows as can be; None where none was found."""
+    order = sorted(range(len(links)), key=lambda n: sorted((column[links[n].a], column[links[n].b])))
+    left = [TRIES]
+
+    def place(rows: dict[int, int], most: int) -> dict[int, int] | None:
+        if len(rows) == len(order):
+            return rows
+        number = order[len(rows)]
+        for row in range(most):
+            left[0] -= 1
+            if left[0] < 0:
+                return None
+            more = {**rows, number: row}
+            if not _crosses(more, links, column) and (found := place(more, most)):
+                return found
+        return None
+
+    for most in range(1, len(links) + 1):
+        if len(links) < 200 and (found := place({}, most)):
+            return found
+    return None
 
 
 def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = "") -> str:
@@ -129,70 +209,96 @@ def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = 
     str
         The SVG document.
     """
-    places = _places(bodies, links)
-    notes = max(len(body.notes) for body in bodies)
-    down = DOWN + 20 * notes
-    where = {body: (EDGE + column * ACROSS, EDGE + 40 + row * down) for body, (column, row) in places.items()}
-    width = EDGE * 2 + max(9 * len(title), WIDE + ACROSS * max(column for column, _ in places.values()))
-    height = EDGE * 2 + 60 + HIGH + down * max(row for _, row in places.values()) + 20 * notes
-    out = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">',
-        f"<style>{STYLE}</style>",
-        f'<rect width="{width}" height="{height}" fill="#fff"/>',
-        f'<text x="{EDGE}" y="30" style="font-size:16px">{escape(title)}</text>',
-    ]
-    drawn: dict[frozenset, int] = {}
-    for link in links:
-        k = drawn[frozenset((link.a, link.b))] = drawn.get(frozenset((link.a, link.b)), -1) + 1
-        out.append(_line(where[link.a], where[link.b], link, k))
+    column = _columns(bodies, links)
+    rows = _rows(links, column)
+    if rows is None:  # a body a column, a line a row
+        column = {name: place for place, name in enumerate(sorted(column, key=lambda name: column[name]))}
+        rows = dict(enumerate(range(len(links))))
+    of = {body.name: [row for number, row in rows.items() if body.name in (links[number].a, links[number].b)] for body in bodies}
+    free = 1 + max(rows.values(), default=-1)
+    for place, name in enumerate(name for name, mine in of.items() if not mine):
+        of[name] = [free + place]
+    y, lefts, right = _grid(bodies, links, column, of)
     named = {body.name: body for body in bodies}
-    for name, corner in where.items():
-        out += _body(named[name], *corner)
+    widths = {at: max(named[name].width for name, here in column.items() if here == at) for at in lefts}
+    width, height = max(right, LETTER * 1.25 * len(title) + EDGE) + EDGE, y[-1] + (24 if below else 0)
+    size = f'width="{width:.0f}" height="{height:.0f}"'
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width:.0f} {height:.0f}">',
+        f"<style>{STYLE}</style>",
+        f'<rect {size} fill="#fff"/>',
+        f'<text x="{EDGE}" y="28" style="font-size:16px">{escape(title)}</text>',
+    ]
+    for body in bodies:
+        if body.end:
+            out.append(f'<text class="small" x="{lefts[column[body.name]]:.0f}" y="52">{body.end} side</text>')
+    for number, link in enumerate(links):
+        if column[link.a] > column[link.b]:
+            link = Link(link.b, link.a, link.kind, link.text, link.sides[::-1])
+        near = lefts[column[link.a]] + widths[column[link.a]]
+        out.append(_line((near, lefts[column[link.b]]), lefts[column[link.a] + 1], y[rows[number]], link))
+    for body in bodies:
+        at = column[body.name]
+        out += _body(body, lefts[at], y[min(of[body.name])] - HALF, y[max(of[body.name])] + HALF, widths[at])
     if below:
-        out.append(f'<text class="small" x="{EDGE}" y="{height - 14}">{escape(below)}</text>')
+        out.append(f'<text class="small" x="{EDGE}" y="{height - 14:.0f}">{escape(below)}</text>')
     return "\n".join([*out, "</svg>", ""])
 
 
-def _body(body: Body, x: int, y: int) -> list[str]:
-    """Return the SVG elements of a body and of what sits on it, with its corner at x, y."""
-    end = f" ({body.end})" if body.end and body.end != body.name else ""
+def _grid(
+    bodies: Sequence[Body], links: Sequence[Link], column: Mapping[str, int], of: Mapping[str, Sequence[int]]
+) -> tuple[list[float], dict[int, float], float]:
+    """Return the heights of the rows and the end of the last one, the left ends of the columns, and the end of the last one."""
+    y = [TOP + float(HALF)]
+    for row in range(1 + max(max(mine) for mine in of.values())):
+        y.append(y[-1] + ROW + max((body.foot for body in bodies if max(of[body.name]) == row), default=0.0))
+    lefts, right = {}, float(EDGE)
+    for at in range(1 + max(column.values())):
+        lefts[at] = right
+        ends = [(link, *sorted((column[link.a], column[link.b]))) for link in links]
+        texts = [LETTER * len(link.text) + 24 for link, first, _ in ends if first == at]
+        sides = [SMALL * len("".join(link.sides)) + 56 for link, first, last in ends if at in (first, last - 1)]
+        right += max(body.width for body in bodies if column[body.name] == at) + max(GAP, *texts, *sides, 0)
+    last = max(column.values())
+    return y, lefts, lefts[last] + max(body.width for body in bodies if column[body.name] == last)
+
+
+def _body(body: Body, x: float, top: float, bottom: float, width: float) -> list[str]:
+    """Return the SVG elements of a bar and of what sits on it."""
+    name, inertia = body.words
+    middle = 0.5 * (top + bottom)
+    kind = "body" if body.inertia else "massless body"
     out = [
-        f'<rect class="{"body" if body.inertia else "massless body"}" x="{x}" y="{y}" width="{WIDE}" height="{HIGH}" rx="6"/>',
-        f'<text x="{x + 10}" y="{y + 19}">{escape(body.name)}{end}</text>',
+        f'<rect class="{kind}" x="{x:.0f}" y="{top:.0f}" width="{width:.0f}" height="{bottom - top:.0f}" rx="6"/>',
+        f'<text x="{x + 10:.0f}" y="{middle - 4:.0f}">{escape(name)}</text>',
+        f'<text class="small" x="{x + 10:.0f}" y="{middle + 13:.0f}">{inertia}</text>',
     ]
-    inertia = f"{body.inertia:.4g} kg m2" if body.inertia else "no inertia of its own"
-    out.append(f'<text class="small" x="{x + 10}" y="{y + 36}">{inertia}</text>')
-    if body.brake:
+    y = bottom
+    for kind, text in body.held:
         out.append(
-            f'<path class="clutch" d="M{x + WIDE / 2} {y} v-14 m-14 0 h28 m-28 0 l-6 -7 m20 7 l-6 -7 m20 7 l-6 -7" fill="none"/>'
+            f'<path class="{kind}" d="M{x + 20:.0f} {y:.0f} v14 m-12 0 h24 m-24 0 l-5 7 m17 -7 l-5 7 m17 -7 l-5 7" fill="none"/>'
         )
-        out.append(f'<text x="{x + WIDE / 2 + 20}" y="{y - 10}">{escape(body.brake)}</text>')
-    for k, (name, way) in enumerate(body.one_way):
-        top = y - 14 - 16 * bool(body.brake)
-        out.append(f'<path class="freewheel" d="M{x + 24 + 60 * k} {y} v-14 m-12 0 h24 m-24 0 l8 -7 m16 7 l-8 -7" fill="none"/>')
-        out.append(f'<text x="{x + 42 + 60 * k}" y="{top}">{escape(name)} ({way})</text>')
-    for k, note in enumerate(body.notes):
-        wide = max(WIDE - 8, 6 * len(note) + 12)
-        out.append(f'<rect class="part" x="{x + 8}" y="{y + HIGH + 4 + 20 * k}" width="{wide}" height="17" rx="3"/>')
-        out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{escape(note)}</text>')
+        out.append(f'<text x="{x + 38:.0f}" y="{y + 18:.0f}">{escape(text)}</text>')
+        y += BRAKE
+    for note in body.notes:
+        out.append(f'<rect class="part" x="{x:.0f}" y="{y + 4:.0f}" width="{width:.0f}" height="17" rx="3"/>')
+        out.append(f'<text class="small" x="{x + 6:.0f}" y="{y + 16:.0f}">{escape(note)}</text>')
+        y += NOTE
     return out
 
 
-def _line(a: tuple[int, int], b: tuple[int, int], link: Link, k: int) -> str:
-    """Return a line between two bodies with its text in the middle; k lines between the same bodies come before it."""
-    if a[0] > b[0]:
-        a, b = b, a
-    same = a[0] == b[0]
-    x1, y1 = a[0] + (WIDE / 2 if same else WIDE), a[1] + (HIGH if same and a[1] < b[1] else 0 if same else HIGH / 2 + 12 * k)
-    x2, y2 = b[0] + (WIDE / 2 if same else 0), b[1] + (0 if same and a[1] < b[1] else HIGH if same else HIGH / 2 + 12 * k)
-    share = (0.5, 0.72, 0.28)[k % 3]
-    x, y = x1 + (x2 - x1) * share, y1 + (y2 - y1) * share
+def _line(ends: tuple[float, float], gap: float, y: float, link: Link) -> str:
+    """Return the line of a link at a height with its texts; its symbol is in the gap beside its left end, which ends at ``gap``."""
+    x = 0.5 * (ends[0] + gap)
     sign = {
-        "freewheel": f'<path class="freewheel" d="M{x - 6} {y - 9} l12 9 l-12 9 z M{x + 6} {y - 10} v20" fill="#fff"/>',
-        "clutch": f'<path class="clutch" d="M{x - 4} {y - 11} v22 M{x + 4} {y - 11} v22" fill="none"/>',
-        "shaft": f'<path class="shaft" d="M{x - 12} {y} l4 -7 l8 14 l8 -14 l4 7" fill="#fff"/>',
-    }.get(link.kind, f'<circle class="{link.kind} sign" cx="{x}" cy="{y}" r="6"/>')
+        "freewheel": f'<path class="freewheel" d="M{x - 6:.0f} {y - 9:.0f} l12 9 l-12 9 z m12 -1 v20" fill="#fff"/>',
+        "clutch": f'<path class="clutch" d="M{x - 4:.0f} {y - 11:.0f} v22 m8 -22 v22" fill="none"/>',
+        "shaft": f'<path class="shaft" d="M{x - 12:.0f} {y:.0f} l4 -7 l8 14 l8 -14 l4 7" fill="#fff"/>',
+    }.get(link.kind, f'<circle class="{link.kind} sign" cx="{x:.0f}" cy="{y:.0f}" r="6"/>')
+    a, b = map(escape, link.sides)
     return (
-        f'<line class="{link.kind}" x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}"/>{sign}'
-        f'<text x="{x - 4 * len(link.text) / 1.3:.0f}" y="{y - 15:.0f}">{escape(link.text)}</text>'
+        f'<line class="{link.kind}" x1="{ends[0]:.0f}" y1="{y:.0f}" x2="{ends[1]:.0f}" y2="{y:.0f}"/>{sign}'
+        + (f'<text x="{x:.0f}" y="{y - 14:.0f}" text-anchor="middle">{escape(link.text)}</text>' if link.text else "")
+        + (f'<text class="small" x="{ends[0] + 6:.0f}" y="{y + 15:.0f}">{a}</text>' if a else "")
+        + (f'<text class="small" x="{ends[1] - 6:.0f}" y="{y + 15:.0f}" text-anchor="end">{b}</text>' if b else "")
     )

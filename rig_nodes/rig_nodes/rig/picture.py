@@ -39,37 +39,30 @@ if TYPE_CHECKING:
 
 def _links(structure: Structure, config: object) -> list[Link]:
     """Everything that joins two bodies."""
-    out = [
-        (
-            *mesh.bodies,
-            "mesh",
-            f"{mesh.name} {mesh.teeth[0]} : {mesh.teeth[1]}".lstrip()
-            + (f", {getattr(config, mesh.name).efficiency:.3g}" if mesh.lossy else ""),
-        )
-        for mesh in structure.meshes
-    ]
-    out += [(*shaft.bodies, "shaft", shaft.name) for shaft in structure.shafts]
-    for device in structure.clutches:
-        if "joins" in device.wires:
-            out.append((*device.wires["joins"], "clutch", _clutch(structure, device)))
-    out += [(*device.wires["joins"], "shaft", device.called) for device in structure.of_role(parts.COUPLING)]
-    out += [
-        (*device.wires["joins"], "freewheel", f"{device.called}: {device.wires['joins'][0]} not faster")
-        for device in structure.freewheels
-    ]
-    out += [(*one.bodies, one.kind, one.name) for one in structure.of_kind("clutch", "torque") if len(one.bodies) == 2]
+    out: list[Link] = []
+    for mesh in structure.meshes:
+        losing = f"efficiency {getattr(config, mesh.name).efficiency:.3g}" if mesh.lossy else ""
+        first, second = mesh.teeth
+        out.append(Link(*mesh.bodies, "mesh", ", ".join(filter(None, (mesh.name, losing))), (f"{first} teeth", f"{second} teeth")))
+    out += [Link(*shaft.bodies, "shaft", shaft.name) for shaft in structure.shafts]
+    joins = [(one, *one.wires["joins"]) for one in structure.devices if "joins" in one.wires]
+    out += [Link(a, b, "clutch", _clutch(structure, one)) for one, a, b in joins if one in structure.clutches]
+    out += [Link(a, b, "shaft", one.called) for one, a, b in joins if one in structure.of_role(parts.COUPLING)]
+    out += [Link(a, b, "freewheel", f"{one.called}: {a} not faster") for one, a, b in joins if one in structure.freewheels]
+    out += [Link(*one.bodies, one.kind, one.name) for one in structure.of_kind("clutch", "torque") if len(one.bodies) == 2]
     for one in structure.of_kind("relation"):
         words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
-        out += [(one.bodies[0], other, "set", f"{one.name}: {words[0]}, {term}") for other, term in zip(one.bodies[1:], words[1:])]
+        out += [Link(one.bodies[0], other, "set", one.name, (words[0], term)) for other, term in zip(one.bodies[1:], words[1:])]
     for one in structure.planetary_sets:
-        named = f"{one.name}, {getattr(config, one.name).efficiency:.3g}" if one.lossy else one.name
+        named = f"{one.name}, efficiency {getattr(config, one.name).efficiency:.3g}" if one.lossy else one.name
+        sun, ring = f"sun {one.teeth[0]}", f"ring {one.teeth[1]}"
         if one.ring == "ground":
-            out.append((one.sun, one.carrier, "set", f"{named}: sun {one.teeth[0]}, ring {one.teeth[1]} held"))
-        out += [
-            (one.ring, wheel, "set", f"{named}: {role} {teeth}")
-            for wheel, role, teeth in ((one.sun, "sun", one.teeth[0]), (one.carrier, "carrier,", f"ring {one.teeth[1]}"))
-        ]
-    return [Link(*one) for one in out if one[0] in structure.bodies and one[1] in structure.bodies]
+            out.append(Link(one.sun, one.carrier, "set", f"{named}: {ring} held", (sun, "carrier")))
+        out += [Link(one.ring, one.sun, "set", named, (ring, sun)), Link(one.ring, one.carrier, "set", named, (ring, "carrier"))]
+    for one in structure.devices:
+        if one.wires.get("driving") in structure.bodies and one.wires.get("driven") in structure.bodies:
+            out.append(Link(str(one.wires["driving"]), str(one.wires["driven"]), "torque", one.called, ("driving", "driven")))
+    return [one for one in out if one.a in structure.bodies and one.b in structure.bodies]
 
 
 def _attached(structure: Structure) -> dict[str, list[str]]:
@@ -78,7 +71,7 @@ def _attached(structure: Structure) -> dict[str, list[str]]:
     for device in structure.devices:
         if device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER, parts.MASS):
             type_of = device.part.replace("_", " ")
-            for body in (device.wires[end] for end in ("body", "driving", "driven") if device.wires.get(end) in out):
+            if (body := device.wires.get("body")) in out:
                 out[body].append(f"{device.called}: {type_of}" if device.called != device.part else type_of)
     for one in structure.of_kind("torque", "varying_inertia", "slider_crank", "motion"):
         if len(one.bodies) == 1:
