@@ -12,7 +12,7 @@ from .compare_tables import clock_lines as clock_lines, metric_tables as metric_
 from .definitions import BEFORE as BEFORE, K_MOST as K_MOST, LONGEST as LONGEST, PRESSURE_MEAN as PRESSURE_MEAN, RPM as RPM, TORQUE_SPEED_MEAN as TORQUE_SPEED_MEAN, undefined_lines as undefined_lines
 from .course import LEAST_TORQUE as LEAST_TORQUE, asked_of_input as asked_of_input
 from .detuning import Detuned as Detuned, Detuning as Detuning, detune as detune, detuning_file as detuning_file, read_detuning as read_detuning
-from .display import aligned as aligned, fixed as fixed, shown as shown
+from .display import aligned as aligned, fixed as fixed, in_unit as in_unit, shown as shown
 from .edges import first_true as first_true, odd_width as odd_width, ramp_start as ramp_start, running_mean as running_mean
 from .energy import clutch_heat as clutch_heat, energy_names as energy_names
 from .engagement import HOLD_SHORTEST as HOLD_SHORTEST, engagement_metrics as engagement_metrics, engagement_ranks as engagement_ranks
@@ -36,7 +36,7 @@ from .run_report import REPORT_FILE as REPORT_FILE, build_report as build_report
 from .run_settings import settings_of_run as settings_of_run
 from .runs_table import Member as Member, judged_members as judged_members, member_of as member_of, members_in as members_in, named_shifts as named_shifts, read_procedure as read_procedure, table_of as table_of, warnings_of as warnings_of, write_procedure as write_procedure
 from .shift import shift_metrics as shift_metrics, shifts as shifts, with_ends as with_ends, without_slip as without_slip
-from .side_by_side import Comparison as Comparison, Curve as Curve, Source as Source, compare as compare, short_names as short_names
+from .side_by_side import Comparison as Comparison, Curve as Curve, ShiftCurves as ShiftCurves, Source as Source, compare as compare, short_names as short_names
 from .slip_bench import MODELS as MODELS, cylinder_line as cylinder_line, ring_area as ring_area, slip_line as slip_line, slip_tests as slip_tests, spring_line as spring_line
 from .state_at_order import Moment as Moment, begun_lines as begun_lines, flat as flat, put_known as put_known, unit_of as unit_of, unlike as unlike
 from .valve_response import valve_delay as valve_delay

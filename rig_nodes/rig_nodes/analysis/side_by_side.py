@@ -19,10 +19,12 @@ from ..rig import Transmission
 from .alignment import Clock, align
 from .measured_error import instruments_of
 from .moved import REST, differences
+from .phases import times_of
 from .run_report import plain, report_of_recording
 from .state_at_order import unlike
 
-POINTS = 4000  # at most, of a drawn curve
+POINTS = 4000  # at most, of a drawn curve of a whole run
+BEFORE, AFTER, UNKNOWN = 0.1, 0.15, 1.5  # s before an order, after the settled torque, and after an order without an end
 
 
 @dataclass(frozen=True)
@@ -58,14 +60,37 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class ShiftCurves:
+    """A shift of all recordings, each from its own order on.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the first recording, from 1 on.
+    rows : list of (mapping or None)
+        Its metrics in each recording; None in one that does not hold it.
+    time : (n,) array of float
+        Times after the order [s].
+    values : dict of str to list of (n,) array of float
+        Values of each recording [SI] by signal; NaN where it has none.
+    """
+
+    number: int
+    rows: list[Mapping | None]
+    time: np.ndarray
+    values: dict[str, list[np.ndarray]]
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """The result: names, clocks, the rows of metrics and of signals, curves to draw, and which shifts began differently."""
+    """The result: names, clocks, rows of metrics and signals, curves of the run and of each shift, and what began differently."""
 
     names: list[str]
     clocks: list[Clock]
     metrics: list[dict]
     signals: list[dict]
     curves: list[Curve]
+    shifts: list[ShiftCurves]
     starts: list[str]
 
     def as_dict(self) -> dict:
@@ -137,7 +162,24 @@ def compare(sources: Sequence[Source], by: str | None = None) -> Comparison:
         every = max(1, len(t) // POINTS)
         # copies, because a view would keep all rows of every signal in memory
         curves.append(Curve(name, t[::every].copy(), [one[::every].copy() for one in values]))
-    return Comparison([one.name for one in sources], clocks, metrics, signals, curves, _starts(sources, shifts_of))
+    shifts = [_aligned(number, recordings, shifts_of, names) for number in shifts_of[0]]
+    return Comparison([one.name for one in sources], clocks, metrics, signals, curves, shifts, _starts(sources, shifts_of))
+
+
+def _aligned(
+    number: int, recordings: Sequence[Recording], shifts_of: Sequence[Mapping[int, tuple[dict, dict]]], names: Sequence[str]
+) -> ShiftCurves:
+    """Return the curves of a shift; ``number`` is its place among those of the first recording."""
+    rows = [found[number][0] if number in found else None for found in shifts_of]
+    ends = [one.end - row["t_order_s"] for row in rows if row for one in times_of(row)]
+    time = np.arange(-BEFORE, max(ends, default=UNKNOWN) + AFTER, recordings[0].period)
+    values: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    for row, one in zip(rows, recordings):
+        there = time + (row["t_order_s"] if row else np.nan)
+        for name in names:
+            channel = one.channels[name]
+            values[name].append(np.interp(there, one.t0 + one.period * np.arange(len(channel)), channel, np.nan, np.nan))
+    return ShiftCurves(number + 1, rows, time, values)
 
 
 def _starts(sources: Sequence[Source], shifts_of: Sequence[Mapping[int, tuple[dict, dict]]]) -> list[str]:

@@ -10,12 +10,14 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from ..analysis import aligned, clock_lines, compare, metric_tables, reasons, signal_tables
-from ..base import printable
+from ..base import RigError, brief, optional, printable
 from ..rig import catalogue
 from .table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
 
     from ..analysis import Comparison, Source
 
@@ -29,12 +31,15 @@ class Compared:
     ----------
     found : Comparison
         Names, clocks, rows and curves.
+    record : mapping
+        The record of the first recording's rig.
     """
 
     def __init__(self, sources: Sequence[Source], by: str | None = None) -> None:
         """Compare recordings with the first one, aligned ``by`` events or correlation."""
         self.found: Comparison = compare(sources, by)
-        self.box, self.catalogue = sources[0].recording.transmission, catalogue(sources[0].record).signals
+        self.record = sources[0].record
+        self.box, self.catalogue = sources[0].recording.transmission, catalogue(self.record).signals
 
     @cached_property
     def metrics(self) -> Table:
@@ -46,6 +51,34 @@ class Compared:
         """A row for each signal and recording after the first: mean, rms and largest difference in SI, and in measuring errors."""
         names = ("run", "signal", "mean", "rms", "largest", "error", "in_errors", "reason")
         return Table(dict.fromkeys(names, ""), self.found.signals)
+
+    def plot(self, shift: int = 1, dark: bool = False) -> Figure:
+        """Draw a shift of all recordings over each other, each from its own order on, and the differences from the first.
+
+        Parameters
+        ----------
+        shift : int
+            Its number in the first recording, from 1 on; without shifts the whole run is drawn.
+        dark : bool
+            True for a dark ground.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, of which a notebook shows the picture.
+
+        Raises
+        ------
+        RigError
+            When there is no such shift, or matplotlib is not installed.
+        """
+        optional("matplotlib")
+        from ..view import Pages, draw_figure, figures_of_compare
+
+        drawn = figures_of_compare(self.found, Pages(self.record))
+        if not (isinstance(shift, int) and 1 <= shift <= len(drawn)):
+            raise RigError(f"there is no shift {brief(shift)}; the first recording has {len(self.found.shifts)} shifts")
+        return draw_figure(drawn[shift - 1], dark)
 
     def __repr__(self) -> str:
         lines = clock_lines(self.found)

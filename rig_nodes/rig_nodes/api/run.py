@@ -285,14 +285,14 @@ class Run:
         >>> run.plot(shift=1).savefig("shift.png")
         """
         optional("matplotlib")
-        from ..view import Pages, draw_figure, figure_of_run, figure_of_shift
+        from ..view import Pages, draw_figure, figure_of_shift, figures_of_run
 
-        count, of = len(self.report["shifts"]), (Pages(self.record), self.signals, self.signals.span)
+        count, pages, span = len(self.report["shifts"]), Pages(self.record), self.signals.span
         if shift is None:
-            return draw_figure(figure_of_run(self.report, *of))
+            return draw_figure(figures_of_run(self.report, pages, self.folder, span)[0])
         if not (isinstance(shift, int) and 1 <= shift <= count):
             raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
-        return draw_figure(figure_of_shift(self.report, shift, *of))
+        return draw_figure(figure_of_shift(self.report, shift, pages, self.signals, span))
 
     def compare(self, *others: Run | str | Path, by: str | None = None) -> Compared:
         """Compare with other runs, as `rig compare`.

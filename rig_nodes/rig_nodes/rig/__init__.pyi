@@ -18,7 +18,7 @@ from .reference import page as page, rows_of_parts as rows_of_parts
 from .settings import CHANGED as CHANGED, CONTROLLER as CONTROLLER, OWN as OWN, POINT as POINT, Setting as Setting, Settings as Settings, own_setting as own_setting, settings_of as settings_of
 from .signal_catalogue import Catalogue as Catalogue, Offer as Offer, QOS as QOS, Signal as Signal, Topic as Topic, catalogue as catalogue, installed_topics as installed_topics
 from .signals import CONTROLLER_COMMAND as CONTROLLER_COMMAND, CONTROLLER_EVENTS as CONTROLLER_EVENTS, CONTROLLER_FAILED as CONTROLLER_FAILED, CONTROLLER_SILENT as CONTROLLER_SILENT, GEAR_WAS as GEAR_WAS, SHIFT_ORDERED as SHIFT_ORDERED, TORQUES as TORQUES, absolute_pressures as absolute_pressures, torque_signals as torque_signals
-from .structure import Device as Device, End as End, Structure as Structure, Transducer as Transducer, structure_of as structure_of
+from .structure import Device as Device, End as End, OwnPlot as OwnPlot, RATE as RATE, Structure as Structure, Transducer as Transducer, structure_of as structure_of
 from .transducer_types import TRANSDUCER_TYPES as TRANSDUCER_TYPES, measured_range as measured_range
 from .trips import GEAR as GEAR, HYSTERESIS as HYSTERESIS, MEASURED as MEASURED, SHIFTING as SHIFTING, Sum as Sum, TRIPS as TRIPS, Trip as Trip, WATCHED as WATCHED
 from .transmission import Clutch as Clutch, Inertias as Inertias, NEUTRAL as NEUTRAL, Shift as Shift, Transmission as Transmission, ranges_of as ranges_of, slip_of as slip_of, transmission_of as transmission_of

@@ -47,7 +47,7 @@ from .sections import LOGGER_RATE, CutConfig, EffectsConfig, KernelConfig, instr
 from .settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
 from .signal_catalogue import Catalogue, catalogue_of
 from .signals import unnamed
-from .structure import Device, Structure
+from .structure import RATE, Device, Structure
 from .transducer_types import TRANSDUCER_TYPES
 from .transmission import Transmission, made_of, tied_to
 from .trips import TRIPS, WATCHED, Trip, default_of, read_trips, trip_settings, trips_of
@@ -374,9 +374,11 @@ def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
     """Raise RigError with file and line for a plot of unknown signals, or of signals that cannot share a plot."""
     known = config.catalogue.signals
     for page, plots in config.structure.view.items():
-        for title, names in plots:
+        for plot in plots:
+            title, names = plot.title, plot.signals
             where = f"{where_of(path, node['view'][page], title)}: view.{page}.{title}"
-            for name in names:
+            turn = [plot.over] if plot.over not in ("", RATE) else []
+            for name in (*names, *turn):
                 if name not in known:
                     raise RigError(f"{where}: {unknown('signal', name, known)}")
                 if known[name].states:
@@ -386,6 +388,8 @@ def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
             if len(units := {known[name].display_unit: name for name in names}) > 1:
                 found = " and ".join(f"{name} in {unit}" for unit, name in units.items())
                 raise RigError(f"{where}: a plot's signals share their unit, found {found}")
+            if turn and known[plot.over].unit != "rad/s":
+                raise RigError(f"{where}: turn must be a speed of rotation, found {plot.over} in {known[plot.over].display_unit}")
 
 
 def _device(

@@ -17,7 +17,7 @@ from .quantities import QUANTITIES
 from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
 from .read_wheels import MASSLESS, is_name, read_meshes, read_planetary_sets
 from .signals import TORQUES
-from .structure import MOST_OUTPUTS, Device, End, GearHeld, Points, Shaft, Structure, Transducer
+from .structure import MOST_OUTPUTS, RATE, Device, End, GearHeld, OwnPlot, Points, Shaft, Structure, Transducer
 from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
@@ -467,20 +467,30 @@ class _Reader:
             )
         return tuple(dict.fromkeys(nodes))
 
-    def view(self) -> dict[str, tuple[tuple[str, tuple[str, ...]], ...]]:
+    def view(self) -> dict[str, tuple[OwnPlot, ...]]:
         """Return the pages of the view; the catalogue checks later whether their signals exist."""
         nodes = self.node.get("view", Map(self.node.line))
-        pages: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {}
+        pages: dict[str, tuple[OwnPlot, ...]] = {}
         if not isinstance(nodes, Map):
             raise self.wrong(self.node, "view", f"view must be a map of pages, found {brief(nodes)}")
         for page, plots in nodes.items():
             if not isinstance(page, str) or not page.isprintable() or not isinstance(plots, Map) or not plots:
                 raise self.wrong(nodes, page, f"view.{page} must be a map of plots, each a title and the list of its signals")
-            for title, names in plots.items():
-                if not isinstance(names, List) or not names or not all(isinstance(name, str) for name in names):
-                    raise self.wrong(plots, title, f"view.{page}.{title} must be a list of signals, found {brief(names)}")
-            pages[page] = tuple((str(title), tuple(names)) for title, names in plots.items())
+            pages[page] = tuple(self._plot(plots, page, title) for title in plots)
         return pages
+
+    def _plot(self, plots: Map, page: str, title: object) -> OwnPlot:
+        """Return a plot of a page: a list of signals, or a map of such a list and what it is drawn over."""
+        node, over = plots[title], ""
+        if isinstance(node, Map):
+            if set(node) == {"rate"}:
+                node, over = node["rate"], RATE
+            elif set(node) == {"show", "turn"} and isinstance(node["turn"], str):
+                node, over = node["show"], node["turn"]
+        if not isinstance(node, List) or not node or not all(isinstance(name, str) for name in node):
+            expected = "a list of signals, {rate: LIST} or {show: LIST, turn: SPEED}"
+            raise self.wrong(plots, title, f"view.{page}.{title} must be {expected}, found {brief(node)}")
+        return OwnPlot(str(title), tuple(node), over)
 
     def check_whole(self, structure: Structure) -> None:
         """Check that a rig with gears has an input, an output and a motor."""

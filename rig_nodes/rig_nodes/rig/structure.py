@@ -18,6 +18,7 @@ from ..base import RigError
 from ..plant import part as parts
 
 LEAST_OUTPUTS = 3  # a record has no fewer, so that frames, headers and bags of rigs with one or two valves stay as they are
+RATE = "time"  # of a plot of the view that shows the time derivative of its signals
 MOST_OUTPUTS = 8  # the flags of rig_msgs/ValveCommand and of the CAN frames have a bit for each
 
 
@@ -57,6 +58,30 @@ class Mesh:
     def ratio(self) -> float:
         """Speed of the second body divided by that of the first."""
         return (-1.0 if self.reversed else 1.0) * self.teeth[0] / self.teeth[1]
+
+
+@dataclass(frozen=True)
+class OwnPlot:
+    """A plot of a page that a rig has itself.
+
+    Parameters
+    ----------
+    title : str
+        Its title.
+    signals : tuple of str
+        Its signals, which have the same display unit.
+    over : str
+        "" for a plot over time, RATE for the time derivative of its signals, else a speed, over whose angle of turn the signals are
+        drawn.
+    """
+
+    title: str
+    signals: tuple[str, ...]
+    over: str = ""
+
+    def plain(self) -> list:
+        """Return plain values for JSON; :func:`structure_of` reads them."""
+        return [self.title, list(self.signals), *([self.over] if self.over else [])]
 
 
 @dataclass(frozen=True)
@@ -237,7 +262,7 @@ class Structure:
     names : mapping of str to str
         Names of signals that replace those made from the structure.
     view : mapping of str to tuple
-        Pages of the view that the rig has itself, each with plots of a title and signals.
+        Pages of the view that the rig has itself, each with its plots.
     inputs : mapping of str to tuple of (float, float)
         Tables over time, by what they are applied to, as those of driveline.run.Run.
     signals : tuple of str
@@ -255,7 +280,7 @@ class Structure:
     output: End | None = None
     transducers: tuple[Transducer, ...] = ()
     names: Mapping[str, str] = field(default_factory=dict)
-    view: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = field(default_factory=dict)
+    view: Mapping[str, tuple[OwnPlot, ...]] = field(default_factory=dict)
     elements: tuple[Element, ...] = ()
     inputs: Mapping[str, Points] = field(default_factory=dict)
     signals: tuple[str, ...] = ()
@@ -337,6 +362,7 @@ class Structure:
     def plain(self) -> dict:
         """Return plain values for JSON, with lists in place of tuples, for a run's record; :func:`structure_of` reads them."""
         out = _listed(asdict(self))
+        out["view"] = {page: [one.plain() for one in plots] for page, plots in self.view.items()}
         for name in ("view", "elements", "inputs", "signals"):
             if not out[name]:
                 del out[name]
@@ -380,7 +406,8 @@ def structure_of(plain: Mapping) -> Structure:
     for one in fields(Structure):
         if one.name == "view":
             out["view"] = {
-                page: tuple((title, tuple(names)) for title, names in plots) for page, plots in plain.get("view", {}).items()
+                page: tuple(OwnPlot(title, tuple(names), *over) for title, names, *over in plots)
+                for page, plots in plain.get("view", {}).items()
             }
             continue
         if one.name == "elements":

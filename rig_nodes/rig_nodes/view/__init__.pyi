@@ -7,7 +7,8 @@ from .campaign import is_campaign as is_campaign, write_campaign as write_campai
 from .compare_file import write_compare_file as write_compare_file
 from .convert import View as View, import_rerun as import_rerun, make_close_view as make_close_view, make_tab_view as make_tab_view, make_view as make_view
 from .draw import draw_figure as draw_figure, write_figure as write_figure
-from .figure_of_run import figure_of_run as figure_of_run
+from .figure_of_compare import figures_of_compare as figures_of_compare
+from .figure_of_run import figures_of_run as figures_of_run
 from .figure_of_shift import figure_of_shift as figure_of_shift
 from .live import Sender as Sender, Server as Server, live_topics as live_topics
 from .other_tools import write_layout as write_layout

@@ -302,8 +302,7 @@ class _Source:
         if wanted in ("shifts", "valve", "coast_down") and wanted not in there:
             has = ", ".join([*there, "run", "other"])
             raise RigError(f"{self.bag}: the run has no tab '{wanted}'; --tab can be {has}")
-        first = next(iter(self.pages.more_pages)) if self.pages.opens_with_own else "run"
-        return wanted or (there[0] if there and not self.window else first)
+        return wanted or (there[0] if there and not self.window else next(iter(self.pages.more_pages), "run"))
 
     def blueprint(self, only: str | None = None) -> Blueprint:
         """Return the layout, or that of one tab alone."""

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 DPI = 100
 WIDTH, PHONE = 1100, 370  # pixels of a figure, and of one whose columns stand one below the other
 STACKED = 700  # pixels below which they do
-GUTTER, PLOT, BETWEEN = 26, 136, 14  # between columns, height of a plot, between plots
+GUTTER, BETWEEN, TITLE = 26, 14, 20  # pixels between columns and between plots, and of a title above a plot
 AXIS = 48  # height of the time axis below the plots
 STRIP, LANE = 28, 14  # height of the strip of phases, and of each phase where two overlap
 LINE = 19  # height of a line of text
@@ -123,7 +123,10 @@ class _Drawing:
         head = self._head()
         strip = (32 if description.moments else 8) + (STRIP + 6 if any(one.texts for one in description.stretches) else 8)
         panels = max(1, len(description.panels))
-        each = strip + panels * (PLOT + BETWEEN) - BETWEEN + AXIS
+        self.titled = any(LETTER * 9 * len(_name(one)) > description.high for one in description.panels)
+        self.pitch = description.high + BETWEEN + TITLE * self.titled
+        strip += TITLE * self.titled
+        each = strip + panels * self.pitch - BETWEEN - TITLE * self.titled + AXIS
         places = range(len(description.columns))
         blocks = [[place] for place in places] if self.stacked else [list(places)]
         known = "    ".join(f"{one.sign} {one.text}" for one in description.moments if one.text)
@@ -236,17 +239,17 @@ class _Drawing:
         whole, left = sum(one.share for one in columns), float(self.left)
         for place, column in zip(places, columns):
             width = room * column.share / whole
-            self._strip(column, left, width, top - 6)
+            self._strip(column, left, width, top - 6 - TITLE * self.titled)
             for row, panel in enumerate(self.of.panels):
-                y = top + row * (PLOT + BETWEEN)
-                at = left / self.width, 1.0 - (y + PLOT) / self.height, width / self.width, PLOT / self.height
+                y = top + row * self.pitch
+                at = left / self.width, 1.0 - (y + self.of.high) / self.height, width / self.width, self.of.high / self.height
                 axes = self.figure.add_axes(at, facecolor="none")
                 _scale(axes, panel, column, width)
                 self._frame(axes, panel, place == places[0], panel is self.of.panels[-1], column)
                 self._shade(axes)
                 shown = [one for one in panel.curves if one.column in (None, place)]
                 self._curves(axes, panel, shown)
-                self._words(axes, panel, shown, (width, PLOT), place)
+                self._words(axes, panel, shown, (width, self.of.high), place)
             left += width + GUTTER
 
     def _frame(self, axes: Axes, panel: Panel, first: bool, last: bool, column: Column) -> None:
@@ -257,8 +260,9 @@ class _Drawing:
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set_color(colours[RULE])
         if first:
-            unit = f" [{panel.unit}]" if panel.unit else ""
-            axes.set_ylabel(f"{panel.title}{unit}", fontsize=9, color=colours[INK])
+            axes.set_ylabel(panel.unit if self.titled else _name(panel), fontsize=9, color=colours[INK])
+            if self.titled:
+                axes.set_title(panel.title, fontsize=9, color=colours[INK], loc="left", pad=4)
             axes.yaxis.set_label_coords(((8 if self.stacked else 20) - self.left) / (axes.bbox.width or 1.0), 0.5)
         if last:
             axes.set_xlabel(column.title, fontsize=9, color=colours[INK])
@@ -375,6 +379,11 @@ class _Drawing:
                 ends = [point[0] / labels.width, x / labels.width], [point[1] / labels.height, y / labels.height]
                 labels.leader(point, (x, y))
                 axes.add_line(Line2D(*ends, color=shade, linewidth=0.8, transform=axes.transAxes))
+
+
+def _name(panel: Panel) -> str:
+    """Return the title of a plot's axis with its unit."""
+    return f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
 
 
 def _scale(axes: Axes, panel: Panel, column: Column, width: float) -> None:

@@ -166,6 +166,8 @@ class Description:
         Phases and instants.
     numbers : tuple of Number
         The results at its foot.
+    high : int
+        Height of a plot [px].
     """
 
     title: str
@@ -177,6 +179,7 @@ class Description:
     stretches: tuple[Stretch, ...] = ()
     moments: tuple[Moment, ...] = ()
     numbers: tuple[Number, ...] = ()
+    high: int = 136
 
 
 def cut(

@@ -1,23 +1,43 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figure of a whole run: its plots over the time of the run, with the phases of its shifts. ``Run.plot`` shows it."""
+"""The figures of a whole run: a bench's result, the rig's own pages, and its plots over time. ``Run.plot`` shows the first.
+
+Where a signal moves faster than the figure can show, a second column shows three of its periods, or three turns of a shaft.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..analysis import phases_of
-from .figure import DASHED, SOLID, Column, Curve, Description, Moment, Panel, Series, Stretch, cut
+from ..rig import RATE, OwnPlot
+from .figure import DASHED, SOLID, Column, Curve, Description, Moment, Panel, Stretch
+from .figure_of_bench import figure_of_bench
+from .recorded import BINS, Envelope, envelopes_of, stretch_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from pathlib import Path
 
     from .pages import Pages
 
+FAST, OFTEN = (
+    0.08,
+    0.2,
+)  # a signal that swings by such a share of its range within 1 % of the run, for such a share of it, is a band
+APART = 25.0  # ratio of two signals' sizes from which they have plots of their own
+FLAT = 0.01  # of a signal's measuring range, below which it counts as constant
+CLOSE, TURNS = 2.0, 3  # s that are searched for periods, and periods or turns that are shown
+PERIODIC = 0.5  # autocorrelation from which a signal has a period
+SMOOTH = 9  # stretches over which a time derivative is taken
 
-def figure_of_run(report: Mapping, pages: Pages, signals: Mapping[str, Series], span: tuple[float, float]) -> Description:
-    """Return the figure of a run.
+
+def figures_of_run(report: Mapping, pages: Pages, path: str | Path, span: tuple[float, float]) -> list[Description]:
+    """Return the figures of a run, the one that answers the rig's question first.
 
     Parameters
     ----------
@@ -25,35 +45,204 @@ def figure_of_run(report: Mapping, pages: Pages, signals: Mapping[str, Series], 
         Its report.
     pages : Pages
         The pages of its rig.
-    signals : mapping of str to Series
-        Its signals.
+    path : str or Path
+        Its folder or bag.
     span : (float, float)
         Its first and last time [s].
 
     Returns
     -------
-    Description
-        The figure; plots of which nothing was recorded are left out.
+    list of Description
+        Plots, and figures, of which nothing was recorded are left out.
     """
-    run = report["run"]
-    panels = []
-    for title, names in pages.shift_plots or (*pages.run_left, *pages.run_right):
-        curves = []
-        for name in names:
-            if (found := cut(signals, name, pages, span)) is not None:
-                look = pages.look(name)
-                curves.append(Curve(name, name, name, look.colour, DASHED if look.demanded else SOLID, *found))
-        if curves:
-            panels.append(Panel(title, pages.signal(curves[0].signal).display_unit, tuple(curves)))
-    rows = report["shifts"]
-    way = pages.box.way if pages.box else None
-    return Description(
-        ", ".join(str(one) for one in (run.get("sequence"), run.get("description")) if one),
-        "",
-        "",
-        "",
-        (Column(*span, "time [s]"),),
-        tuple(panels),
-        tuple(Stretch(one.name, (), one.start, one.end) for row in rows for one in phases_of(row)),
-        tuple(Moment(row["t_order_s"], way(row["from_gear"], row["to_gear"], " → "), "") for row in rows if way),
-    )
+    names = list(dict.fromkeys(name for plots in pages.questions.values() for plot in plots for name in plot.signals))
+    found = envelopes_of(path, pages, names, (span[0], max(span[1], span[0] + 1e-3)))
+    drawn = [_Page(report, pages, path, title, plots, found).figure() for title, plots in pages.questions.items()]
+    return [one for one in (figure_of_bench(report, pages, path), *drawn) if one and one.panels]
+
+
+class _Page:
+    """The figure of a page while it is made."""
+
+    def __init__(
+        self, report: Mapping, pages: Pages, path: str | Path, title: str, plots: Sequence[OwnPlot], found: Mapping[str, Envelope]
+    ) -> None:
+        self.report, self.pages, self.path, self.title, self.found = report, pages, path, title, found
+        self.plots = [
+            kept for one in plots if (kept := replace(one, signals=tuple(name for name in one.signals if name in found))).signals
+        ]
+        self.close: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+
+    def figure(self) -> Description:
+        span = next((one.start, one.end) for one in self.found.values()) if self.plots else (0.0, 1.0)
+        second = self._close()
+        columns = (Column(*span, "time [s]"), second) if second else (Column(*span, "time [s]"),)
+        panels, constant = [], []
+        for plot in self.plots:
+            for part in self._parts(plot):
+                flat = [name for name in part.signals if self._flat(name)]
+                if len(flat) == len(part.signals):
+                    constant += flat
+                else:
+                    panels.append(self._panel(part))
+        if not panels:
+            panels, constant = [self._panel(part) for plot in self.plots for part in self._parts(plot)], []
+        run, rows = self.report["run"], self.report["shifts"]
+        way = self.pages.box.way if self.pages.box else None
+        return Description(
+            f"{self.title}: {run.get('description') or run.get('sequence') or 'run'}",
+            f"constant: {', '.join(map(self._value, constant))}" if constant else "",
+            "",
+            "",
+            columns,
+            tuple(panels),
+            tuple(Stretch(one.name, (), one.start, one.end) for row in rows for one in phases_of(row)),
+            tuple(Moment(row["t_order_s"], way(row["from_gear"], row["to_gear"], " → "), "") for row in rows if way),
+        )
+
+    def _value(self, name: str) -> str:
+        low, high = self.found[name].span
+        return f"{name} {0.5 * (low + high):z.3g} {self.pages.signal(name).display_unit}".strip()
+
+    # ---- which plots
+
+    def _flat(self, name: str) -> bool:
+        """Return True for a signal that moves by no more than a share of its measuring range, or of itself."""
+        signal, (low, high) = self.pages.signal(name), self.found[name].span
+        whole = abs(float(signal.shown(signal.high)) - float(signal.shown(signal.low)))
+        return high - low <= FLAT * min(whole, 50.0 * max(abs(low), abs(high)))
+
+    def _parts(self, plot: OwnPlot) -> list[OwnPlot]:
+        """Return a plot, or several where the sizes of its signals differ so much that a small one would be a line on zero."""
+        if plot.over == RATE:
+            return [plot]
+        demanded = {name for name in plot.signals if self.pages.look(name).demanded}
+        size = {name: max(map(abs, self.found[name].span)) for name in plot.signals}
+        kept = sorted((name for name in plot.signals if name not in demanded), key=lambda name: -size[name])
+        groups: list[list[str]] = [[*kept[:1]]]
+        for name in kept[1:]:
+            apart = size[name] > 0.0 and size[groups[-1][-1]] > APART * size[name]
+            groups = [*groups, [name]] if apart else [*groups[:-1], [*groups[-1], name]]
+        groups[0] += [name for name in plot.signals if name in demanded]
+        if len(groups) == 1:
+            return [plot]
+        return [replace(plot, signals=tuple(one for one in plot.signals if one in group)) for group in groups]
+
+    # ---- curves
+
+    def _panel(self, plot: OwnPlot) -> Panel:
+        signal, curves = self.pages.signal(plot.signals[0]), []
+        unit = signal.display_unit if plot.over != RATE else f"{signal.unit.removesuffix('/s')}/s{'²' * signal.unit.endswith('/s')}"
+        for name in plot.signals:
+            look = self.pages.look(name)
+            colour, style = look.colour, DASHED if look.demanded else SOLID
+            scales = len(plot.signals) == 1 or not look.demanded
+            if plot.over == RATE:
+                found = _rate(self.found[name], Curve(name, f"d{name}/dt", name, colour, style, *_NONE, column=0))
+                curves.append(replace(found, y=found.y / self.pages.signal(name).scale))
+                continue
+            curves.append(_whole(self.found[name], Curve(name, name, name, colour, style, *_NONE, scales=scales, column=0)))
+            if name in self.close:
+                curves.append(Curve(name, name, name, colour, style, *self.close[name], scales=scales, column=1))
+        if not any(one.scales for one in curves):
+            curves = [replace(one, scales=True) for one in curves]
+        return Panel(plot.title, unit, tuple(curves))
+
+    def _close(self) -> Column | None:
+        """Find the stretch that the second column shows, and its curves; None where no signal is fast."""
+        fast = [name for plot in self.plots if plot.over != RATE for name in plot.signals if _is_fast(self.found[name])]
+        speed = next((plot.over for plot in self.plots if plot.over not in ("", RATE)), "")
+        if not fast:
+            return None
+        chosen = [name for plot in self.plots if plot.over not in ("", RATE) for name in plot.signals if name in fast] or fast[:1]
+        swings = sum((self.found[name].swing / self.found[name].swing.max() for name in chosen), np.zeros(BINS))
+        middle = float(self.found[chosen[0]].times[_middle_of_longest(_mean(swings, SMOOTH))])
+        names = {name for plot in self.plots if plot.over != RATE for name in plot.signals} | ({speed} if speed else set())
+        read = stretch_of(self.path, self.pages, sorted(names), (middle - 0.5 * CLOSE, middle + 0.5 * CLOSE))
+        if chosen[0] not in read or (speed and speed not in read):
+            return None
+        if speed:
+            t, n = read[speed]
+            turned = np.concatenate([[0.0], np.cumsum(0.5 * (n[1:] + n[:-1]) * np.diff(t) / 60.0)])  # rpm to turns
+            turned -= np.interp(middle, t, turned)
+            first, last = -0.5 * TURNS, 0.5 * TURNS
+            if turned[0] > first or turned[-1] < last:
+                return None
+            scaled = {name: (360.0 * (np.interp(at, t, turned) - first), y) for name, (at, y) in read.items()}
+            column = Column(0.0, 360.0 * TURNS, f"angle of {speed} around {middle:.1f} s [°]", 0.36)
+        else:
+            period = _period(*read[chosen[0]])
+            if not period:
+                return None
+            length = TURNS * period
+            scaled = {name: (1e3 * (at - middle + 0.5 * length), y) for name, (at, y) in read.items()}
+            column = Column(0.0, 1e3 * length, f"time from {middle - 0.5 * length:.3f} s [ms]", 0.36)
+        for name, (x, y) in scaled.items():
+            part = slice(max(0, int(np.searchsorted(x, column.first)) - 1), int(np.searchsorted(x, column.last)) + 1)
+            if len(x[part]) > 1:
+                self.close[name] = x[part], y[part]
+        return column
+
+
+_NONE = np.empty(0), np.empty(0)
+
+
+def _is_fast(envelope: Envelope) -> bool:
+    low, high = envelope.span
+    return bool(np.mean(envelope.swing[envelope.filled] > FAST * (high - low)) > OFTEN and high > low)
+
+
+def _middle_of_longest(swings: np.ndarray) -> int:
+    """Return the middle of the longest stretch in which a swing (n,) is at least half of what it seldom exceeds."""
+    high = swings >= 0.5 * np.percentile(swings, 95)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(int))).reshape(-1, 2)
+    first, last = edges[int((edges[:, 1] - edges[:, 0]).argmax())]
+    return int(first + last) // 2
+
+
+def _whole(envelope: Envelope, curve: Curve) -> Curve:
+    """Return the curve of a whole run: a band where it is fast, else a line through all extremes."""
+    at = envelope.filled
+    t, low, high = envelope.times, envelope.low, envelope.high
+    if _is_fast(envelope):
+        low, high = (one[at] for one in envelope.band)
+        return replace(curve, t=t[at], y=0.5 * (low + high), band=(low, high))
+    turns = np.arange(at.sum()) % 2 == 0
+    y = np.column_stack([np.where(turns, low[at], high[at]), np.where(turns, high[at], low[at])])
+    return replace(curve, t=np.repeat(t[at], 2), y=y.ravel())
+
+
+def _rate(envelope: Envelope, curve: Curve) -> Curve:
+    """Return the time derivative of a signal, of the means over some stretches."""
+    at = envelope.filled
+    t, y = envelope.times[at], _mean(envelope.middle[at], SMOOTH)
+    return replace(curve, t=t, y=np.gradient(y, t) if len(t) > 1 else np.zeros(len(t)))
+
+
+def _mean(y: np.ndarray, width: int) -> np.ndarray:
+    """Return the running mean (n,) of values (n,)."""
+    padded = np.pad(y, width // 2, mode="edge")
+    return np.convolve(padded, np.full(width, 1.0 / width), "valid")
+
+
+def _period(t: np.ndarray, y: np.ndarray) -> float:
+    """Return the period [s] of samples (n,), by the first peak of their autocorrelation; 0 without one."""
+    known = np.isfinite(y)
+    if known.sum() < 16:
+        return 0.0
+    even = np.linspace(t[known][0], t[known][-1], int(known.sum()))
+    rest = np.interp(even, t[known], y[known])
+    rest = rest - rest.mean()
+    size = 2 * len(rest)
+    power = np.abs(np.fft.rfft(rest, size)) ** 2
+    shared = np.fft.irfft(power, size)[: len(rest) // TURNS] / np.arange(len(rest), len(rest) - len(rest) // TURNS, -1)
+    if not len(shared) or shared[0] <= 0.0:
+        return 0.0
+    shared = shared / shared[0]
+    below = np.flatnonzero(shared < 0.0)
+    if not len(below) or shared[below[0] :].max() < PERIODIC:
+        return 0.0
+    peak = below[0] + int(np.flatnonzero(shared[below[0] :] > 0.9 * shared[below[0] :].max())[0])
+    while peak + 1 < len(shared) and shared[peak + 1] > shared[peak]:
+        peak += 1
+    return float(peak * (even[1] - even[0]))

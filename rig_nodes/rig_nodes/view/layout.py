@@ -277,16 +277,12 @@ def blueprint(
     shown = more[only] if only in more else rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
         open_with(shown[0], window_of(pages, present, span, pages.more_pages[only] if only in more else None))
-    tabs = {}
+    tabs = {name: rrb.Grid(*views, name=name) for name, views in more.items()}
     for one in close:
         axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))
         columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
         tabs[one.page.key] = _tab(one.page.name, columns)
-    own_tabs = {name: rrb.Grid(*views, name=name) for name, views in more.items()}
-    if pages.opens_with_own:
-        tabs |= own_tabs
     tabs["run"] = _tab("Run", run, "/run")
-    tabs |= own_tabs
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
     if own:
@@ -294,7 +290,9 @@ def blueprint(
         tabs["controller"] = rrb.Grid(*views, name="Controller")
     if only is not None:
         return whole(tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
-    return whole(rrb.Tabs(*tabs.values(), active_tab=len(close) if run_first else 0), "collapsed", "expanded", "paused")
+    return whole(
+        rrb.Tabs(*tabs.values(), active_tab=list(tabs).index("run") if run_first else 0), "collapsed", "expanded", "paused"
+    )
 
 
 def open_with(first: rrb.View, span: tuple[float, float]) -> None:
@@ -321,8 +319,7 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
         if isinstance(view, rrb.TimeSeriesView):
             view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
     own, rest_of = [rrb.Grid(*views, name=name) for name, views in more.items()], rrb.Grid(*rest, name="Other signals")
-    tabs = [*own, _tab("Run", run), rest_of] if pages.opens_with_own else [_tab("Run", run), *own, rest_of]
-    return whole(rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
+    return whole(rrb.Tabs(*own, _tab("Run", run), rest_of, active_tab=0), "collapsed", "expanded", "following")
 
 
 def whole(content: rrb.Container, panels: str, top: str, play: str, timeline: str = TIMELINE) -> rrb.Blueprint:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from ..bags import rig_record
 from ..plant import part as parts
-from ..rig import Catalogue, Device, Signal, Structure, Transmission, catalogue, structure_of, transmission_of
+from ..rig import RATE, Catalogue, Device, OwnPlot, Signal, Structure, Transmission, catalogue, structure_of, transmission_of
 from .palette import CLUTCHES, CURVES, INPUT, OTHER, OUTPUT, clutch_colour, rgb
 from .plots import BENCH_LEFT, BENCH_RIGHT, COAST, LEFT, PLOTS, RIGHT, SHIFT, VALVE
 
@@ -39,6 +39,7 @@ STATE_COLOURS = {
 }
 OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston", "heat")  # quantities of clutches that are shown in the clutch's hue
+_WORDS = {"angular velocity": "speed", "ratio": "share"}  # quantities by the words of titles
 _OF_VALVE = ("duty", "flow")
 
 
@@ -121,7 +122,10 @@ class Pages:
         self.known: Catalogue = with_heat(catalogue(record), self.structure)
         self.plates: dict[str, Plates] = plates_of(record, self.structure)
         self.box: Transmission | None = transmission_of(record) if self.structure.gears else None
-        self._own = self.structure.view
+        self._own: dict[str, Plots] = {
+            page: tuple((one.title, one.signals) for one in plots if one.over != RATE)
+            for page, plots in self.structure.view.items()
+        }
 
     # ---- names of signals
 
@@ -218,10 +222,11 @@ class Pages:
         """The pages that the rig's folder adds, by name."""
         return {name: plots for name, plots in self._own.items() if name not in OWN}
 
-    @property
-    def opens_with_own(self) -> bool:
-        """True when the view opens with a page of the rig's folder: without shifts, that of the run says least about the rig."""
-        return self.box is None and bool(self.more_pages)
+    @cached_property
+    def questions(self) -> dict[str, tuple[OwnPlot, ...]]:
+        """The pages of a run by name, in the order in which they are looked at: those of the rig's folder, then the whole run."""
+        own = {name: plots for name, plots in self.structure.view.items() if name not in OWN}
+        return {**own, "Run": tuple(OwnPlot(title, names) for title, names in (*self.run_left, *self.run_right))}
 
     @property
     def _more(self) -> Plots:
@@ -229,40 +234,31 @@ class Pages:
 
     @cached_property
     def other_plots(self) -> list[tuple[str, list[str]]]:
-        """Title and signals of the plots of all signals that the other pages do not show, by quantity."""
+        """Title and signals of the plots of all signals that the other pages do not show, by quantity and device."""
         if "other" in self._own:
             return [(title, list(names)) for title, names in self._own["other"]]
         shown = {name for _, names in self.shift_plots + self.run_left + self.run_right + self._more for name in names}
-        groups: dict[str, list[str]] = {}
+        groups: dict[tuple[str, str, str], list[Signal]] = {}
         for signal in self.known.signals.values():
             if signal.name not in shown and not signal.states:
-                groups.setdefault(signal.quantity, []).append(signal.name)
-        plots: dict[str, list[str]] = {}
-        for quantity, names in groups.items():
-            special = {title: [name for name in names if name in of] for title, of in self._kinds.items()}
-            rest = [name for name in names if not any(name in of for of in special.values())]
-            for title, of in (*special.items(), (quantity.capitalize(), rest)):
-                plots.setdefault(title, []).extend(of)
-        order = [*(title for title in self._kinds if plots.get(title)), *(title for title in plots if plots[title])]
-        return [(title, plots[title]) for title in dict.fromkeys(order)]
+                groups.setdefault((signal.quantity, self._role_of(signal), signal.display_unit), []).append(signal)
+        return [(self._title(quantity, found), [one.name for one in found]) for (quantity, *_), found in sorted(groups.items())]
 
-    @cached_property
-    def _kinds(self) -> dict[str, set[str]]:
-        """Signals of the devices that give a plot of other signals its title; all others are named by their quantity."""
-        structure = self.structure
-        sources, loads = structure.of_role(parts.SOURCE), structure.of_role(parts.LOAD)
-        lost = {one.name for one in self.known.signals.values() if one.topic == "/gearbox/state" and one.quantity == "torque"}
-        return {
-            "Load pressure": {*(name for one in loads for name in self.measured(at=one.name, types=("pressure",)))}
-            | set(self.each(loads, "relief_setting", "setting")),
-            "Oil temperature": {
-                name for one in structure.of_role(parts.OIL) for name in self.measured(at=one.name, types=("temperature",))
-            },
-            "Work since time 0": {*self.each((*sources, *loads), "work")},
-            "Gearbox losses": lost,
-            "Clamp force": {*self.each(structure.clutches, "clamp")},
-            "Valve duty": {*self.each(structure.valves, "duty")},
-        }
+    def _device_of(self, signal: Signal) -> Device | None:
+        node = self.known.topics[signal.topic].node if signal.topic in self.known.topics else ""
+        return next((one for one in self.structure.devices if one.name == node), None)
+
+    def _role_of(self, signal: Signal) -> str:
+        """Return what a signal shares a plot by: the role of its device, else the name of its node."""
+        device = self._device_of(signal)
+        return device.role if device else signal.topic.strip("/").partition("/")[0]
+
+    def _title(self, quantity: str, signals: Iterable[Signal]) -> str:
+        """Return a title of quantity and devices."""
+        devices = [self._device_of(one) for one in signals]
+        named = dict.fromkeys(device.called if device else self._role_of(one) for device, one in zip(devices, signals))
+        what = _WORDS.get(quantity, quantity)
+        return f"{what.capitalize()} of {', '.join(named)}"
 
     def _there(self, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(name for name in names if name in self.known.signals)

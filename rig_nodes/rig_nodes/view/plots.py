@@ -123,6 +123,16 @@ PLOTS = (
         _pressing,
     ),
     Plot("Travel of the {called}", (BENCH_RIGHT,), lambda pages, one: pages.measured(f"{one.name}.travel"), _pressing),
-    Plot("Clamp force", (BENCH_RIGHT,), _of_clutches("clamp")),
-    Plot("Force", (BENCH_RIGHT,), lambda pages: pages.measured(types=("force",))),
+    Plot(
+        "Clamp force of {called}",
+        (BENCH_RIGHT,),
+        lambda pages, one: pages.own(one, "clamp"),
+        lambda pages: pages.structure.clutches,
+    ),
+    Plot(
+        "Force at {called}",
+        (BENCH_RIGHT,),
+        lambda pages, one: pages.measured(at=one.name, types=("force",)),
+        lambda pages: pages.structure.devices,
+    ),
 )

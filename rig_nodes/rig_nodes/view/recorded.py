@@ -1,0 +1,139 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording of any length in the size of a figure: extremes of its signals, and a stretch of time with all samples.
+
+view.figure_of_run draws them; the bag is read piece by piece.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis import LOGGER
+from ..bags import PIECE, Bag
+from ..base import RigError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from pathlib import Path
+
+    from .pages import Pages
+
+BINS = 900  # stretches of time of a figure, about one a pixel
+BESIDE = 4  # stretches on both sides, which the envelope of a band takes too, so that it holds periods of up to 9 of them
+
+
+class Envelope:
+    """The lowest and the highest value of a signal in each of some equal stretches of time.
+
+    Its size does not depend on how many samples it has taken, and no peak is lost.
+
+    Attributes
+    ----------
+    low, high : (BINS,) array of float
+        The extremes; those of a stretch without a sample are inf and -inf.
+    """
+
+    def __init__(self, start: float, end: float, bins: int = BINS) -> None:
+        """Prepare an envelope of the samples between two times [s]."""
+        self.start, self.end = start, end
+        self.low, self.high = np.full(bins, np.inf), np.full(bins, -np.inf)
+
+    def add(self, t: np.ndarray, values: np.ndarray) -> None:
+        """Add samples (n,) at growing times (n,) [s]; those outside the window and those that are NaN are left out."""
+        good = np.isfinite(values) & (t >= self.start) & (t <= self.end)
+        if not good.any():
+            return
+        t, values = t[good], values[good]
+        bins = np.minimum(((t - self.start) / (self.end - self.start) * len(self.low)).astype(int), len(self.low) - 1)
+        heads = np.flatnonzero(np.diff(bins, prepend=-1))
+        where = bins[heads]
+        self.low[where] = np.minimum(self.low[where], np.minimum.reduceat(values, heads))
+        self.high[where] = np.maximum(self.high[where], np.maximum.reduceat(values, heads))
+
+    @property
+    def filled(self) -> np.ndarray:
+        """True for the stretches (BINS,) that have a sample."""
+        return self.low <= self.high
+
+    @property
+    def times(self) -> np.ndarray:
+        """Middles of the stretches (BINS,) [s]."""
+        return self.start + (np.arange(len(self.low)) + 0.5) * (self.end - self.start) / len(self.low)
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Mean of both extremes (BINS,); NaN without a sample."""
+        return np.where(self.filled, 0.5 * (np.where(self.filled, self.low, 0.0) + np.where(self.filled, self.high, 0.0)), np.nan)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest of all samples."""
+        return float(self.low[self.filled].min()), float(self.high[self.filled].max())
+
+    @property
+    def band(self) -> tuple[np.ndarray, np.ndarray]:
+        """The extremes (BINS,) of each stretch and of those beside it; inf and -inf without a sample."""
+        places = np.arange(-BESIDE, BESIDE + 1) + np.arange(len(self.low))[:, None]
+        places = np.clip(places, 0, len(self.low) - 1)
+        return self.low[places].min(axis=1), self.high[places].max(axis=1)
+
+    @property
+    def swing(self) -> np.ndarray:
+        """Height (BINS,) of the band; 0 without a sample."""
+        low, high = self.band
+        return np.where(self.filled, high - np.where(self.filled, low, high), 0.0)
+
+
+def envelopes_of(path: str | Path, pages: Pages, names: Collection[str], span: tuple[float, float]) -> dict[str, Envelope]:
+    """Return the extremes of signals, in the unit that people read; those without a sample are left out.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder of a run or its .mcap file; of a damaged one what is left is read.
+    pages : Pages
+        The pages of its rig.
+    names : collection of str
+        The signals.
+    span : (float, float)
+        First and last time [s].
+    """
+    found: dict[str, Envelope] = {}
+    for name, t, values in _samples(path, pages, names):
+        found.setdefault(name, Envelope(*span)).add(t, values)
+    return {name: one for name, one in found.items() if one.filled.any()}
+
+
+def stretch_of(
+    path: str | Path, pages: Pages, names: Collection[str], span: tuple[float, float]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return times (n,) [s] and values (n,) of signals between two times; arguments as for :func:`envelopes_of`."""
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for name, t, values in _samples(path, pages, names):
+        part = slice(*np.searchsorted(t, span))
+        if len(t[part]):
+            found.setdefault(name, []).append((t[part], values[part]))
+    return {name: (np.concatenate([t for t, _ in parts]), np.concatenate([y for _, y in parts])) for name, parts in found.items()}
+
+
+def _samples(path: str | Path, pages: Pages, names: Collection[str]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield name, times [s] and values of signals piece by piece."""
+    for piece in Bag.pieces(path, PIECE, recover=True):
+        logged, t = {}, np.empty(0)
+        if piece.counts.get(LOGGER):
+            try:
+                logger = piece.logger(LOGGER, fill=True)
+                logged, t = logger.channels, logger.time()
+            except RigError:
+                pass  # the report names the problem
+        for name in names:
+            signal = pages.known.signals[name]
+            if name in logged:
+                yield name, t, signal.shown(logged[name])
+            elif piece.counts.get(signal.topic) and piece.has_field(signal):
+                times, values = piece.series(signal)
+                yield name, times, signal.shown(values)
