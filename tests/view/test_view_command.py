@@ -12,13 +12,9 @@ from pathlib import Path
 import pytest
 import rerun
 
-from rig_nodes.analysis.run_report import write_report
-from rig_nodes.analysis.runs_table import Member, write_procedure
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import picture, viewer
-from rig_nodes.view.campaign import is_campaign, read_campaign
 
 
 @pytest.fixture
@@ -161,39 +157,6 @@ def test_a_window_opens_in_the_theme_that_was_asked_for(tmp_path, monkeypatch):
     with pytest.raises(RigError, match="ended at once"):
         viewer.open_window(Path("view.rrd"), "light")
     assert "theme_preference:Light" in (tmp_path / "notes").read_text()
-
-
-def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(tmp_path):
-    series = []
-    for t12 in (-0.22, -0.12):
-        (tmp_path / f"{t12}").mkdir()
-        row = {"from_gear": 1, "to_gear": 2, "t_c_s": 0.5 - t12, "valid": True}
-        run = {"configuration": load_rig("hydmag").as_dict(), "parameters": {"speed": "500 rpm"}}
-        write_report(tmp_path / f"{t12}", {"run": run, "shifts": [row]})
-        conditions = {"series": len(series) + 1, "t12": t12, "n_wej": 52.36}
-        series.append({"label": f"{t12}", "conditions": conditions, "units": {"t12": "s", "n_wej": "rad/s"}, "runs": [f"{t12}"]})
-    write_procedure(tmp_path, {"procedure": "x"}, series, [Member(one["label"], one["label"], []) for one in series])
-    found = read_campaign(tmp_path)
-    names = ["-0.12", "-0.22"]
-    assert found.names == names and found.conditions == {"t12": ("ms", pytest.approx([-120.0, -220.0]))}
-    assert [row["t_c_s"] for row in found.rows] == pytest.approx([0.62, 0.72])
-
-
-def test_drawn_values_of_a_sweep_keep_their_unit(tmp_path):
-    for name, t12 in (("a", "-162.2041 ms"), ("b", "-246.3962 ms")):
-        (tmp_path / name).mkdir()
-        row = {"from_gear": 1, "to_gear": 2, "t_c_s": 0.5, "valid": True}
-        write_report(
-            tmp_path / name, {"run": {"configuration": load_rig("hydmag").as_dict(), "parameters": {"t12": t12}}, "shifts": [row]}
-        )
-    assert read_campaign(tmp_path).conditions == {"t12": ("ms", [-162.2041, -246.3962])}
-
-
-def test_a_campaign_is_told_by_its_folder(tmp_path, run):
-    (tmp_path / "campaign" / "one").mkdir(parents=True)
-    assert not is_campaign(tmp_path / "campaign") and not is_campaign(run)
-    (tmp_path / "campaign" / "one" / "report.json").write_text("{}")
-    assert is_campaign(tmp_path / "campaign")
 
 
 def test_the_viewers_program_is_not_the_script_that_leaves_it_behind():

@@ -4,7 +4,6 @@
 """The pictures that the viewer draws, with a software Vulkan driver and without a display."""
 
 import io
-import itertools
 import json
 import os
 import signal
@@ -19,17 +18,14 @@ import pytest
 from PIL import Image
 from pixels import BAR, LONGEST, curve_pixels, dots, has, image_of, lanes, legend_text, of_state, text_pixels, upright
 
-from rig_nodes.analysis.metrics import metric_keys
-from rig_nodes.analysis.run_report import write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.cli.output_files import KINDS
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout, moments, picture
-from rig_nodes.view.campaign import write_campaign
 from rig_nodes.view.convert import make_close_view, make_tab_view
 from rig_nodes.view.pages import ALARM, WAITING, Pages
-from rig_nodes.view.palette import OTHER, clutch_colour, rgb
+from rig_nodes.view.palette import OTHER, rgb
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
@@ -207,46 +203,6 @@ def test_a_light_picture_has_dark_letters_and_the_same_curves():
     assert ground.min() > 230 and letter.max() < 30
     assert np.abs(blue - colours[0, 2]).max() < 40 and (green == colours[0, 4]).all()
     assert pale.mean() < 120 and pale.argmax() == 2, "a pale curve is dark and keeps its hue"
-
-
-def campaign(folder):
-    """Writes reports of a grid of two speeds and three loads, with both ways of shifting."""
-    record = json.loads(json.dumps(load_rig("hydmag").as_dict()))
-    for n, (speed, load) in enumerate(itertools.product((1000, 1500), (40, 80, 120))):
-        rows = [
-            dict.fromkeys(metric_keys())
-            | {
-                "from_gear": a,
-                "to_gear": b,
-                "valid": True,
-                "why": [],
-                "t_order_s": 1.0,
-                "t_c_s": 0.3 + 1e-3 * load + 1e-4 * speed + 0.1 * a,  # no two points at the same place
-                "k": 0.9,
-            }
-            for a, b in ((1, 2), (2, 1))
-        ]
-        run = {"configuration": record, "parameters": {"speed": f"{speed} rpm", "load": f"{load} Nm", "wait": "3 s"}}
-        path = folder / f"series-{n}"
-        path.mkdir(parents=True)
-        write_report(path, {"run": run, "shifts": rows})
-    return folder
-
-
-def test_a_campaign_shows_its_metrics_over_what_was_varied(tmp_path):
-    folder = campaign(tmp_path / "grid")
-    with HeadlessViewer(str(write_campaign(folder, True)), longest=LONGEST) as viewer:
-        whole = image_of(viewer.image())
-        views = {name: image_of(view) for name, view in viewer.views()}
-        assert viewer.reports() == []
-    assert set(views) == {f"{m} over {c}" for m in ("t_c ms", "k") for c in ("speed [rpm]", "load [Nm]")} | {"Campaign"}
-    first = views["t_c ms over speed [rpm]"]
-    for place in range(2):
-        colour = rgb(clutch_colour(place))
-        assert legend_text(first, colour) > 10, "no text of a way of shifting"
-        for name in ("speed [rpm]", "load [Nm]"):
-            assert curve_pixels(views[f"t_c ms over {name}"], colour) > 60
-    assert text_pixels(views["Campaign"]) > 1500 and whole.shape == (SIZE[1], SIZE[0], 3)
 
 
 def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):

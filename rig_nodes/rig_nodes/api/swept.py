@@ -9,7 +9,7 @@ import contextlib
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
 from ..base import SI, STARTING, UNITS, RigError, brief, waiting
@@ -17,6 +17,10 @@ from ..runs import Workers
 from ..studies import Plan, Store, Varied, make_plan, manifest_of, rows_of, run_sweep
 from .rig import Rig, load
 from .table import GEARS, Table, column_unit
+
+if TYPE_CHECKING:
+    from ..rig import Transmission
+    from ..view import Description
 
 
 def sweep(
@@ -87,6 +91,7 @@ def sweep(
         entries = sorted(store.entries(), key=lambda entry: entry["member"])
     rows = [row for entry in entries for row in rows_of(plan, entry)]
     box = rig.config.transmission if rig.config.structure.gears else None
+    figures = _figures(plan, [dict(row) for row in rows if row.get("from_gear") is not None], box) if box else None
     for row in rows:
         row |= {name: box.short(row[name]) for name in GEARS if box and row.get(name) is not None}
     units = {}
@@ -96,9 +101,20 @@ def sweep(
         units |= {name: unit for row in entry["shifts"] for name, (_, unit) in loop_columns(row).items() if name not in units}
     varied = list(units)
     shown = ["member", *varied, "shift", "from_gear", "to_gear", *(one.key for one in named_metrics(SHORT)), "valid", "end"]
-    return Table(
-        {name: units.get(name, column_unit(name)) for name in dict.fromkeys(key for row in rows for key in row)}, rows, shown
-    )
+    columns = dict.fromkeys(key for row in rows for key in row)
+    return Table({name: units.get(name, column_unit(name)) for name in columns}, rows, shown, figures)
+
+
+def _figures(plan: Plan, rows: list[dict], box: Transmission) -> Callable[[], list[Description]]:
+    """Return what describes the figures of a sweep's rows, whose gears are numbers and whose conditions are as they were varied."""
+
+    def described() -> list[Description]:
+        from ..view import Campaign, conditions_of, figures_of_campaign
+
+        given = [{one.name: f"{row[one.name]} {one.unit}".strip() for one in plan.varied} for row in rows]
+        return figures_of_campaign(Campaign(f"Sweep {plan.name}", conditions_of(given), rows, box))
+
+    return described
 
 
 def _to_si(rows: list[dict], one: Varied) -> str:

@@ -8,7 +8,7 @@ It needs no other package; ``to_pandas`` gives a DataFrame where pandas is insta
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, overload
 
@@ -20,6 +20,9 @@ from ..base import RigError, brief, optional, unknown
 if TYPE_CHECKING:
     import pandas
     import pyarrow
+    from matplotlib.figure import Figure
+
+    from ..view import Description
 
 GEARS = ("from_gear", "to_gear")  # columns whose cells are names in Python, numbers in files
 MOST_ROWS = 40  # that a repr shows
@@ -39,6 +42,8 @@ class Table:
         The cells of each row by column; what is missing or None has no value.
     shown : sequence of str, optional
         The columns that printing shows; all by default.
+    figures : function, optional
+        figures() describes what :meth:`plot` draws; without it there is no figure.
 
     Examples
     --------
@@ -53,8 +58,14 @@ class Table:
     ('II', 2, 's')
     """
 
-    def __init__(self, units: Mapping[str, str], rows: Sequence[Mapping[str, Any]], shown: Sequence[str] | None = None) -> None:
-        self.units = dict(units)
+    def __init__(
+        self,
+        units: Mapping[str, str],
+        rows: Sequence[Mapping[str, Any]],
+        shown: Sequence[str] | None = None,
+        figures: Callable[[], list[Description]] | None = None,
+    ) -> None:
+        self.units, self._figures = dict(units), figures
         self._shown = [name for name in units if shown is None or name in shown]
         self._rows = [{name: row.get(name) for name in self.units} for row in rows]
 
@@ -111,6 +122,36 @@ class Table:
             When pyarrow is not installed.
         """
         return optional("pyarrow").Table.from_pylist(self._rows)
+
+    def plot(self, number: int = 1, dark: bool = False) -> Figure:
+        """Draw the metrics of a sweep's shifts over what was varied, with a line for each further condition and the spread.
+
+        Parameters
+        ----------
+        number : int
+            The change of gears, from 1 on, in the order of the rows.
+        dark : bool
+            True for a dark ground.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, of which a notebook shows the picture.
+
+        Raises
+        ------
+        RigError
+            When the table is not that of a sweep, there is no such change of gears, or matplotlib is not installed.
+        """
+        if self._figures is None:
+            raise RigError("this table has no figure; that of rig_nodes.sweep has one, and a run and a comparison have plot() too")
+        optional("matplotlib")
+        from ..view import draw_figure
+
+        drawn = self._figures()
+        if not (isinstance(number, int) and 1 <= number <= len(drawn)):
+            raise RigError(f"there is no figure {brief(number)}; the sweep has {len(drawn)} changes of gears, each with one")
+        return draw_figure(drawn[number - 1], dark)
 
     def _cells(self) -> list[list[str]]:
         """Return the head and the rows as text, the first and the last ones of many."""

@@ -59,9 +59,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pdf", type=OutputFile("pdf"), metavar="FILE", help="print that page as PDF, with a Chromium or Chrome on the PATH"
     )
     parser.add_argument(
-        "--picture", type=OutputFile("picture"), metavar="FILE", help="draw a shift, or a run without shifts, as .png or .svg"
+        "--picture",
+        type=OutputFile("picture"),
+        metavar="FILE",
+        help="draw a shift, a run without shifts, or the shifts of a folder of runs, as .png or .svg",
     )
-    parser.add_argument("--shift", type=int, metavar="N", help="the shift that --picture draws (1)")
+    parser.add_argument(
+        "--shift", type=int, metavar="N", help="the shift, or of a folder of runs the change of gears, that --picture draws (1)"
+    )
     add_list(parser, "--limit", "NAME=RANGE", "limits", "judge a result, e.g. t_c='.. 700 ms' or FROM-TO:k='0.95 ..'")
     parser.add_argument("--limits", metavar="FILE", dest="limits_file", help="the same from a .yaml file")
     parser.add_argument(

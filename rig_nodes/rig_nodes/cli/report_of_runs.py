@@ -24,7 +24,7 @@ from ..analysis import (
     table_of,
     warnings_of,
 )
-from ..base import RigError, atomic_write, printable, quoted
+from ..base import RigError, atomic_write, optional, printable, quoted
 
 if TYPE_CHECKING:
     import argparse
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 LOST = 3  # exit code: the report is made, but runs are missing in it
 UNFINISHED = "the sweep is not finished"
-OF_ONE_RUN = (("annex_a", "annex-a"), ("truth", "truth"), ("picture", "picture"))
+OF_ONE_RUN = (("annex_a", "annex-a"), ("truth", "truth"))
 
 
 def is_folder_of_runs(path: Path) -> bool:
@@ -84,10 +84,24 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
         return campaign_page(title, about, (head, rows), spreads, warnings, (verdicts, listed))
 
     write_pages(args, make)
+    if args.picture is not None:
+        _draw(args, folder)
     unfinished = [text for text in about if text.startswith(UNFINISHED)]
     for text in unfinished:
         print(f"rig: {printable(folder)}: {printable(text)}", file=sys.stderr)
     return LOST if unfinished else 0
+
+
+def _draw(args: argparse.Namespace, folder: Path) -> None:
+    """Draw a change of gears over what was varied: the first, or that of --shift."""
+    optional("matplotlib")
+    from ..view import draw_figure, figures_of_campaign, read_campaign, write_figure
+
+    drawn = figures_of_campaign(read_campaign(folder))
+    number = args.shift or 1
+    if not 1 <= number <= len(drawn):
+        raise RigError(f"--shift {number}: these runs have {len(drawn)} changes of gears, each with a figure")
+    write_figure(draw_figure(drawn[number - 1]), args.picture)
 
 
 def _read(folder: Path) -> tuple[str, list[str], list[Member]]:

@@ -114,23 +114,20 @@ def main(args: argparse.Namespace) -> int:
 
 def _recorded(args: argparse.Namespace) -> int:
     """Write the view, then show it, draw it, or print its place."""
-    from ..base import RigError
-    from ..view import command_for, has_display, is_campaign, make_view, open_window, write_campaign
+    from ..base import RigError, quoted
+    from ..view import command_for, has_display, make_view, open_window
+    from .report_of_runs import is_folder_of_runs
 
-    campaign, code = is_campaign(args.run), 0
-    if campaign:
-        if wrong := [flag for flag in ("tab", "window", "shift") if getattr(args, flag)]:
-            raise RigError(f"--{wrong[0]}: {args.run} is a campaign of many runs; give it with one of them")
-        path = write_campaign(args.run)
-        print(f"{path} written", flush=True)
-    else:
-        if args.picture and not args.window and (drawn := _draw_close(args)):
-            return _tell_notes(drawn)
-        view = make_view(args.run, args.window, args.shift)
-        path, code = view.path, _tell_notes(view)
-        print(f"{path} {'written' if view.written else 'is up to date'}", flush=True)
+    if is_folder_of_runs(Path(args.run)):
+        figure = f"their figures are made by ./rig report {quoted(args.run)} --html FILE"
+        raise RigError(f"{args.run}: is a folder of runs; {figure}, and one run is looked at by ./rig view {quoted(args.run)}/RUN")
+    if args.picture and not args.window and (drawn := _draw_close(args)):
+        return _tell_notes(drawn)
+    view = make_view(args.run, args.window, args.shift)
+    path, code = view.path, _tell_notes(view)
+    print(f"{path} {'written' if view.written else 'is up to date'}", flush=True)
     if args.picture:
-        _draw(args, path, args.picture, campaign)
+        _draw(args, path, args.picture)
     elif args.no_open:
         pass
     elif has_display():
@@ -138,7 +135,7 @@ def _recorded(args: argparse.Namespace) -> int:
     else:
         print(f"no display here; copy {path} to a machine with one and open it there with: {command_for(path.name)}", flush=True)
         try:
-            _draw(args, path, path.with_suffix(".png"), campaign)
+            _draw(args, path, path.with_suffix(".png"))
         except RigError as error:
             # the view itself is written, so a picture that was not requested is no reason to fail
             print(f"rig: {error}", file=sys.stderr)
@@ -154,16 +151,13 @@ def _tell_notes(view: View) -> int:
     return LOST if view.faulty else 0
 
 
-def _draw(args: argparse.Namespace, view: Path, picture: Path, campaign: bool) -> None:
-    from ..view import make_tab_view, require_driver, write_campaign
+def _draw(args: argparse.Namespace, view: Path, picture: Path) -> None:
+    from ..view import make_tab_view, require_driver
 
     require_driver()
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         one_tab = Path(folder, "picture.rrd")
-        if campaign:
-            write_campaign(args.run, True, one_tab)
-        else:
-            make_tab_view(view, args.run, args.window, one_tab, args.tab, args.shift)
+        make_tab_view(view, args.run, args.window, one_tab, args.tab, args.shift)
         _take(args, one_tab, picture)
 
 

@@ -3,10 +3,11 @@
 
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
-from .campaign import is_campaign as is_campaign, write_campaign as write_campaign
+from .campaign import Campaign as Campaign, conditions_of as conditions_of, figures_of_campaign as figures_of_campaign, read_campaign as read_campaign
 from .compare_file import write_compare_file as write_compare_file
 from .convert import View as View, import_rerun as import_rerun, make_close_view as make_close_view, make_tab_view as make_tab_view, make_view as make_view
 from .draw import draw_figure as draw_figure, write_figure as write_figure
+from .figure import Description as Description
 from .figure_of_compare import figures_of_compare as figures_of_compare
 from .figure_of_run import figures_of_run as figures_of_run
 from .figure_of_shift import figure_of_shift as figure_of_shift

@@ -1,17 +1,15 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes a campaign as a Rerun file: metrics of the shifts over the conditions that were varied, and a table of all runs.
+"""The figures of many runs: metrics of their shifts over what was varied, a line for each further condition, with the spread.
 
-`rig view FOLDER` writes it for the folder of a measuring procedure, in which each run has its report, and for that of a sweep.
+`rig report FOLDER` shows them for the folder of a measuring procedure and of a sweep, and the table of a sweep in Python.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,87 +17,55 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis import (
-    PLOTS,
-    REPORT_FILE,
-    RPM,
-    Metric,
-    instruments_of,
-    named_metrics,
-    read_procedure,
-    read_report,
-    shown_transmission,
-    uncertainty,
-)
-from ..bags import BAG_SUFFIXES, PACKED, UNREADABLE, rig_record
-from ..base import RigError, quoted
-from ..rig import Transmission, transmission_of
-from . import layout
-from .convert import APPLICATION, VIEW_FILE, import_rerun
-from .document import markdown_table
-from .palette import clutch_colour, rgb
+from ..analysis import PLOTS, REPORT_FILE, RPM, named_metrics, read_procedure, read_report, shown_transmission
+from ..bags import UNREADABLE, rig_record
+from ..base import RigError
+from ..rig import transmission_of
+from .figure import POINTS, SOLID, Column, Curve, Description, Panel
+from .palette import CURVES
 
 if TYPE_CHECKING:
-    from rerun.blueprint import Blueprint
+    from ..analysis import Metric
+    from ..rig import Transmission
 
 SWEEP = "sweep.json"  # of a sweep that has begun
 RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # results of a sweep, and the key of its metadata on how it was made
-AXIS = "condition"  # timeline on which the values of conditions are shown
-MOST_CONDITIONS, MOST_ROWS = 3, 200
-ROOM = 0.3  # share of an axis left free behind the points, for the legend
-DOT = 0.01  # size of a point, as a share of the axis
-COLUMN, MOST_TEXT = 0.037, 0.5  # share of the width for a column of the table, and the largest share for the whole table
+MOST = 3  # conditions that are columns
+ROOM = 0.06  # share of an axis left free at both ends
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
-_PREFIXES = {0: "", 3: "m", 6: "µ"}
-_WITH_PREFIX = ("s", "A", "m", "V", "N", "W")
+_SHOWN = {"rad/s": ("rpm", RPM), "Pa": ("MPa", 1e-6)}
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """Runs of a campaign: the name of each row's run, its varied conditions, and its metrics.
+    """The shifts of many runs with their varied conditions.
 
     Parameters
     ----------
     title : str
         Name of the campaign.
-    names : list of str
-        Name of the run of each row.
     conditions : dict of str to (str, list of float)
         Unit and value of each condition, row by row; NaN for a run without this condition.
     rows : list of mapping
         Metrics of one shift each (analysis.metrics).
-    errors : list of mapping
-        Largest errors of each row's metrics (analysis.measured_error).
     box : Transmission
         The transmission that was shifted.
     """
 
     title: str
-    names: list[str]
     conditions: dict[str, tuple[str, list[float]]]
     rows: list[Mapping[str, Any]]
-    errors: list[Mapping[str, float]]
     box: Transmission
 
 
-def is_campaign(path: str | Path) -> bool:
-    """Return True for a folder that holds no bag itself, but the reports of several runs or a sweep's results."""
-    folder = Path(path)
-    if not folder.is_dir() or any(one.name.removesuffix(PACKED).endswith(BAG_SUFFIXES) for one in folder.iterdir()):
-        return False
-    return (folder / SWEEP).exists() or (folder / RESULTS).exists() or bool(_reports(folder))
-
-
 def read_campaign(path: str | Path) -> Campaign:
-    """Return the campaign of a folder; RigError when no run of it has a shift."""
+    """Return the campaign of a folder; RigError when its sweep is not finished, or no run of it has a shift."""
     folder = Path(path)
     if (folder / SWEEP).exists() and not (folder / RESULTS).exists():
-        raise RigError(f"{folder}: the sweep is not finished; go on with it by: ./rig sweep {quoted(folder)}")
+        raise RigError(f"{folder}: the sweep is not finished, so it has no figure")
     found = _of_sweep(folder) if (folder / RESULTS).exists() else _of_reports(folder)
     if found is None:
-        raise RigError(
-            f"{folder}: no run of this campaign has a shift to show; look at one of its runs with: rig view {folder}/RUN"
-        )
+        raise RigError(f"{folder}: no run of it has a shift, whose metrics could be drawn")
     return found
 
 
@@ -108,7 +74,7 @@ def _reports(folder: Path) -> list[Path]:
 
 
 def _of_reports(folder: Path) -> Campaign | None:
-    names, rows, errors, given, box = [], [], [], [], None
+    rows, given, box = [], [], None
     of_series = {
         name: {
             key: f"{value} {(one.get('units') or {}).get(key, '')}".strip()
@@ -125,13 +91,10 @@ def _of_reports(folder: Path) -> Campaign | None:
                 box = shown_transmission(report)
             except RigError as error:
                 raise RigError(f"{run / REPORT_FILE}: {error}") from None
-        own = report.get("uncertainty") or []
-        for n, row in enumerate(report.get("shifts", [])):
-            names.append(run.name)
+        for row in report.get("shifts", []):
             rows.append(row)
-            errors.append(own[n] if n < len(own) else {})
             given.append(of_series.get(run.name) or report["run"].get("parameters") or {})
-    return None if box is None else Campaign(folder.name, names, _conditions(given), rows, errors, box)
+    return None if box is None else Campaign(folder.name, conditions_of(given), rows, box)
 
 
 def _of_sweep(folder: Path) -> Campaign | None:
@@ -150,160 +113,77 @@ def _of_sweep(folder: Path) -> Campaign | None:
     given = [{name: f"{row[name]} {units[name]}" if row[name] is not None else "" for name in varied} for row in rows]
     try:
         record = rig_record(json.loads((table.schema.metadata or {})[MANIFEST])["configuration"])
-        box, instruments = transmission_of(record), instruments_of(record)
+        box = transmission_of(record)
     except UNREADABLE as error:
         raise RigError(
             f"{folder / RESULTS}: does not name its rig ({type(error).__name__}: {error}); make the sweep anew"
         ) from None
-    errors = [uncertainty(row, instruments, box) for row in rows]
-    return Campaign(folder.name, [str(row["member"]) for row in rows], _conditions(given), rows, errors, box)
+    return Campaign(folder.name, conditions_of(given), rows, box)
 
 
-def _conditions(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, list[float]]]:
-    """Return the numbers among the conditions that differ between rows."""
+def conditions_of(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, list[float]]]:
+    """Return unit and values of the numbers among the conditions that differ between rows; two that are always alike are one."""
     out = {}
     for name in dict.fromkeys(name for one in given for name in one):
         read = [_NUMBER.fullmatch(str(one.get(name, ""))) for one in given]
         units = {match[2] for match in read if match}
         values = [float(match[1]) if match else np.nan for match in read]
         if len(units) == 1 and len({value for value in values if np.isfinite(value)}) > 1:
-            out[name] = _shown(units.pop(), values)
-    same: dict[tuple, str] = {}  # two parameters that always have the same value are one condition
+            unit, factor = _SHOWN.get(written := units.pop(), (written, 1.0))
+            out[name] = unit, [value * factor for value in values]
+    same: dict[tuple, str] = {}
     for name, (unit, values) in out.items():
         same.setdefault((unit, tuple(values)), name)
     return {name: out[name] for name in same.values()}
 
 
-def _shown(unit: str, values: list[float]) -> tuple[str, list[float]]:
-    """Return a unit to show and the values in it, so large that the axis, which has whole numbers only, is finer than a dot."""
-    if unit == "rad/s":
-        unit, values = "rpm", [value * RPM for value in values]
-    if unit == "Pa":
-        unit, values = "kPa", [1e-3 * value for value in values]
-    for power in _PREFIXES:
-        scaled = [value * 10.0**power for value in values]
-        finite = [one for one in scaled if np.isfinite(one)]
-        if power == max(_PREFIXES) or all(abs(one - round(one)) <= DOT * (max(finite) - min(finite)) for one in finite):
-            break
-    if power and unit in _WITH_PREFIX:
-        return _PREFIXES[power] + unit, scaled
-    return (f"{10.0**-power:g} {unit}".strip() if power else unit), scaled
+def figures_of_campaign(found: Campaign) -> list[Description]:
+    """Return a figure for each change of gears, with a column for each condition and a plot for each metric."""
+    ways = [found.box.way(row["from_gear"], row["to_gear"], " → ") for row in found.rows]
+    varied = dict(list(found.conditions.items())[:MOST]) or {"row": ("", [float(n + 1) for n in range(len(found.rows))])}
+    columns = tuple(_column(name, unit, np.array(values)) for name, (unit, values) in varied.items())
+    drawn = []
+    for way in dict.fromkeys(ways):
+        rows = [n for n, one in enumerate(ways) if one == way]
+        panels = []
+        for metric in named_metrics(PLOTS):
+            curves = [curve for place in range(len(varied)) for curve in _curves(found, metric, varied, place, rows)]
+            if curves:
+                panels.append(Panel(metric.named(found.box), "" if metric.unit == "-" else metric.shown_unit, tuple(curves)))
+        said = f"{len(rows)} shifts; points are runs, lines their means, and the bands their spread."
+        if panels:
+            drawn.append(Description(f"{found.title}: {way}", said, "", "", columns, tuple(panels)))
+    return drawn
 
 
-def write_campaign(path: str | Path, only: bool = False, picture: Path | None = None) -> Path:
-    """Write the file of a campaign, whole or not at all, and return its path.
-
-    Parameters
-    ----------
-    path : str or Path
-        The folder.
-    only : bool
-        True to hide the viewer's own bars.
-    picture : Path, optional
-        File to write in place of the one in the folder.
-
-    Raises
-    ------
-    RigError
-        When no run has a shift or the file cannot be written.
-    """
-    rr = import_rerun()
-    found, target = read_campaign(path), picture or Path(path, VIEW_FILE)
-    shown = dict(list(found.conditions.items())[:MOST_CONDITIONS]) or {"row": ("", [float(n + 1) for n in range(len(found.rows))])}
-    ways = list(dict.fromkeys(_way(found, row) for row in found.rows))
-    metrics = [one for one in named_metrics(PLOTS) if any(row.get(one.key) is not None for row in found.rows)]
-    rec = rr.RecordingStream(APPLICATION, recording_id="campaign", send_properties=False)
-    try:
-        handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=target.parent)
-    except OSError as error:
-        raise RigError(f"{target}: cannot be written ({error.strerror}); copy the campaign to a writable folder") from None
-    os.close(handle)
-    try:
-        document, width = _document(found, shown)
-        plots = {one.key: (one.heading(found.box), _height(found, one)) for one in metrics}
-        rec.save(name, default_blueprint=_blueprint(shown, plots, min(COLUMN * width, MOST_TEXT), only))
-        # the viewer draws the line of its present time at the very first row
-        left = min(_ends(values)[0] for _, values in shown.values())
-        for condition, (_, values) in shown.items():
-            for one in metrics:
-                for n, way in enumerate(ways):
-                    points = [
-                        (round(x), row[one.key] * one.factor)
-                        for x, row in zip(values, found.rows)
-                        if _way(found, row) == way and row.get(one.key) is not None and np.isfinite(x)
-                    ]
-                    if points:
-                        at, y = zip((left, np.nan), *sorted(points))
-                        place = f"{one.key}/{condition.replace('.', '_')}/{n}"
-                        look = rr.SeriesPoints(names=way, colors=rgb(clutch_colour(n)), markers="circle", marker_sizes=3.5)
-                        rec.log(place, look, static=True)
-                        rec.send_columns(place, [rr.TimeColumn(AXIS, sequence=at)], rr.Scalars.columns(scalars=y))
-        rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
-        rec.flush()
-        rec.disconnect()
-        os.chmod(name, 0o644)  # mkstemp makes the file private
-        os.replace(name, target)
-    finally:
-        Path(name).unlink(missing_ok=True)
-    return target
-
-
-def _way(found: Campaign, row: Mapping) -> str:
-    names = found.box.names
-    return " → ".join(names.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
-
-
-def _ends(values: Sequence[float]) -> tuple[int, int]:
-    """Return the ends of the axis of a condition."""
+def _column(name: str, unit: str, values: np.ndarray) -> Column:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    room = max(0.05 * (high - low), 1.0)
-    return round(low - room), round(high + room + ROOM * (high - low))
+    room = ROOM * (high - low) or 1.0
+    return Column(low - room, high + room, f"{name} [{unit}]" if unit else name)
 
 
-def _height(found: Campaign, metric: Metric) -> tuple[float, float]:
-    values = [row[metric.key] * metric.factor for row in found.rows if row.get(metric.key) is not None]
-    return layout.height(min(values), max(values))
-
-
-def _blueprint(
-    conditions: Mapping[str, tuple[str, list[float]]], plots: Mapping[str, tuple[str, tuple[float, float]]], text: float, only: bool
-) -> Blueprint:
-    """Return a grid: a row for each metric with its heading and range, a column for each condition; ``text``: the table's share."""
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    columns = []
-    for n, (condition, (unit, values)) in enumerate(conditions.items()):
-        start, end = (rr.TimeRangeBoundary.absolute(seq=at) for at in _ends(values))
-        axis = rrb.TimeAxis(link="Independent", view_range=rr.TimeRange(start=start, end=end))
-        name = f"{condition} [{unit}]" if unit else condition
-        views = [
-            rrb.TimeSeriesView(
-                name=f"{heading} over {name}",
-                origin=f"/{key}/{condition.replace('.', '_')}",
-                axis_x=axis,
-                axis_y=rrb.ScalarAxis(range=height),
-                plot_legend=rrb.PlotLegend("RightTop", visible=not n),
-                interaction=rrb.PlotInteraction(points_display="Always"),
-            )
-            for key, (heading, height) in plots.items()
-        ]
-        columns.append(rrb.Vertical(*views))
-    shares = [(1.0 - text) / len(columns)] * len(columns) + [text]
-    content = rrb.Horizontal(*columns, rrb.TextDocumentView(name="Campaign", origin="/report"), column_shares=shares)
-    return layout.whole(content, *(("hidden", "hidden") if only else ("collapsed", "expanded")), "paused", AXIS)
-
-
-def _document(found: Campaign, conditions: Mapping[str, tuple[str, list[float]]]) -> tuple[str, int]:
-    """Return the table of all shifts as a document, and its number of columns."""
-    columns = named_metrics(PLOTS)
-    head = ["run", *(f"{name} {unit}".strip() for name, (unit, _) in conditions.items() if name != "row"), "shift"]
-    rows = [[*head, *(one.heading(found.box) for one in columns), "valid"]]
-    for n, (name, row, own) in enumerate(zip(found.names, found.rows, found.errors)):
-        held = [f"{values[n]:g}" for condition, (_, values) in conditions.items() if condition != "row"]
-        rows.append(
-            [name, *held, _way(found, row), *(one.cell(row, own) for one in columns), "yes" if row.get("valid") else "**no**"]
-        )
-    more = len(rows) - 1 - MOST_ROWS
-    parts = [f"# {found.title}", f"{len(set(found.names))} runs, {len(found.rows)} shifts", markdown_table(rows[: MOST_ROWS + 1])]
-    return "\n\n".join(parts + ([f"and {more} more"] if more > 0 else [])) + "\n", len(rows[0])
+def _curves(
+    found: Campaign, metric: Metric, varied: Mapping[str, tuple[str, list[float]]], place: int, rows: Sequence[int]
+) -> list[Curve]:
+    """Return the points of a metric over a condition, and a line of means for each set of the others, if these are few."""
+    name = list(varied)[place]
+    others = {other: one for other, one in varied.items() if other != name}
+    groups: dict[tuple[float, ...], list[tuple[float, float]]] = {}
+    for n in rows:
+        x, value = varied[name][1][n], found.rows[n].get(metric.key)
+        if value is not None and np.isfinite(x):
+            groups.setdefault(tuple(values[n] for _, values in others.values()), []).append((x, value * metric.factor))
+    lined = len(groups) <= len(CURVES) and any(len({x for x, _ in points}) > 1 for points in groups.values())
+    curves = []
+    if not lined and groups:
+        x, y = np.array(sorted(point for points in groups.values() for point in points)).T
+        return [Curve(metric.key, "", "", CURVES[0], POINTS, x, y, column=place)]
+    for (key, points), colour in zip(sorted(groups.items()), CURVES):
+        x, y = np.array(sorted(points)).T
+        at = np.unique(x)
+        parts = [y[x == one] for one in at]
+        mean, low, high = (np.array([function(part) for part in parts]) for function in (np.mean, np.min, np.max))
+        text = ", ".join(f"{value:g} {unit}".strip() for (unit, _), value in zip(others.values(), key))
+        curves.append(Curve(metric.key, text, text, colour, SOLID, at, mean, band=(low, high), column=place))
+        curves.append(Curve(metric.key, "", "", colour, POINTS, x, y, column=place))
+    return curves

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis import fixed, in_unit, named_metrics, short_names, shown
+from ..analysis import in_unit, named_metrics, short_names, shown
 from .figure import DASHED, DOTTED, SOLID, Column, Curve, Description, Moment, Number, Panel
 from .palette import CURVES
 
@@ -103,8 +103,8 @@ def _numbers(found: Comparison, shift: ShiftCurves, pages: Pages) -> tuple[Numbe
         if one is None or row["shift"] != shift.number or row["difference"] is None or pages.box is None:
             continue
         value, change = (shown(*in_unit(row[key], row["error"], one.factor), one.digits) for key in ("other", "difference"))
-        errors = f" ({fixed(row['in_errors'], 1.0, 1)} errors)" if row["in_errors"] is not None else ""
-        sign = "" if change.startswith("-") else "+"
+        errors = f" = {abs(row['in_errors']):.1f} errors" if row["in_errors"] is not None else ""
+        apart = "within its error" if change.startswith("<") else f"{'' if change.startswith('-') else '+'}{change}{errors}"
         unit = "" if one.unit == "-" else f" {one.shown_unit}"
-        numbers.append(Number(one.key, one.named(pages.box), value + unit, f"{sign}{change}{errors}", None))
+        numbers.append(Number(one.key, one.named(pages.box), value + unit, apart, None))
     return tuple(numbers)
