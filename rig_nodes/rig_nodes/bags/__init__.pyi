@@ -24,8 +24,8 @@ from .mcap_file import not_sqlite as not_sqlite
 from .messages import NOTHING as NOTHING, in_short as in_short, nothing_in as nothing_in
 from .metadata import offered_by as offered_by
 from .old_form import topic_of_today as topic_of_today
-from .opened import BAG_SUFFIXES as BAG_SUFFIXES, OpenedBags as OpenedBags, class_of as class_of
-from .pieces import PACKED as PACKED, PIECE as PIECE, files_of_run as files_of_run, read_metadata as read_metadata
+from .opened import OpenedBags as OpenedBags, class_of as class_of
+from .pieces import PIECE as PIECE, files_of_run as files_of_run, read_metadata as read_metadata
 from .player import CLOCK as CLOCK, Played as Played, Player as Player
 from .reader import Bag as Bag, Logger as Logger, UNREADABLE as UNREADABLE, recovered as recovered
 from .recording import BagRecording as BagRecording
